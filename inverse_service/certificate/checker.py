@@ -529,9 +529,8 @@ class Question:
         require(not circular or given.get("pi") is not None, "series.point has to give a value of pi.")
         field = Residues(self, prime, 0, {})
         try:
-            field.values |= {
-                name: field.number(Fraction(x)) for name in (*point, "pi") if (x := given.get(name)) is not None
-            }
+            known = {name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None}
+            field.values |= {name: field.number(x) for name, x in known.items()}
             terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
             ring = Expansion(field, order + 2)
         except Undefined:
@@ -612,18 +611,9 @@ def certified(document: Any, tools: Tools, everywhere: bool = False) -> str:
 
     moving, among = document["system"].get("velocities") is not None, document.get("among")
     require(not moving or among is None, "A motion on constraints is asked about with all Lagrangians.")
-    along = moving and kind == "nonexistence" and document.get("along") is not None
-    about = (
-        Along
-        if along
-        else Motion
-        if moving
-        else Question
-        if among is None
-        else Definite
-        if among == "positive_definite"
-        else OfKind
-    )
+    about: type[Question] = Question if among is None else Definite if among == "positive_definite" else OfKind
+    if moving:
+        about = Along if kind == "nonexistence" and document.get("along") is not None else Motion
     asked = about(tools, document["system"], document["question"] == "time_dependent", document)
     plain = kind == "lagrangian" and about is Question
     require(plain or not asked.unsolved, "Equations that are not solved for q'' are proven variational by an L alone.")

@@ -152,8 +152,8 @@ class Motion(Question):
 
     where = " on the constraints"
 
-    def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
-        self.last = (claim or {}).get("bivectors") or 1  # the last j
+    def __init__(self, tools: Tools, document: Any, timed: bool, claim: Any) -> None:
+        self.last = claim.get("bivectors") or 1  # the last j
         check_shape(self.last, range(1, MAX_ORDER * PACE), "certificate.bivectors")
         super().__init__(tools, document, timed, claim)
         self.mixing = [[self.generator.getrandbits(60) for _ in self.coordinates] for _ in self.free]

@@ -49,9 +49,8 @@ class Residues:
             parts = self.plan.pairs[PI].scale
             fine = next(z for z in self.roots(zeta % prime, parts // 12) if self.has_order(z, 2 * parts))
             self.pairs[PI] = self.values["pi"], fine
-            for k, pair in enumerate(
-                self.plan.pairs
-            ):  # sqrt q, or i sqrt q, is a sum of powers of e^(2 pi i/q) (Gauss)
+            # sqrt q, or i sqrt q, is a sum of powers of e^(2 pi i/q) (Gauss)
+            for k, pair in enumerate(self.plan.pairs):
                 if pair.number > 3 and pair.scale % 2 == 0 and parts % (q := pair.number) == 0:
                     gauss = sum([pow(fine, 2 * parts // q * a, prime) * fmpz(a).jacobi(q) for a in range(1, q)])
                     square = gauss * (1 if q % 4 == 1 else self.inverse(self.i)) % prime

@@ -71,9 +71,9 @@ class Count:
 
     def elementary(self, name: str, u: Any) -> Any:
         if name == "atan" and self.question.halves:
-            length = self.atom(self.multiply(self.atom(self.add([(0, 0, 1, 0), self.multiply(u, u)]), True), u), False)
+            length = self.atom(self.atom(self.add([(0, 0, 1, 0), self.multiply(u, u)]), True), False)
             return self.atom(self.multiply(u, length), True)
-        found = self.atom(self.multiply(u, u) if name == "atan" else u, name in ("log", "atan"))
+        found = self.atom(u, name in ("log", "atan"))  # of w = (1 + iu)/(1 - iu), which has the degree of u
         return self.multiply(found, found) if name in ("sin", "cos") else found
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Any]) -> Any:

@@ -66,3 +66,36 @@ def test_two_hundred_thousand_rows_are_the_most() -> None:
 def test_a_kind_claims_one_verdict_only(kind: str) -> None:
     document = free(["x"]) | {"kind": kind, "claim": "variational" if kind == "nonexistence" else "not_variational"}
     assert f"of kind {kind} has to claim" in checked(document).reasons[0]
+
+
+def read_beside(text: str) -> CheckResult:
+    """The formula is read, and means nothing."""
+    return checked(lagrangian("free", f"x'^2/2 + 0*({text})", near={"x": "2"}))
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond"),
+    [
+        ("(x^1000)^1048", "(x^1000)^1049"),
+        ("sqrt(x)*(x^1000)^500", "sqrt(x)*(x^1000)^600"),  # times the choices of roots
+        ("exp(x)^200*exp(x/4096)", "exp(x)^300*exp(x/4096)"),  # exp(x) is the 4096th power of a generator
+        ("exp(x/4096)*exp(x)^200", "exp(x/4096)*exp(x)^300"),
+        ("sqrt(x)*(x^1000)^300/(x^1000)^300", "log(sqrt(x)*(x^1000)^300/(x^1000)^300)"),  # the square of w is compared
+        ("log(x^3*(x^1000)^350/(x^1000)^350)", "log(x^3*(x^1000)^350/(x^1000)^350) + log(x)"),  # the cube of x
+        ("tan(atan(x*(x^1000)^21/(x^1000)^21)/2)", "tan(atan(x*(x^1000)^22/(x^1000)^22)/2)"),  # by sqrt(1 + u^2)
+    ],
+)
+def test_a_degree_of_2_to_the_20_is_the_highest_that_anything_has_which_is_tested(within: str, beyond: str) -> None:
+    """The chance of Lemma 2 is the degree by the prime."""
+    assert read_beside(within).verdict == "valid"
+    found = read_beside(beyond)
+    assert found.verdict == "incomplete"
+    assert "above 1048576" in found.reasons[0]
+
+
+@pytest.mark.parametrize("number", [2, 3, 5])
+def test_roots_of_numbers_are_counted_with_the_primes_that_have_roots_of_unity(number: int) -> None:
+    assert read_beside(f"{number}^(1/11)*7^(1/2)").verdict == "valid"
+    found = read_beside(f"{number}^(1/11)*7^(1/4)")
+    assert found.verdict == "incomplete"
+    assert "too few primes" in found.reasons[0]

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
+from flint import arb, ctx
 
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.formulas import Ended
+from inverse_service.certificate.plan import Plan, exactly
 from tests.certificate.documents import lagrangian
 from tests.certificate.test_primes_and_choices import question
 
@@ -53,3 +58,33 @@ def test_where_only_the_point_itself_can_be_reached_nothing_is_settled(formula: 
 def test_a_zero_that_is_not_seen_refutes_nothing() -> None:
     zero = "+".join(f"2*cos({k}*2*pi/61)" for k in range(1, 31))
     assert verdict(f"1 + {zero}") == "incomplete"
+
+
+@pytest.mark.parametrize(
+    ("formula", "power"),
+    [("atan(x) + atan(1/x)", 24), ("atan(x) + 2*atan(sqrt(1 + x^2) - x)", 48), ("atan(tan(atan(x)/5))", 120)],
+)
+def test_of_a_dependent_angle_a_power_is_tested_that_leaves_multiples_of_one_part_of_pi(
+    formula: str, power: int
+) -> None:
+    """l = sum a_j l_j + c pi i/R by w^(2R) = prod e_j^(2 R a_j), R the multiple of 12 and of all denominators."""
+    assert question(formula).plan.entries[-1].times == power
+
+
+@pytest.mark.parametrize(("radius", "known"), [("0.01", True), ("0.25", False), ("1", False)])
+def test_a_multiple_of_pi_is_the_only_one_in_a_ball_whatever_its_middle_says(radius: str, known: bool) -> None:
+    with ctx.workprec(600):
+        angle = arb("1.5", arb(radius))
+        traces = [[(True, True, angle + k), (True, True, angle + k)] for k in range(8)]
+        if known:
+            assert Plan(traces, 600).entries[1].parts == ((5, Fraction(1)),)
+            return
+        with pytest.raises(Ended, match="branch of an arctangent"):
+            Plan(traces, 600)
+
+
+def test_a_number_that_is_huge_or_tiny_is_not_written_down() -> None:
+    """It would fill the memory: exp(exp(60)) has 10^26 digits."""
+    for exponent in (30_000, -30_000):
+        assert exactly(arb(2) ** exponent) == exactly(-(arb(2) ** exponent)) == 0
+    assert exactly(arb(2) ** -10_000) == Fraction(1, 2**10_000)

@@ -34,7 +34,9 @@ def test_parts_of_pi_and_roots_are_the_same_number_for_every_prime(zero: str) ->
     assert verdicts(times(f"({zero})*exp(x)", near={"x": "2", "y": "3"}), 4) == {"valid"}
 
 
-@pytest.mark.parametrize("number", ["log(5)^2-5+0*cos(pi/5)*sqrt(5)", "cos(pi/5)+1", "cos(pi/25)-cos(pi/5)"])
+@pytest.mark.parametrize(
+    "number", ["cos(1)-(exp(1)+exp(-1))/2", "log(5)^2-5+0*cos(pi/5)*sqrt(5)", "cos(pi/5)+1", "cos(pi/25)-cos(pi/5)"]
+)
 def test_numbers_that_have_the_same_prime_are_not_equal(number: str) -> None:
     assert verdicts(times(f"({number})*exp(x)"), 2) == {"invalid"}
 
@@ -89,6 +91,15 @@ def test_a_function_at_arguments_that_are_equal_but_not_seen_to_be_has_one_value
     named = {"parameters": ["a"], "functions": {"A": ["r"]}}
     assert verdicts(of_lagrangian("0", "0", f"(A(a)-A(a+{ZERO}))*x'^2+y'^2", **named), 1) == {"incomplete"}
     assert verdicts(of_lagrangian("0", "0", f"(A(a)+A(a+{ZERO}))*x'^2+y'^2", **named), 1) == {"incomplete"}
+
+
+def test_a_function_has_one_value_at_arguments_that_meet_at_the_place() -> None:
+    """Where a = b the Hessian is singular, which it is nowhere near."""
+    energy = "x'^2/2+(A(a)-A(b))^2*y'^2/2"
+    for b, verdict in (("1", "incomplete"), ("2", "valid")):
+        near = {"a": "1", "b": b, **dict.fromkeys(("t", "x", "y", "x'", "y'"), "1")}
+        named = {"parameters": ["a", "b"], "functions": {"A": ["r"]}, "among": "positive_definite"}
+        assert verdicts(of_lagrangian("0", "0", energy, near=near, **named), 4) == {verdict}
 
 
 def test_derivatives_of_a_function_are_the_same_wherever_they_stand() -> None:

@@ -144,6 +144,11 @@ ROOTS = {  # that seem to be independent of each other; one choice of them would
     "a tenth root of a square": times("((y^2)^(1/10))^5-y", near={"y": "-2"}),
     "a root of a square of exponentials": times("sqrt(exp(2*x)*y^2)-exp(x)*y", near={"y": "-2"}),
     "a root of a logarithm": times("sqrt(log(x)^2)-log(x)", near={"x": "1/2"}),
+    "half an angle whose cosine is rational": times(
+        "cos(atan(4*x*(1-x^2)/(1-6*x^2+x^4))/2)+(1-x^2)/(1+x^2)",
+        conditions=["1-6*x^2+x^4 > 0", "1+x^2 > 0"],
+        near={"x": "1/10"},
+    ),
     "a root of half an angle": times("sqrt(2-2*cos(x))-2*sin(x/2)", near={"x": "-1"}),
 }
 

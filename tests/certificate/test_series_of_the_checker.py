@@ -43,6 +43,16 @@ def test_an_integral_of_a_velocity_has_all_its_derivatives() -> None:
     assert verdict(of_lagrangian("x*x'^2", "0", "F(x') + x^2/2 + y'^2/2", integrals=integrals)) == "invalid"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "term", "expected"),
+    [(["x"], "F(t, x)", "invalid"), (["x", "y'"], "F(t, x, y')", "invalid"), (["y'"], "F(t, y')*y'", "valid")],
+)
+def test_an_integral_is_arbitrary_where_no_derivative_is_given(arguments: list[str], term: str, expected: str) -> None:
+    integrals: Any = {"F": {"arguments": ["t", *arguments], "derivatives": {"t": "0"}}}
+    free = of_lagrangian("0", "0", f"x'^2/2 + y'^2/2 + {term}", integrals=integrals, question="time_dependent")
+    assert verdict(free) == expected
+
+
 # --- dependent velocities that hold their own coordinate, and their curvature
 def test_a_constraint_that_holds_its_own_coordinate() -> None:
     """z' = z x': z'/z - x' is a total derivative."""
