@@ -23,7 +23,7 @@ from inverse_service.expressions.checked import product, raised, reciprocal, sum
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.operands import OperandParser
 from inverse_service.expressions.pieces import either, piecewise, step
-from inverse_service.expressions.tokens import Token, TokenStream, refusal, shorten, unexpected
+from inverse_service.expressions.tokens import END, Token, TokenStream, refusal, shorten, unexpected
 from inverse_service.expressions.tree import MINUS_ONE, ONE, Expression, multiply, number, subtract
 from inverse_service.expressions.vocabulary import FUNCTIONS, PIECEWISE, call
 
@@ -49,7 +49,7 @@ class FormulaParser(OperandParser):
             raise refusal("a comparison occurs", rest.column, "write an equation with one =")
         if rest.is_operator(","):
             raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
-        raise unexpected(rest, "an operator or the end")
+        raise unexpected(rest, END)
 
     def _expression(self) -> Expression:
         column = self._stream.ahead.column

@@ -33,6 +33,7 @@ _REASONS = {
     "partial": "write diff(A(x, y), x) for a partial derivative",
     "int": "integrals are not carried out, write the integral itself",
     "sum": "sums are not carried out, write the terms",
+    "circ": "write 30 \\pi/180 for 30 degrees",
     "infty": "write a finite number",
     "pm": "write one sign",
     "mp": "write one sign",

@@ -50,6 +50,7 @@ _REASONS = {
     ".": "a dot belongs to a number such as 0.5",
     "_": "a name begins with a letter, and a number has no _ in it",
     '"': "write two primes '' for a second derivative, and the formula without quotation marks",
+    "\u00b0": "write 30*pi/180 for 30 degrees",
     "\u00a8": "write two primes '' for a second derivative",
     "`": "leave it out",
     "\u2014": "write - for a minus",
@@ -57,7 +58,7 @@ _REASONS = {
     "\u221e": "write a finite number",
     "\u222b": "write the integral itself",
 }
-_MEANT = {'"': "''", "\u00a8": "''", "\u2014": "-"}
+_MEANT = {'"': "''", "\u00a8": "''", "\u00b0": "*pi/180", "\u2014": "-"}
 # Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
 _OTHER_PROGRAMS = re.compile(
     r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"

@@ -100,6 +100,23 @@ def never_closed(opening: Token) -> InputError:
     return refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
 
 
+END = "an operator or the end"
+
+
+def check_brackets(tokens: Sequence[Token]) -> None:
+    """InputError for a round bracket without its other half."""
+    opened: list[Token] = []
+    for token in tokens:
+        if token.is_operator("("):
+            opened.append(token)
+        elif token.is_operator(")") and not opened:
+            raise unexpected(token, END)
+        elif token.is_operator(")"):
+            opened.pop()
+    if opened:
+        raise never_closed(opened[-1])
+
+
 class TokenStream:
     """A position in a list of tokens, with the depth of nesting counted."""
 
@@ -170,6 +187,8 @@ def unexpected(token: Token, wanted: str) -> InputError:
     """What stands here is not what can follow."""
     if token.kind == "end":
         return refusal("the formula ends", token.column, f"{wanted} is missing")
+    if wanted == END and token.is_operator(")"):
+        return refusal("')' is not expected", token.column, "leave it out, or add the '(' before it")
     shown = {"newline": "a new line", "prime": "a prime (')"}.get(token.kind, f"'{shorten(token.text)}'")
     return refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
 

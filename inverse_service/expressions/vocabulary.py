@@ -55,6 +55,7 @@ _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", 
           "double", "float", "Real", "None", "True", "False", "true", "false", "null", "Null", "nil")  # fmt: skip
 _OTHER_TONGUES = (("sen", "sin"), ("seno", "sin"), ("sinus", "sin"), ("sine", "sin"), ("cosinus", "cos"),
                   ("cosine", "cos"), ("tangent", "tan"), ("senh", "sinh"))  # fmt: skip
+_DEGREES, _RADIANS = ("deg", "degs", "degree", "degrees"), ("rad", "rads", "radian", "radians")
 _DECLARE = 'declare a function of your own in "functions" and use its derivatives'
 REFUSED: dict[str, tuple[str, str]] = {
     "floor": (_KINK, "write the integer for the interval that you study"),
@@ -102,6 +103,8 @@ REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
     **dict.fromkeys(("solve", "dsolve", "desolve", "ode2", "Solve", "DSolve", "NDSolve", "NDSolveValue"), _COMMAND),
     **dict.fromkeys(_WORDS, ("is a word", "write the equations alone, separated by ;")),
     **dict.fromkeys(("grad", "div", "curl", "rot", "nabla", "laplacian"), _VECTORS),
+    **dict.fromkeys(_DEGREES, ("is a degree to most", 'write 30*pi/180 for 30 degrees, or add it to "parameters"')),
+    **dict.fromkeys(_RADIANS, ("is the unit of angles to most", 'leave it out, or add it to "parameters"')),
     "nan": ("is not a number", "write a finite number"),
     "NaN": ("is not a number", "write a finite number"),
 }
@@ -148,4 +151,5 @@ def reason_against(name: str, column: int) -> InputError | None:
     if name.startswith("log_"):
         return refusal("a base of a logarithm occurs", column, "write log(x)/log(2) or log(x, 2)")
     entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(name)
-    return refusal(f"{name} {entry[0]}; it occurs", column, entry[1]) if entry else None
+    meant = ("(pi/180)",) if name in _DEGREES else ()
+    return refusal(f"{name} {entry[0]}; it occurs", column, entry[1], meant) if entry else None

@@ -26,7 +26,7 @@ from inverse_service.expressions.names import (
     readings,
 )
 from inverse_service.expressions.reader import read_tokens
-from inverse_service.expressions.tokens import Token, joined, refusal, shorten
+from inverse_service.expressions.tokens import Token, check_brackets, joined, refusal, shorten
 from inverse_service.expressions.vocabulary import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -206,6 +206,19 @@ class Guess:
 
 
 def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
+    """`_guessed`; where it asks back, a bracket without its other half is named first, as it may change all that."""
+    try:
+        return _guessed(texts, declared)
+    except InputError:
+        for pointer, text in texts.items():
+            try:
+                check_brackets(_tokens(text, declared))
+            except InputError as error:
+                raise error.at(pointer) from None
+        raise
+
+
+def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     """What the texts, given by their pointers, use beyond what is declared and the coordinates.
 
     A text that cannot be read adds nothing: its fault is reported where it is read. InputError, with what may
