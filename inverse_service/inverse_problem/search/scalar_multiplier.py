@@ -211,7 +211,7 @@ def _setting(exact: MotionInRing, analysis: Analysis) -> _Setting | None:
 
 
 def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:
-    """Regular constant matrices G, those that are positive definite at the real point first."""
+    """Regular constant matrices G: those that are positive definite at the real point first, then few entries."""
     basis = [_oriented(setting, _matrix(setting, vector), table) for vector in _constant_vectors(setting)]
     if not basis:
         return []
@@ -223,7 +223,7 @@ def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:
     choices = [plain, *weights, [Fraction(1)] * len(basis), *alone]
     sums = [_combined(setting, basis, choice) for k, choice in enumerate(choices) if choice not in choices[:k]]
     found = [matrix for matrix in sums if len(reduced_rows(matrix, range(len(matrix))).pivots) == len(matrix)]
-    return sorted(found, key=lambda matrix: not _is_definite(_real(setting, matrix, table)))[:_MOST]
+    return sorted(found, key=lambda one: (not _is_definite(_real(setting, one, table)), _entries(one)))[:_MOST]
 
 
 def _constant_vectors(setting: _Setting) -> list[list[Quotient]]:
@@ -266,6 +266,10 @@ def _combined(setting: _Setting, basis: Sequence[Matrix], weights: Sequence[Frac
     zero = setting.ring.constant(0)
     pairs = [(matrix, w) for matrix, w in zip(basis, weights, strict=True) if w]
     return [[sum_of(zero, [m[i][j].scaled(w) for m, w in pairs]) for j in setting.places] for i in setting.places]
+
+
+def _entries(matrix: Matrix) -> int:
+    return sum(not entry.is_zero for row in matrix for entry in row)
 
 
 def _is_diagonal(matrix: Matrix) -> bool:
