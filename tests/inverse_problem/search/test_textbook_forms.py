@@ -198,3 +198,18 @@ def test_the_momentum_of_a_strongly_damped_oscillator_is_one_quotient() -> None:
     assert answer.hamiltonian is not None
     (p,) = answer.hamiltonian.momenta
     assert to_text(p) == "sqrt(5)*(log(3*x - sqrt(5)*x + 2*x') - log(sqrt(5)*x + 3*x + 2*x'))/(5*x)"
+
+
+# Pairs whose multipliers c1 (dx dy + dy dx) + c2 dy dy are all indefinite: the term with c2 adds nothing but letters.
+PAIRS = [
+    ({"x": "-sin(y)", "y": "0"}, "x'*y' + cos(y)"),
+    ({"x": "-x*y", "y": "-y^2/2"}, "x'*y' - x*y^2/2"),
+    ({"x": "-a*y^3", "y": "b"}, "x'*y' + b*x - a*y^4/4"),
+]
+
+
+@pytest.mark.parametrize(("equations", "wanted"), PAIRS)
+def test_an_indefinite_form_has_no_term_to_spare(equations: dict[str, str], wanted: str) -> None:
+    answer = _answered(equations, "a b")
+    assert answer.lagrangian is not None
+    assert to_text(answer.lagrangian.expression) == wanted
