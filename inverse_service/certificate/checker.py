@@ -408,7 +408,7 @@ class Question:
             (pair,) = ((by, read_tokens(text, f"integrals.{name}")) for by, text in slopes.items())
             known = {t for t in pair[1] if t in listed}
             require(known <= {*self.integrals}, f"integrals.{name} may hold integrals before it only.")
-            strange = {*pair[1]} & {"t", *self.variables} - {*arguments}
+            strange = {*pair[1]} & {"t", *self.coordinates, *(name + "'" for name in self.coordinates)} - {*arguments}
             require(not strange, f"integrals.{name} has a derivative that holds what is no argument.")
             self.integrals[name] = (arguments, pair)
             tokens += (*arguments, *pair[1])
@@ -524,15 +524,15 @@ class Question:
         good = prime >> 30 and prime < 1 << 63 and fmpz(prime).is_probable_prime()
         require(good, "series.prime has to be null, or a prime between 2^30 and 2^63.")
         circular = any("pi" in force for force in self.force_texts)
-        if self.functions or not self.rational or (circular and not series.get("prime")):
-            return " The series was not compared: not all in it is rational, or functions are arbitrary."
+        if self.where or self.functions or not self.rational or (circular and not series.get("prime")):
+            return " The series was not compared: of a motion, of functions, or of what is not rational."
         require(not circular or given.get("pi") is not None, "series.point has to give a value of pi.")
         field = Residues(self, prime, 0, {})
         try:
             known = {name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None}
             field.values |= {name: field.number(x) for name, x in known.items()}
             terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
-            ring = Expansion(field, order + 2)
+            ring = self.expansion(field, order + 2)
         except Undefined:
             raise Ended("invalid", "The series stands at a point where f is not defined.") from None
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):

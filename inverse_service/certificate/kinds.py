@@ -195,7 +195,9 @@ class Definite(Question):
             raise Ended("incomplete", "Where f is not rational only a Lagrangian itself proves anything.")
         found = super().modulo(degree, work, count) if self.member else []
         self.pinned = True
-        return found + super().modulo(degree, work, count)
+        found += super().modulo(degree, work, count)
+        self.pinned = False
+        return found
 
     def symmetric(self, document: dict[str, Any], key: str) -> Rationals:
         size = len(self.coordinates)

@@ -29,7 +29,9 @@ def each_branch(result: Any) -> list[Any]:
     listed = result.get("branches") if isinstance(result, dict) else None
     further = [one for one in (listed[1:9] if isinstance(listed, list) else []) if isinstance(one, dict)]
     others = ("certificate", "lagrangian", "with_time", "verdict_with_time", "kinds", "instead", "branches")
-    return [result, *({**result, **dict.fromkeys(others), **one} for one in further)]
+    asked = ("format", "system", "question")
+    return [result, *({**result, **dict.fromkeys(others), **one, **{key: result.get(key) for key in asked}}
+                      for one in further)]  # fmt: skip
 
 
 def compared(result: Any, tools: Tools) -> list[str]:
@@ -71,8 +73,8 @@ def of_kinds(result: Any, system: Question) -> Iterator[Shown]:
         if instead["kind"] in ("time", "rayleigh"):  # others are about another system
             listed.append((instead["kind"], instead | {"verdict": "variational"}))
     for kind, answer in listed:
-        proof = answer.get("certificate") is not None or answer["verdict"] == "undetermined"
-        require(proof, "A kind has no proof.")
+        shown = answer["verdict"] != "undetermined" or answer.get("lagrangian") or answer.get("dissipation")
+        require(answer.get("certificate") is not None or not shown, "A kind has no proof.")
         asked = "time_dependent" if system.contains_time or kind == "time" else "autonomous"
         yield Shown(answer, answer["verdict"], asked, kind, result.get("domain") or [])
 
@@ -89,7 +91,9 @@ def on_constraints(result: Any, timed: bool, tools: Tools) -> list[Any]:
         good = one["system"].get("velocities") is not None and one.get("among") is None
         require(good, "A certificate in any_associated is about another thing.")
     timed = timed or (isinstance(given, dict) and given.get("time_dependent_lagrangian") is True)
-    timed = timed or any(Question(tools, one["system"]).contains_time for one in found)
+    about = [Question(tools, one["system"]) for one in found]
+    require(all(one.content == about[0].content for one in about), "any_associated is about two motions.")
+    timed = timed or any(one.contains_time for one in about)
     asked = {"verdict": "time_dependent" if timed else "autonomous", "verdict_with_time": "time_dependent"}
     for key, question in asked.items():
         proven = answer[key] == "undetermined" or any(proves(one, question, answer[key]) for one in found)
