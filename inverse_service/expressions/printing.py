@@ -53,16 +53,17 @@ def to_text(expression: Expression, within: bool = False) -> str:
 
 
 def _ratio(term: Ratio) -> str:
-    over = _factors(term.over, term.numerators)
-    if term.under == 1 and not term.denominators:
+    number, divisor = term.numbers
+    over = _factors(number, term.numerators)
+    if divisor == "1" and not term.denominators:
         return over
-    under = _factors(term.under, term.denominators)
-    alone = len(term.denominators) + (term.under != 1) == 1
+    under = _factors(divisor, term.denominators)
+    alone = len(term.denominators) + (divisor != "1") == 1
     return f"{over}/{under}" if alone else f"{over}/({under})"
 
 
-def _factors(coefficient: int, factors: Sequence[Expression]) -> str:
-    first = [str(coefficient)] if coefficient != 1 or not factors else []
+def _factors(coefficient: str, factors: Sequence[Expression]) -> str:
+    first = [coefficient] if coefficient != "1" or not factors else []
     return "*".join(first + [_factor(factor) for factor in factors])
 
 

@@ -37,21 +37,21 @@ def to_latex(expression: Expression, within: bool = False) -> str:
 
 
 def _ratio(term: Ratio) -> str:
-    if term.under == 1 and not term.denominators:
-        return _factors(term.over, term.numerators)
-    over = _alone(term.over, term.numerators)
-    return f"\\frac{{{over}}}{{{_alone(term.under, term.denominators)}}}"
+    number, divisor = term.numbers
+    if divisor == "1" and not term.denominators:
+        return _factors(number, term.numerators)
+    return f"\\frac{{{_alone(number, term.numerators)}}}{{{_alone(divisor, term.denominators)}}}"
 
 
-def _alone(coefficient: int, factors: Sequence[Expression]) -> str:
+def _alone(coefficient: str, factors: Sequence[Expression]) -> str:
     """Numerator or denominator: a single sum needs no brackets there."""
-    if coefficient == 1 and len(factors) == 1:
+    if coefficient == "1" and len(factors) == 1:
         return to_latex(factors[0], within=True)
     return _factors(coefficient, factors)
 
 
-def _factors(coefficient: int, factors: Sequence[Expression]) -> str:
-    pieces = [str(coefficient)] if coefficient != 1 or not factors else []
+def _factors(coefficient: str, factors: Sequence[Expression]) -> str:
+    pieces = [coefficient] if coefficient != "1" or not factors else []
     before: Expression | None = None
     for factor in factors:
         piece = _factor(factor)

@@ -27,6 +27,10 @@ from inverse_service.expressions.tree import (
 _EXPONENTIAL = Apply("exp", ONE)
 
 
+# From which denominator on a decimal number can be much shorter than a fraction, and how many digits that is.
+_LEAST_DECIMAL, _MUCH = 1000, 2
+
+
 @dataclass(frozen=True, slots=True)
 class Ratio:
     """±(over · numerators) / (under · denominators); no factor is a Product or a power below zero.
@@ -39,6 +43,20 @@ class Ratio:
     under: int
     numerators: tuple[Expression, ...]
     denominators: tuple[Expression, ...]
+
+    @property
+    def numbers(self) -> tuple[str, str]:
+        """over and under in digits; (398600.4418, 1) where a fraction is much shorter as a decimal number."""
+        plain = str(self.over), str(self.under)
+        if self.under < _LEAST_DECIMAL:
+            return plain
+        tens, rest = 0, self.under
+        while rest % 2 == 0 or rest % 5 == 0:
+            rest //= 10 if rest % 10 == 0 else 5 if rest % 5 == 0 else 2
+            tens += 1
+        digits = str(self.over * 10**tens // self.under).rjust(tens + 1, "0") if rest == 1 else ""
+        decimal = f"{digits[:-tens]}.{digits[-tens:]}"
+        return (decimal, "1") if digits and len(decimal) + _MUCH < sum(map(len, plain)) else plain
 
 
 @dataclass(slots=True)

@@ -41,19 +41,20 @@ def _row(expression: Expression, within: bool = True) -> str:
 
 
 def _ratio(term: Ratio) -> str:
-    if term.under == 1 and not term.denominators:
-        return _factors(term.over, term.numerators)
-    return f"<mfrac>{_alone(term.over, term.numerators)}{_alone(term.under, term.denominators)}</mfrac>"
+    number, divisor = term.numbers
+    if divisor == "1" and not term.denominators:
+        return _factors(number, term.numerators)
+    return f"<mfrac>{_alone(number, term.numerators)}{_alone(divisor, term.denominators)}</mfrac>"
 
 
-def _alone(coefficient: int, factors: Sequence[Expression]) -> str:
-    if coefficient == 1 and len(factors) == 1:
+def _alone(coefficient: str, factors: Sequence[Expression]) -> str:
+    if coefficient == "1" and len(factors) == 1:
         return _row(factors[0])
     return f"<mrow>{_factors(coefficient, factors)}</mrow>"
 
 
-def _factors(coefficient: int, factors: Sequence[Expression]) -> str:
-    pieces = [f"<mn>{coefficient}</mn>"] if coefficient != 1 or not factors else []
+def _factors(coefficient: str, factors: Sequence[Expression]) -> str:
+    pieces = [f"<mn>{coefficient}</mn>"] if coefficient != "1" or not factors else []
     pieces += [_factor(factor) for factor in factors]
     joined = pieces[0]
     for piece in pieces[1:]:
@@ -86,10 +87,11 @@ def _exponent(expression: Expression) -> str:
     """t/10 stays on its line: a fraction above a letter is too small to be read."""
     term, *further = signed_terms(expression, within=True)
     simple = all(isinstance(part, Symbol | Velocity) for part in (*term.numerators, *term.denominators))
-    if further or not simple or (term.under != 1) + len(term.denominators) != 1:
+    number, divisor = term.numbers
+    if further or not simple or (divisor != "1") + len(term.denominators) != 1:
         return _row(expression)
     sign = "<mo>&#x2212;</mo>" if term.negative else ""
-    over, under = _factors(term.over, term.numerators), _factors(term.under, term.denominators)
+    over, under = _factors(number, term.numerators), _factors(divisor, term.denominators)
     return f'<mrow>{sign}{over}<mo lspace="0" rspace="0">/</mo>{under}</mrow>'
 
 

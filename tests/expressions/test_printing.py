@@ -168,6 +168,12 @@ TABLE = [
     (power(power(Symbol("x"), Symbol("y")), 2), "(x^y)^2", r"\left(x^{y}\right)^{2}"),
     (Power(number(2), Symbol("x")), "2^x", "2^{x}"),
     (multiply(number(3), Power(number(2), Symbol("x"))), "3*2^x", r"3 \cdot 2^{x}"),
+    # A decimal number where the fraction is much longer.
+    (multiply(number(Fraction("398600.4418")), power(Symbol("x"), -1)), "398600.4418/x", r"\frac{398600.4418}{x}"),
+    (multiply(number(Fraction("-0.06171")), Symbol("x")), "-0.06171*x", "-0.06171 x"),
+    (multiply(number(Fraction("0.003")), Symbol("x")), "3*x/1000", r"\frac{3 x}{1000}"),
+    (multiply(number(Fraction(1, 1024)), Symbol("x")), "x/1024", r"\frac{x}{1024}"),
+    (multiply(number(Fraction(12345, 7000)), Symbol("x")), "2469*x/1400", r"\frac{2469 x}{1400}"),
 ]
 
 

@@ -52,7 +52,7 @@ TEXTBOOK: dict[str, tuple[Equations | str, str]] = {
     "damped, roots of any size": ({"x": "-3*x-(3/10)*x'"}, "exp(3*t/10)*(x'^2 - 3*x^2)/2"),
     "a long decimal": (
         {"x": "y'-sin(x)", "y": "-0.123456789*x'-2*y"},
-        "123456789*(cos(x) + x'^2/2 + x*y')/1000000000 + y'^2/2 - y^2",
+        "0.123456789*(cos(x) + x'^2/2 + x*y') + y'^2/2 - y^2",
     ),
     "a symbolic power": ({"x": "-x^a*y", "y": "-x^(a+1)"}, "(a+1)*x'^2/2 + y'^2/2 - y*x^(a+1)"),
     "a constant velocity": ({"x": "-log(x)*y'", "y": "0"}, "x'^2/(2*sqrt(y')) - (x*log(x)-x)*sqrt(y')"),

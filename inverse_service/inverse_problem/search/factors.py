@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
+from math import lcm
 
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
 from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
@@ -147,7 +148,9 @@ def _exponents(letter: Expression, seen: set[Fraction]) -> list[Fraction]:
         return [one, -one, HALF, -HALF]
     if isinstance(letter, Apply) and letter.function == "exp":
         highest = int(max([one, *(abs(e) for e in seen)]))
-        return [sign * k * one for k in range(1, min(highest, _HIGHEST_EXPONENTIAL) + 1) for sign in (1, -1)]
+        whole = [k * one for k in range(1, min(highest, _HIGHEST_EXPONENTIAL) + 1)]
+        unit = Fraction(1, lcm(*(e.denominator for e in seen)))  # e^(x/2) may be a part of e^(3x/2)
+        return [sign * e for e in dict.fromkeys((*whole, unit)) for sign in (1, -1)]
     return [one, -one] if any(e < 0 for e in seen) else [one]
 
 

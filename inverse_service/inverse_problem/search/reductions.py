@@ -211,13 +211,21 @@ def _block(system: SecondOrderSystem, group: set[str]) -> SecondOrderSystem:
     return replace(system, coordinates=coordinates, accelerations=tuple(system.accelerations[k] for k in kept))
 
 
+def _cancelled(material: Material) -> SecondOrderSystem:
+    """The system, with f_i as it was factored where fewer coordinates occur in it: (u x - v x)/(u - v) is x."""
+    system = material.analysis.system
+    pairs = zip(system.accelerations, map(tree_of, material.motion.forces), strict=True)
+    forces = tuple(min(pair, key=lambda tree: len(_coordinates_in(tree, system.coordinates))) for pair in pairs)
+    return replace(system, accelerations=forces)
+
+
 def is_decoupled(material: Material) -> bool:
-    return len(decoupled_blocks(material.analysis.system)) > 1
+    return len(decoupled_blocks(_cancelled(material))) > 1
 
 
 def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
     """The blocks; the sum of their Lagrangians is one of the whole system."""
-    blocks = tuple(decoupled_blocks(material.analysis.system))
+    blocks = tuple(decoupled_blocks(_cancelled(material)))
     yield Smaller(blocks, material.motion.with_time, lambda found: [add(*(trees[0] for trees in found))])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, TypeGuard, TypeVar
@@ -78,7 +79,8 @@ class Sampler:
 def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Sampler, list[Monomial]]:
     """A sampler for the terms, without those that have no value at a point where f and most others have one.
 
-    Raises IrreducibleAtoms where there is no such point, or letters cannot be reduced.
+    Those with letters that cannot be reduced beside f, such as (w + sqrt(w^2 + 1))^(3/2), are left out, too.
+    Raises IrreducibleAtoms where there is no such point, or no letter can be reduced.
     """
     try:
         return make_sampler(analysis, dict.fromkeys(item for term in terms for item in term)), list(terms)
@@ -86,7 +88,25 @@ def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Sampler, 
         table, kept = _defined_together(analysis, terms)
         if not kept:
             raise
+    try:
         return make_sampler(analysis, dict.fromkeys(item for term in kept for item in term), table), kept
+    except IrreducibleAtoms:
+        kept = _reduced_alone(analysis, kept, table)
+        if not kept:
+            raise
+        return make_sampler(analysis, dict.fromkeys(item for term in kept for item in term), table), kept
+
+
+def _reduced_alone(analysis: Analysis, terms: Sequence[Monomial], table: RealTable | None) -> list[Monomial]:
+    """The terms of letters each of which can be reduced beside f."""
+    plain, fine = [*analysis.accelerations, *analysis.constrained.values()], set[tuple[Expression, Fraction]]()
+    for letter, e in dict.fromkeys(item for term in terms for item in term):
+        kernels = [to_kernels(tree) for tree in (letter, power(letter, Fraction(1, e.denominator)))]
+        with suppress(IrreducibleAtoms):
+            if table is not None:
+                reduce_atoms([*plain, *kernels], variables_of(analysis.system), table)
+                fine.add((letter, e))
+    return [term for term in terms if term <= fine]
 
 
 def _defined_together(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[RealTable | None, list[Monomial]]:

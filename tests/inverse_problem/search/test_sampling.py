@@ -9,6 +9,7 @@ import pytest
 from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.series import SingularPoint
+from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
@@ -17,6 +18,7 @@ from inverse_service.expressions.tree import (
     Power,
     Symbol,
     Velocity,
+    add,
     number,
     power,
     subtract,
@@ -64,3 +66,16 @@ def test_terms_without_a_value_where_the_others_have_one_are_left_out() -> None:
     assert kept == [monomial(v), root]
     assert sampler.real_point is not None
     assert abs(sampler.real_point[v]) < 1
+
+
+def test_terms_whose_letters_cannot_be_reduced_beside_f_are_left_out() -> None:
+    """Half powers of e^(log(w + sqrt(w^2 + 1))) are nested roots that are not settled beside sqrt(w^2 + 1)."""
+    analysis = analyse(read_system(["w"], {"w": "w*w'^2/sqrt(w^2 + 1)"}))
+    w, v = Symbol("w"), Velocity("w")
+    root = power(add(power(w, 2), ONE), Fraction(1, 2))
+    letter = Apply("exp", Apply("log", add(w, root)))
+    nested: Monomial = frozenset([(letter, Fraction(3, 2)), (v, Fraction(2))])
+    plain: Monomial = frozenset([(letter, Fraction(1)), (v, Fraction(2))])
+    assert sampler_of(analysis, [nested, plain])[1] == [plain]
+    with pytest.raises(IrreducibleAtoms):
+        sampler_of(analysis, [nested])

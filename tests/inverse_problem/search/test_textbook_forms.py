@@ -166,11 +166,30 @@ MADE_FROM_LAGRANGIANS = [
     ({"r": "r*(2*r'^2 + r'^2/(3*sqrt(a^2 + r^2 + 1)) + 18 + 3/sqrt(a^2 + r^2 + 1))",
       "a": "a*exp(-a')/(3*sqrt(a^2 + r^2 + 1))"},
      "r^2 + r'*atan(r'/3)/3 + sqrt(a^2 + r^2 + 1)/3 + exp(a') - log(r'^2/9 + 1)/2"),
+    ({"z": "w*w'*z'/(w^2 + 1)",
+      "w": "w*w'^2*(3*w/(2*sqrt(w^2 + 1)) - log(w')/(w^2 + 1) + log(z')/(w^2 + 1) + 1/(w^2 + 1))"},
+     "-w^3/2 + sqrt(w^2 + 1)*log(w') - sqrt(w^2 + 1)*log(z')"),
+    ({"r": "(-16*a'^(5/2)*r'^2*exp(7*r/3) - 24*a'^(5/2)*exp(r) + 12*a'*r'^4*exp(8*r/3) - 4*a'*r'^2*exp(4*r/3) + 3*a')"
+           "*exp(-4*r/3)/(12*a'*(8*a'^(3/2)*exp(r) - 6*r'^2*exp(4*r/3) - 1))",
+      "a": "4*a'*r'/(8*a'^(3/2)*exp(r) - 6*r'^2*exp(4*r/3) - 1)"},
+     "2*sqrt(a')*r'^2*exp(r/3) + sqrt(a')*exp(-r) + a'^2"),
+    ({"r": "(a'^2*b'^2*r'^2 + b'^2*r'^2 + 3*a'^2*exp(r) + 3*exp(r))/(2*b'^2*(a'^2 + 1))",
+      "s": "-s'^2*(r + a')/(2*(s + 3)*(r + a'))", "a": "0", "b": "0"},
+     "r/b' + b'*r'^2*exp(-r)/3 + (s + 3)*s'^2/2 + a'^2/2"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("equations", "known"), MADE_FROM_LAGRANGIANS, ids=["products", "a cyclic coordinate", "factors of f"]
+    ("equations", "known"),
+    MADE_FROM_LAGRANGIANS,
+    ids=[
+        "products",
+        "a cyclic coordinate",
+        "factors of f",
+        "a root of a sum",
+        "parts of exponentials",
+        "hidden blocks",
+    ],
 )
 def test_other_functions_of_the_velocities_are_found(equations: dict[str, str], known: str) -> None:
     answer = _answered(equations)
