@@ -31,10 +31,10 @@ NUMBER = r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]
 SYSTEM = {"coordinates": [NAME, MAX_COORDINATES], "parameters?": [NAME, MAX_NAMES], "functions?": {}, "equations": {},
           "velocities?": {}}  # fmt: skip
 VERDICTS = "variational|not_variational|undetermined"
-CERTIFICATE = {"format": FORMAT, "system": {}, "question": "autonomous|time_dependent", "near?": {},
-               "claim": VERDICTS, "kind": "lagrangian|existence|nonexistence"}  # fmt: skip
+CERTIFICATE = {"format": FORMAT, "system": {}, "question": "autonomous|time_dependent", "claim": VERDICTS,
+               "near?": {}, "conditions?": [TEXT, MAX_LISTED], "kind": "lagrangian|existence|nonexistence"}  # fmt: skip
 RESULT = {"format": RESULT_FORMAT, "system": {}, "question?": r"L\((t, )?q, q'\)", "verdict": VERDICTS,
-          "lagrangian?": {}, "verdict_with_time?": VERDICTS, "branches?": [{}, 8],
+          "lagrangian?": {}, "verdict_with_time?": VERDICTS, "branches?": [{}, 8], "kinds?": {},
           "with_time?": {"verdict?": VERDICTS, "lagrangian?": {}}}  # fmt: skip
 
 

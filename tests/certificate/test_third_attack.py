@@ -86,3 +86,9 @@ def test_the_two_answers_about_a_motion_are_about_one() -> None:
     same = other | {"verdict_with_time": "not_variational", "certificate_with_time": None, "lagrangian": None}
     timed = none | {"question": "time_dependent"}
     assert check_result(MAIN | {"any_associated": same | {"certificate": timed}}, seed=1).verdict == "valid"
+
+
+@pytest.mark.parametrize("part", [{"kinds": 10**30}, {"kinds": "natural"}, {"certificate": YES | {"conditions": 7}},
+                                  {"certificate": YES | {"conditions": [1.5]}, "domain": ["x > 0"]}])  # fmt: skip
+def test_a_result_of_another_shape_is_invalid_and_no_error(part: Document) -> None:
+    assert check_result(WHOLE | part, seed=1).verdict == "invalid"
