@@ -98,7 +98,7 @@ def worst_defects(answer: Mapping[str, Any], system: Mapping[str, Any]) -> tuple
     forces = [read(system["equations"][name]) for name in read.coordinates]
     tree = read(answer["lagrangian"]["text"])
     where = region([*answer["domain"], *answer["lagrangian"]["domain"]], read)
-    momenta = [tree.diff(v) for v in speeds]
+    momenta = [tree.diff(v).xreplace(slopes) for v in speeds]  # an integral over v is differentiated twice
     rows = []
     for p, q in zip(momenta, names, strict=True):
         along = [p.diff(a) * b for a, b in zip((*names, *speeds), (*speeds, *forces), strict=True)]
