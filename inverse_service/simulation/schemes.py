@@ -19,6 +19,7 @@ from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.point_schemes import adaptive, gauss_legendre, runge_kutta, stiff
 from inverse_service.simulation.scene import MethodChoice, Observable, Observation
 from inverse_service.simulation.watches import (
+    REGULAR_MOTION,
     SMALLER_STEP,
     discrete_point,
     domain_watches,
@@ -138,7 +139,10 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     )
     scales = {f"d{k}": f"q{k}" for k in range(f.size)}
     statements = plan(equations, [str(name) for name in (*d, *m)], scales, guarded=choice.guard)
-    return _program(f, choice, observation, statements, [*d, *pushes], [])
+    point = discrete_point(f, q, d, alpha_of(choice))
+    walls = f.walls_of([f.problem.lagrangian])
+    watches = [Watch("sign", wall.formula.subs(point), wall.text, REGULAR_MOTION) for wall in walls]
+    return _program(f, choice, observation, statements, [*d, *pushes], watches if choice.guard else [])
 
 
 def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:

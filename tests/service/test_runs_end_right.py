@@ -442,3 +442,29 @@ def test_a_motion_that_ends_with_the_run_is_not_completed(force: str, velocity: 
 def test_no_run_begins_where_its_formula_has_no_value(force: str, method: str) -> None:
     """In doubles 1/0 is infinite and atan(1/0) a number, for x < 0 of the wrong sign."""
     assert begun_at_zero(force, -1, method)["outcome"] == "off_domain"
+
+
+@pytest.mark.parametrize("alpha", [0, "1/2", 1])
+def test_steps_of_one_length_all_end_at_a_kink_of_the_potential(alpha: Any) -> None:
+    """Without constraints both methods have the same discrete equations; past the kink both lose an order."""
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - 3*abs(x)"}
+    scene = OSCILLATOR | {"system": system, "steps": 40}
+    found = methods(scene | {"methods": [{"method": name, "alpha": alpha} for name in ("variational", "nonholonomic")]})
+    stops = [method["stopped"] for method in found.values()]
+    assert [(stop["time"], stop["quantity"]) for stop in stops] == [(stops[0]["time"], "x")] * 2
+
+
+def test_a_constrained_motion_ends_at_a_kink_of_the_potential() -> None:
+    """A step of 0.05 went by two kinks here and ended 0.09 from the motion, which is at y = 0.324."""
+    system = {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2+y'^2+z'^2+x'*y')/2 - 2*abs(x-y)",
+        "constraints": ["z' - y*x'"],
+    }
+    start = {"positions": {"x": 0, "y": 0.5, "z": 0}, "velocities": {"x": 0, "y": 0}}
+    found = methods(
+        {"system": system, "initial": start, "step": 0.05, "time": 1, "methods": ["nonholonomic", "adaptive"]}
+    )
+    assert found["nonholonomic-0.5"]["outcome"] == "singular"
+    assert found["nonholonomic-0.5"]["stopped"]["quantity"] == "x - y"
+    assert found["adaptive"]["outcome"] == "completed"
