@@ -54,15 +54,14 @@ def exponential(ring: ExactRing, logarithm: Potential, table: RealTable | None) 
 
 
 def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analysis: Analysis) -> Expression | None:
-    """exp of the integral of a closed form over t and the coordinates; None where the form is not closed."""
+    """exp of the integral of a form over t and the coordinates, each slope of which holds its own variable alone.
+
+    None for others: a function under an integral sign is known by one derivative.
+    """
     places = range(len(form))
-    if any(not (ring.partial(i)(form[j]) - ring.partial(j)(form[i])).is_zero for i in places for j in places if i < j):
+    if any(not ring.partial(i)(form[j]).is_zero for i in places for j in places if i != j):
         return None
     names = fresh_names(analysis.system)
-    if any(not ring.partial(i)(form[j]).is_zero for i in places for j in places if i != j):
-        arguments = [ring.variables[k] for k in places if not form[k].is_zero]
-        slopes = tuple(readable(ring, slope) for slope in form if not slope.is_zero)
-        return Apply("exp", Integral(next(names), tuple(arguments), (0,) * len(arguments), slopes))
     factors: list[Expression] = []
     for place, slope in enumerate(form):
         for part in _parts(ring, slope):

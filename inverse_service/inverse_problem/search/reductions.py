@@ -25,7 +25,7 @@ import mpmath
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.algebra.real_point import real_sign
+from inverse_service.algebra.real_point import real_sign, varies
 from inverse_service.algebra.tower import AngleRule, Tower
 from inverse_service.deadline import end
 from inverse_service.errors import InputError, IrreducibleAtoms
@@ -47,6 +47,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     children,
+    distinct_nodes,
     divide,
     multiply,
     number,
@@ -95,7 +96,7 @@ def views(analysis: Analysis) -> Iterator[Lettered]:
 
     Lagrangians that hold for the latter are checked with f as it was given.
     """
-    forces = tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations))
+    forces = with_few_constants(tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations)))
     if forces != analysis.system.accelerations:
         with suppress(IrreducibleAtoms):
             analysis = analyse(replace(analysis.system, accelerations=forces))
@@ -148,6 +149,19 @@ def _short_sum(tree: Expression, base: Expression) -> Expression | None:
         return None
     weights = (number(Fraction(-c, relation[0])) for c in relation[1:])
     return add(*(multiply(weight, part) for weight, part in zip(weights, basis, strict=True)))
+
+
+def with_few_constants(forces: tuple[Expression, ...]) -> tuple[Expression, ...]:
+    """The trees with cos(pi/5) and the like as short sums of the roots in them, where they are to 60 digits."""
+    nodes = [node for node in distinct_nodes(forces) if not varies(node)]
+    roots = dict.fromkeys(node for node in nodes if isinstance(node, Power) and _is_constant(node))
+    table: dict[Expression, Expression] = {}
+    for node in nodes if roots else ():
+        if isinstance(node, Apply):
+            with suppress(NoRealValue):
+                found = _short_sum(node, add(*roots))
+                table |= {} if found is None else {node: found}
+    return tuple(substitute(force, table) for force in forces) if table else forces
 
 
 def with_letters(analysis: Analysis) -> Lettered | None:

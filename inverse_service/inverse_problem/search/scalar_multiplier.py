@@ -34,6 +34,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    power,
     subtract,
     walk,
 )
@@ -309,7 +310,11 @@ def _lagrangian(material: Material, setting: _Setting, matrix: Matrix) -> Expres
 def _kinetic(setting: _Setting, velocities: Sequence[Velocity], matrix: Matrix) -> Expression:
     """phi G_ij v_i v_j / 2."""
     squares = [
-        multiply(HALF if i == j else ONE, quotient_tree(setting.ring, matrix[i][j]), velocities[i], velocities[j])
+        multiply(
+            HALF if i == j else ONE,
+            quotient_tree(setting.ring, matrix[i][j]),
+            power(velocities[i], 2) if i == j else multiply(velocities[i], velocities[j]),
+        )
         for i, j in _pairs(setting)
     ]
     return multiply(setting.phi, add(*squares))

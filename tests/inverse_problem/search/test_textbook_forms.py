@@ -232,3 +232,13 @@ def test_an_indefinite_form_has_no_term_to_spare(equations: dict[str, str], want
     answer = _answered(equations, "a b")
     assert answer.lagrangian is not None
     assert to_text(answer.lagrangian.expression) == wanted
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("cos(pi/5)", "(1+sqrt(5))/4"), ("tan(pi/8)", "sqrt(2)-1"), ("sin(pi/12)", "(sqrt(6)-sqrt(2))/4")],
+)
+def test_constants_that_are_sums_of_roots_are_these(one: str, other: str) -> None:
+    answer = _answered({"x": f"{one}*y' - y^2", "y": f"-({other})*x' - 2*x*y"})
+    assert answer.lagrangian is not None
+    assert same_value(answer.lagrangian.expression, tree(f"x'^2/2 + y'^2/2 + {one}*x*y' - x*y^2"))
