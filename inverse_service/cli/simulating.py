@@ -142,7 +142,7 @@ def _columns(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _heading(name: str) -> str:
-    return "radius first, last, centre drift" if name == "circle" else name
+    return "radius first, last, center drift" if name == "circle" else name
 
 
 def _values(method: Mapping[str, Any], columns: list[str]) -> list[Any]:

@@ -26,7 +26,7 @@ OBSERVABLES = (
     ("energy", "Energy", "its error"),
     ("constraints", "Constraints", "how well they hold"),
     ("error", "Error", "against the true motion"),
-    ("matching_circle", "Matching circle", "radius and drift of the centre"),
+    ("matching_circle", "Matching circle", "radius and drift of the center"),
     ("cost", "Cost", "what each effect and quantity adds to a step"),
 )
 EFFECTS = (
