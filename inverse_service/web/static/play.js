@@ -214,7 +214,9 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
     pen.globalAlpha = line.alpha ?? 1;
     if (dots || line.markers) {
       const size = Math.max(3, line.width ?? 0);
-      line.x.forEach((v, i) => pen.fillRect(X(v) - size / 2, Y(line.y[i]) - size / 2, size, size));
+      pen.beginPath(); // filled at once: where points overlap a pale line stays pale
+      line.x.forEach((v, i) => pen.rect(X(v) - size / 2, Y(line.y[i]) - size / 2, size, size));
+      pen.fill();
       if (dots) return;
     }
     pen.lineWidth = line.width ?? (k ? 1.5 : 2);

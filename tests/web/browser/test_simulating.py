@@ -48,6 +48,8 @@ def test_special_cases_are_shown_as_a_tree(visit: Visit) -> None:
 # How many pixels of a canvas have this colour, within the edges that are blended.
 PIXELS = """(node, [red, green, blue]) => {
     const pen = new OffscreenCanvas(node.width, node.height).getContext("2d", { willReadFrequently: true });
+    pen.fillStyle = "white"; // what is pale is no full color
+    pen.fillRect(0, 0, node.width, node.height);
     pen.drawImage(node, 0, 0);
     const { data } = pen.getImageData(0, 0, node.width, node.height);
     let found = 0;
@@ -55,7 +57,7 @@ PIXELS = """(node, [red, green, blue]) => {
         found += Math.abs(data[k] - red) + Math.abs(data[k + 1] - green) + Math.abs(data[k + 2] - blue) < 90;
     return found;
 }"""
-BLUE, ORANGE = [0, 114, 178], [213, 94, 0]
+BLACK, BLUE, ORANGE = [28, 35, 48], [0, 114, 178], [213, 94, 0]
 
 
 def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
@@ -84,6 +86,17 @@ def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
     expect(costs.get_by_role("row", name="energy")).to_contain_text("s")
     assert costs.get_by_role("row", name="error").count() == 0
     assert violations(visit) == []
+
+
+def test_the_points_of_a_long_run_are_no_black_ring(visit: Visit) -> None:
+    visit.go("/simulate")
+    visit.page.get_by_label("Steps").fill("5000")
+    visit.page.get_by_role("button", name="Run").click()
+    expect(visit.page.locator("[data-drawn]")).to_be_visible(timeout=40_000)
+    path = visit.page.locator("[data-plot=path] canvas")
+    black, orange = (path.evaluate(PIXELS, ink) for ink in (BLACK, ORANGE))
+    assert orange > 500
+    assert black < orange / 10
 
 
 def test_without_scripts_a_scene_has_pictures_and_files(plain: Visit) -> None:
