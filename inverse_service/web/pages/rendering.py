@@ -18,7 +18,7 @@ from jinja2 import BytecodeCache, Environment, PackageLoader, StrictUndefined
 from jinja2.bccache import Bucket
 from markupsafe import Markup, escape
 from starlette.requests import Request
-from starlette.responses import HTMLResponse
+from starlette.responses import HTMLResponse, Response
 
 from inverse_service.expressions.tokens import greek_letter
 from inverse_service.machine_code import store
@@ -210,3 +210,11 @@ def sent(text: str, media_type: str, headers: Mapping[str, str], status: int = 2
         # What is sent holds no secret that its length could give away.
         body, more = gzip.compress(body, 5, mtime=0), more | {"Content-Encoding": "gzip"}
     return HTMLResponse(body, status, {**more, **headers}, media_type)
+
+
+def packed(data: bytes, media_type: str, headers: Mapping[str, str]) -> Response:
+    """What a worker has compressed, as it is for a visitor who takes that."""
+    more = {"Vary": "Accept-Encoding"}
+    if VISITOR.get().takes_gzip:
+        return Response(data, headers={**headers, **more, "Content-Encoding": "gzip"}, media_type=media_type)
+    return Response(gzip.decompress(data), headers={**headers, **more}, media_type=media_type)

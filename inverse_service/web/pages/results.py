@@ -21,7 +21,7 @@ from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import figures, reading_back, simulations
 from inverse_service.web.pages.calls import SMALL_FORM, Answer, call, read_form
-from inverse_service.web.pages.rendering import POLICY, VISITOR, page
+from inverse_service.web.pages.rendering import POLICY, VISITOR, packed, page
 from inverse_service.web.pages.result_tasks import (
     LANGUAGES,
     Look,
@@ -188,7 +188,10 @@ async def _file(
     if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     data = await made(request, identifier, task, *arguments)
-    return missing() if data is None else Response(data, headers=headers, media_type=media_type)
+    if data is None:
+        return missing()
+    respond = packed if task is figure_data_task else Response
+    return respond(data, headers=headers, media_type=media_type)
 
 
 def kept(answer: Answer, what: str = "result") -> dict[str, str]:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 import statistics
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, Page, expect
 
-from .conftest import Visit
+from tests.conftest import running_service
+
+from .conftest import WIDE, Visit
 
 pytestmark = pytest.mark.slow
 REPEATS = 9
@@ -22,6 +26,11 @@ SEEN = """new PerformanceObserver((list, observer) => {
     const look = () => { if (document.querySelector('.verdict')) sessionStorage.seen ??= at; };
     document.readyState === 'loading' ? addEventListener('DOMContentLoaded', look) : look();
 }).observe({type: 'paint', buffered: true})"""
+# The moment of that paint, which may come after the verdict is there.
+PAINTED = """() => new Promise(resolve => {
+    const look = () => sessionStorage.seen ? resolve(sessionStorage.seen) : setTimeout(look, 10);
+    look();
+})"""
 ECHO = """text => new Promise(resolve => {
     const box = document.getElementById('equations');
     box.value = text;
@@ -32,20 +41,31 @@ ECHO = """text => new Promise(resolve => {
 })"""
 
 
-SYSTEMS = ("x'' = -x - 0.1*x'", "x'' = -x + y'; y'' = -y - x'")
+SYSTEMS = ("x'' = -sin(x)", "x'' = -x - 0.1*x'", "x'' = -x + y'; y'' = -y - x'")
+
+
+@pytest.fixture
+def first(browser: Browser, tmp_path: Path) -> Iterator[Page]:
+    """A new page, a moment after a service of its own said its address."""
+    services = running_service(tmp_path)
+    address = next(services)
+    context = browser.new_context(base_url=address, viewport=WIDE)
+    yield context.new_page()
+    context.close()
+    next(services, None)  # it ends
 
 
 @pytest.mark.parametrize("equations", SYSTEMS)
-def test_first_paint_and_verdict_from_a_fresh_server(fresh: Visit, equations: str) -> None:
+def test_first_paint_and_verdict_from_a_fresh_server(first: Page, equations: str) -> None:
     """0.5 s to the first paint and 1 s from the button to the verdict, by the browser's own clock, the load printed."""
-    fresh.page.add_init_script(SEEN)
-    fresh.go("/")
-    paint = float(fresh.page.evaluate(FIRST_PAINT))
-    fresh.page.get_by_label("Equations", exact=True).fill(equations)
-    began = float(fresh.page.evaluate("Date.now()"))
-    fresh.page.get_by_role("button", name="Find out").click()
-    expect(fresh.page.locator("#answer")).to_be_visible()
-    verdict = float(fresh.page.evaluate("sessionStorage.seen")) - began
+    first.add_init_script(SEEN)
+    first.goto("/")
+    paint = float(first.evaluate(FIRST_PAINT))
+    first.get_by_label("Equations", exact=True).fill(equations)
+    began = float(first.evaluate("Date.now()"))
+    first.get_by_role("button", name="Find out").click()
+    expect(first.locator("#answer")).to_be_visible()
+    verdict = float(first.evaluate(PAINTED)) - began
     print(f"paint {paint:.0f} ms, verdict {verdict:.0f} ms, load {os.getloadavg()[0]:.1f}")
     assert paint < 500
     assert verdict < 1000
