@@ -9,6 +9,7 @@ import pytest
 from inverse_service.certificate.checker import check_result
 from tests.certificate.documents import Document, existence, lagrangian, nonexistence, result
 from tests.certificate.test_forged_motions import ALL_FREE, FREE, SLEIGH, claim, no
+from tests.certificate.test_known_attacks import of_lagrangian, result_of
 from tests.certificate.test_result_documents import HENON_HEILES, split, variational
 
 TIMED = "time_dependent"
@@ -148,3 +149,12 @@ def test_no_l_without_time_does_not_refuse_one_with_time() -> None:
     assert verdict(result("damped-henon-heiles", "not_variational", refused)) == "valid"
     both = {"verdict_with_time": "not_variational"}
     assert verdict(result("damped-henon-heiles", "not_variational", refused, **both)) == "incomplete"
+
+
+def test_an_answer_about_a_kind_leaves_its_domain_to_the_one_around_it() -> None:
+    natural = of_lagrangian("0", "0", "x'^2 + y'^2", among="natural", conditions=["x > 0"], near={"x": "1"})
+    kinds = {"natural": {"verdict": "variational", "certificate": natural, "lagrangian": {"text": "x'^2 + y'^2"}}}
+    for conditions, expected in (["x > 0"], "valid"), (["x > -1"], "invalid"), ([], "invalid"):
+        main = of_lagrangian("0", "0", "x'^2 + y'^2", conditions=conditions, near={"x": "1"})
+        whole = result_of(main) | {"verdict_with_time": "variational", "domain": conditions, "kinds": kinds}
+        assert verdict(whole) == expected

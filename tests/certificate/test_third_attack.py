@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate, check_result
-from tests.certificate.documents import Document, existence
+from tests.certificate.documents import Document, changed, existence
 from tests.certificate.test_brackets_along_a_solution import HEAD, SLEIGH
 from tests.certificate.test_forged_motions import AT_SOME_TIME, MAIN, claim, motion
 from tests.certificate.test_known_attacks import of_lagrangian, result_of
@@ -41,10 +41,14 @@ def test_the_series_of_a_kind_solves_the_rows_of_the_kind(among: str) -> None:
 
 
 def test_the_series_of_a_definite_multiplier_stands_at_its_own_point() -> None:
+    """Of x'' = x x': x' dg/dx + x x' dg/dx' + x g = 0 at the first order, where x = 3, x' = 2, and not at `near`."""
     near = dict.fromkeys(("t", "x", "x'"), "1")
-    document = existence("oscillator", 2, [1, 2], [1, 1, 1], among="positive_definite", near=near, multiplier=[["1"]])
-    for terms, verdict in (([[[0, 2], "1"]], "valid"), ([[[0, 2], "1"], [[1, 2], "1"]], "invalid")):
-        assert check_certificate(with_series(document, terms, "x", "x'"), seed=1).verdict == verdict
+    definite = existence("oscillator", 2, [1, 2], [1, 1, 1], among="positive_definite", near=near, multiplier=[["1"]])
+    document = changed(definite, "system.equations.x", "x*x'")
+    for slope, verdict in (("-3/2", "valid"), ("-1", "invalid")):
+        with_point = with_series(document, [[[0, 2], "1"], [[1, 2], slope]], "x", "x'")
+        with_point["series"]["point"]["x'"] = "2"
+        assert check_certificate(with_point, seed=1).verdict == verdict
 
 
 def test_the_series_of_a_motion_is_not_compared() -> None:
