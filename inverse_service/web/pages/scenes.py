@@ -36,6 +36,8 @@ EFFECTS = (
 )
 TICKED_METHODS = ("variational", "nonholonomic", "exact")
 TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
+# Of use with constraints only.
+OF_CONSTRAINTS = ("nonholonomic", "modified", "constraints")
 PLANE = ("x", "y")
 
 
@@ -68,6 +70,11 @@ class SceneForm:
     effects: tuple[str, ...] = ()
     # L and the constraints, or the equations, typeset.
     formulas: tuple[Markup, ...] = ()
+
+    def offers(self, name: str) -> bool:
+        """Whether a method or an observed quantity can mean something here; what is ticked is shown in any case."""
+        is_constrained = "constraints" in dict(self.parts)
+        return is_constrained or name not in OF_CONSTRAINTS or name in (*self.methods, *self.observe)
 
 
 def scene_form(document: Mapping[str, Any], title: str, system: str = "", job: str = "", scene: str = "") -> SceneForm:

@@ -131,6 +131,17 @@ def test_a_system_given_by_equations_has_no_effects() -> None:
     assert form_of_system({"coordinates": ["x"], "equations": {"x": "-x"}}).parts == ()
 
 
+def test_methods_of_constraints_are_offered_where_there_are_some_or_where_they_are_ticked() -> None:
+    free = form_of_system({"coordinates": ["x"], "equations": {"x": "-x"}})
+    disk = form_of_system({"catalogue": "vertically-rolling-disk"})
+    for name in ("nonholonomic", "modified", "constraints"):
+        assert not free.offers(name)
+        assert disk.offers(name)
+    assert free.offers("variational")
+    assert free.offers("energy")
+    assert replace(free, methods=("modified",)).offers("modified")
+
+
 def test_a_result_without_a_lagrangian_is_simulated_by_its_equations() -> None:
     system = {"name": "", "coordinates": ["x"], "parameters": [], "functions": {}, "equations": {"x": "-x"}}
     bare = form_of_system({"result": {"system": system, "lagrangian": None, "with_time": None}})
