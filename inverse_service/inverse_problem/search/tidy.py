@@ -114,7 +114,31 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
         return tree
     kept = _velocity_sums(tree)
     others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
-    return minus_inside(_as_written(min([tree, *others], key=_preference), system))
+    return kinetic_first(minus_inside(_as_written(min([tree, *others], key=_preference), system)))
+
+
+def kinetic_first(tree: Expression) -> Expression:
+    """T before the terms linear in velocities, these before the potential, otherwise in their order: T + A v - V."""
+    if isinstance(tree, Product):
+        return multiply(*map(kinetic_first, tree.factors))
+    return add(*sorted(tree.terms, key=_place)) if isinstance(tree, Sum) else tree
+
+
+def _place(term: Expression) -> int:
+    return -min(_degree(term), 2)
+
+
+def _degree(tree: Expression) -> int:
+    """The degree in the velocities, 2 for what is no polynomial in them."""
+    match tree:
+        case Velocity():
+            return 1
+        case Sum(terms):
+            return max(map(_degree, terms))
+        case Product(factors):
+            return sum(map(_degree, factors))
+        case _:
+            return 2 if has_velocity(tree) else 0
 
 
 def _as_written(tree: Expression, system: SecondOrderSystem) -> Expression:
