@@ -331,6 +331,10 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
     if error := based or _half_a_number(line, place):
         raise error.at(pointer)
     following = [other.text for other in line[place + 1 : place + 6]]
+    is_unit = [token.text, *following[:2]] == ["m", "/", "s"] and "s" not in coordinates
+    if is_unit and place and line[place - 1].kind == "number":
+        instead = "leave units out, write * between a number and a name"
+        raise refusal("m/s could be a unit", token.column, instead).at(pointer)
     if following[:2] == ["^", "("] and following[2:3] and following[2].isdigit() and following[3:] == [")", "("]:
         instead = f"write {token.text}''({line[place + 6].text}) for a derivative, ^2* for a product"
         raise refusal(f"{token.text}^({following[2]})( could be a derivative", token.column, instead).at(pointer)
