@@ -79,6 +79,17 @@ def _once(expression: Expression, variable: Variable, names: Names, limits: Limi
     return check_depth(result, limits, variable.column)
 
 
+def _refuse_two_meanings(function: Arbitrary, column: int) -> None:
+    """InputError for the derivative of V(t, x) by t: the partial one to some, that along the motion to others."""
+    if TIME not in function.arguments or len(function.arguments) == 1:
+        return
+    orders = ",".join(str(int(argument == TIME)) for argument in function.arguments)
+    arguments = ", ".join(node.name for node in function.arguments if isinstance(node, Symbol))
+    partial = f"{function.name}[{orders}]({arguments})"
+    what = f"a derivative of {function.name} by t could be the partial one or the one along the motion; it occurs"
+    raise refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
+
+
 def _along_motion(expression: Expression, variable: Variable, names: Names) -> Expression:
     try:
         return differentiate_in_time(expression, names.coordinates)
@@ -295,6 +306,8 @@ class OperandParser(ABC):
         self._stream.close(opening)
         if not variables:
             raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
+        if any(variable.node == TIME for variable in variables) and isinstance(expression, Arbitrary):
+            _refuse_two_meanings(expression, token.column)
         return carry_out(expression, variables, self._names, self._limits)
 
     def _variable(self) -> Variable:

@@ -368,3 +368,13 @@ def test_a_list_of_equations_with_dashes_before_them_is_asked_back(bullet: str) 
     assert "may be a bullet" in refused(guess(f"{bullet}x'' = -x\n{bullet}y'' = -y")).detail
     meant = parse_document(guess(f"{bullet}x'' = -x;\ny'' = -y"))["equations"]
     assert {name: formula["text"] for name, formula in meant.items()} == {"x": "x", "y": "-y"}
+
+
+@pytest.mark.parametrize("force", ["-diff(V(t, y), t)*y", "-diff(V(t, y), y, t)", "-diff(V(y, t), t)"])
+def test_a_derivative_by_t_of_a_function_of_t_and_more_is_asked_back(force: str) -> None:
+    """It is V_t to some and V_t + V_y y' to others; of a function of t alone it is both."""
+    arguments = ["y", "t"] if "(y, t)" in force else ["t", "y"]
+    with pytest.raises(InputError, match=r"write V\[(1,0\]\(t, y|0,1\]\(y, t)\) for the partial one"):
+        solve_document({"equations": {"y": force}, "functions": {"V": arguments}}, SolveOptions())
+    plain = solve_document({"equations": {"y": "-diff(f(t), t)*y"}, "functions": {"f": ["t"]}}, SolveOptions())
+    assert plain["system"]["equations"] == {"y": "-f'(t)*y"}
