@@ -128,6 +128,7 @@ FALSE = {
     "no riemannian one where there is": no("riemannian", rows_of(HOMOGENEOUS, 4, 2), "x*y'^2", "-2*x'*y'/x"),
     "no finsler one where there is": no("finsler", rows_of(FINSLER, 4, 2), "0", "0"),
     "no invariant one where there is": no(TURN, rows_of(FINSLER, 4, 2), "-x", "-y"),
+    "none for a quadratic force": no("rayleigh", [["S0", 0, 0, [0, 0]]], "-x'^2"),
     "none with friction where there is": no("rayleigh", rows_of(RAYLEIGH, 4, 2), "-x - x'", "-2*y - 2*y'"),
     "none with friction and time where there is": no(
         "rayleigh", rows_of(ANY_DRAG | {"K0": 1, "K1": 1, "S0": 0}, 5, 2), *DRIVEN, question="time_dependent"
@@ -148,6 +149,10 @@ FALSE = {
     "rows of symmetry off the diagonal": no("finsler", [["S0", 0, 1, [0] * 4]], "x'*y'", "y'^2"),
     "rows of a motion": no("natural", [["free", 0, 0, [0] * 4]], "x'*y'", "y'^2"),
     "existence of a natural one by invented numbers": claim("natural", "", "x'*y'", "y'^2", **DATA),
+    "existence of a natural one with time by the rows of its kind alone": claim(
+        "natural", "", "x'^3", kind="existence", question="time_dependent", order=1, degree=1, dimensions=[1, 3],
+        symbol={"dimension": 2, "prolonged": 3, "characters": [1, 1]},
+    ),
     "existence of one with friction": claim("rayleigh", "", "-x", "-y", **DATA),
     "existence of one with any friction": claim(GENERAL, "", "-x", "-y", **DATA),
     "existence of one with friction that is rational and not quadratic": claim(
