@@ -245,19 +245,21 @@ def test_constants_that_are_sums_of_roots_are_these(one: str, other: str) -> Non
 
 
 # T before the terms linear in velocities, these before the potential: Kepler; a field and a well; a bead on a parabola;
-# the relativistic oscillator; a damped one, whose factor stays outside.
+# the relativistic oscillator; a damped one, whose factor stays outside. Quotients of sin and cos are tangents.
 ORDERED = [
     ({"r": "r*th'^2 - 1/r^2", "th": "-2*r'*th'/r"}, "r'^2/2 + r^2*th'^2/2 + 1/r"),
     ({"x": "y' - x", "y": "-x' - y"}, "x'^2/2 + y'^2/2 + x*y' - x^2/2 - y^2/2"),
     ({"x": "-(x + 4*x*x'^2)/(1 + 4*x^2)"}, "(4*x^2 + 1)*x'^2/2 - x^2/2"),
     ({"x": "-x*(1 - x'^2)^(3/2)"}, "-sqrt(1 - x'^2) - x^2/2"),
     ({"x": "-x - x'/3"}, "exp(t/3)*(x'^2 - x^2)/2"),
+    ({"x": "-a*(1 + tan(x)^2)"}, "x'^2/2 - a*tan(x)"),
+    ({"x": "b/cosh(x)^2"}, "x'^2/2 + b*tanh(x)"),
 ]
 
 
 @pytest.mark.parametrize(("equations", "wanted"), ORDERED)
 def test_the_kinetic_energy_comes_first(equations: dict[str, str], wanted: str) -> None:
-    system = read_system(list(equations), equations, [])
-    solution = solve(system, SolveOptions(given=read_given(list(equations), equations, []).residuals))
+    system = read_system(list(equations), equations, ["a", "b"])
+    solution = solve(system, SolveOptions(given=read_given(list(equations), equations, ["a", "b"]).residuals))
     shown = [to_text(a.lagrangian.expression) for a in (solution.autonomous, solution.with_time) if a and a.lagrangian]
     assert wanted in shown
