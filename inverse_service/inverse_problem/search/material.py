@@ -264,7 +264,11 @@ def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]
     letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
     for letter in list(letters):
         letters.update(dict.fromkeys(companions(letter)))
-    found: dict[Monomial, None] = {}
+        if isinstance(letter, Apply) and isinstance(letter.argument, Sum):
+            letters[letter.argument] = None  # (x + 1) log(x + 1)
+    found: dict[Monomial, None] = dict.fromkeys(
+        times(key, monomial(p, q)) for p, _ in key for q in companions(p) if isinstance(p, Apply)
+    )  # sin(x)/cos(x) for 1/cos(x)^2
     for letter in letters:
         try:
             slope = letter_derivative(letter, variable)

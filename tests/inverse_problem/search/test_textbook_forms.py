@@ -254,6 +254,8 @@ ORDERED = [
     ({"x": "-x - x'/3"}, "exp(t/3)*(x'^2 - x^2)/2"),
     ({"x": "-a*(1 + tan(x)^2)"}, "x'^2/2 - a*tan(x)"),
     ({"x": "b/cosh(x)^2"}, "x'^2/2 + b*tanh(x)"),
+    ({"x": "b*x/cos(x)^2"}, "x'^2/2 + b*(log(cos(x)) + x*tan(x))"),
+    ({"x": "b*log(a*x + 1)"}, "x'^2/2 - b*x + b*log(a*x + 1)*(a*x + 1)/a"),
 ]
 
 
