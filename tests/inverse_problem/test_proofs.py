@@ -125,7 +125,7 @@ def test_a_lagrangian_is_a_theorem_for_each_coordinate() -> None:
     [
         ({"x": "x'^2*y'", "y": "y'^2*x' + x"}, ""),
         ({"x": "-sin(asin(x)/2)"}, "the answer has no certificate"),
-        ({"x": "-log(x + 3000)"}, "the Lagrangian holds integrals"),
+        ({"x": "-exp(-x^2)"}, "the Lagrangian holds integrals"),
     ],
 )
 def test_where_no_proof_is_written_a_sentence_says_why(equations: dict[str, str], reason: str) -> None:
