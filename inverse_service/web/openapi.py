@@ -231,12 +231,13 @@ def _descriptions() -> dict[str, str]:
 
 
 def _finish_operations(paths: dict[str, Any]) -> None:
-    """Short names, tags, and problem documents as the only kind of error."""
+    """Short names, what a call does, tags, and problem documents as the only kind of error."""
     calls = [(path, method, call) for path, methods in paths.items() for method, call in methods.items()]
     names = Counter(_short(call) for _, _, call in calls)
     for path, _, call in calls:
         short, tag = _short(call), _TAG_OF.get(path.split("/")[2] if path.startswith("/v1/") else "", "operations")
         call |= {"operationId": short if names[short] == 1 else f"{short}_{tag}", "tags": [tag]}
+        call["summary"] = str(call["description"]).split("\n")[0].removesuffix(".")
         for status, answer in call["responses"].items():
             if status[0] in "45":
                 answer["content"] = {PROBLEM: {"schema": {"$ref": REFERENCE.format(model="ProblemDocument")}}}

@@ -64,6 +64,14 @@ def test_every_call_has_a_short_name_a_tag_and_a_summary(description: dict[str, 
     assert all(call["tags"] and call["summary"] and call["description"] for call in calls)
 
 
+def test_every_call_says_in_its_summary_what_it_does(description: dict[str, Any]) -> None:
+    """And not the name of a function in capitals, as "List Jobs"."""
+    calls = [call for methods in description["paths"].values() for call in methods.values()]
+    assert all(call["description"].startswith(call["summary"]) for call in calls)
+    assert all(len(call["summary"].split()) > 2 and not call["summary"].istitle() for call in calls)
+    assert len({call["summary"] for call in calls}) == len(calls)
+
+
 def test_errors_are_problem_documents_and_nothing_else(description: dict[str, Any]) -> None:
     for methods in description["paths"].values():
         for call in methods.values():
