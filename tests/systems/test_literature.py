@@ -79,7 +79,7 @@ def assert_solved(known: Known, time_limit: float) -> None:
         if answer is not None:
             assert answer["checked"] == "valid"
             if answer["lagrangian"]:
-                assert is_lagrangian(answer["lagrangian"]["text"], given)
+                assert is_lagrangian(answer["lagrangian"]["text"], given, integrals=answer["integrals"])
     assert check(result)["verdict"] == "valid"
 
 

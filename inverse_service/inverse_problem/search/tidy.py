@@ -138,8 +138,11 @@ def kinetic_first(tree: Expression) -> Expression:
     return add(*sorted(tree.terms, key=_place)) if isinstance(tree, Sum) else tree
 
 
-def _place(term: Expression) -> int:
-    return -min(_degree(term), 2)
+def _place(term: Expression) -> tuple[int, bool]:
+    """By the degree in the velocities, 2 and more alike; a kinetic energy does not begin with a minus."""
+    degree = min(_degree(term), 2)
+    negative = isinstance(term, Product) and isinstance(term.factors[0], Number) and term.factors[0].value < 0
+    return -degree, degree == 2 and negative
 
 
 def _degree(tree: Expression) -> int:
