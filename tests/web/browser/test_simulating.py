@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
 from tests.web.pages.test_small_pictures import lines_of
 
@@ -152,12 +152,15 @@ def test_a_constrained_result_is_simulated_with_the_lagrangian_that_was_found(vi
     expect(visit.page.locator("tbody tr", has_text="variational").first).to_contain_text("completed")
 
 
-def test_error_is_measured_against_time(visit: Visit) -> None:
-    visit.go("/simulate?system=knife-edge")
-    visit.page.get_by_label("Steps").fill("20")
-    visit.page.get_by_role("button", name="Measure error against time").click()
-    expect(visit.page.locator("[data-plot=work-precision] .legend span").first).to_be_visible(timeout=60_000)
-    assert visit.page.locator("tbody tr").count() >= 4
+def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
+    """Five methods at many steps take 4 s alone, and beside other work more than the 10 s of the other service."""
+    page = browser.new_page()
+    page.goto(f"{patient}/simulate?system=knife-edge")
+    page.get_by_label("Steps").fill("20")
+    page.get_by_role("button", name="Measure error against time").click()
+    expect(page.locator("[data-plot=work-precision] .legend span").first).to_be_visible(timeout=60_000)
+    assert page.locator("tbody tr").count() >= 4
+    page.close()
 
 
 def test_what_is_wrong_with_a_scene_is_told_on_the_form(visit: Visit) -> None:
