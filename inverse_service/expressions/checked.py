@@ -18,7 +18,6 @@ from inverse_service.expressions.tree import (
     add,
     children,
     multiply,
-    power,
 )
 
 _BITS_PER_DIGIT = 3.3219280948873626
@@ -74,7 +73,7 @@ def reciprocal(expression: Expression, column: int) -> Expression:
     """1/u; InputError where u is the number 0."""
     if expression == Number(Fraction(0)):
         raise refusal("a division by zero occurs", column, "divide by something that is not 0")
-    return power(expression, -1)
+    return expression**-1
 
 
 def raised(base: Expression, exponent: Expression, column: int, limits: Limits) -> Expression:
@@ -85,7 +84,7 @@ def raised(base: Expression, exponent: Expression, column: int, limits: Limits) 
         _check_exponent(exponent.value, column, limits)
         if isinstance(base, Number):
             _check_numbers(base.value, exponent.value, column, limits)
-    result = power(base, exponent)
+    result = base**exponent
     _check_number(_coefficient(result), column, limits)
     if isinstance(result, Power) and isinstance(result.exponent, Number):
         _check_exponent(result.exponent.value, column, limits)

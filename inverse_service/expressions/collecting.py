@@ -30,11 +30,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
-    add,
-    multiply,
-    negate,
     number,
-    power,
     square_root,
 )
 
@@ -243,7 +239,7 @@ def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fracti
     factors = [_normal(table, Fraction(1)), _number_power(abs(coefficient), exponent)]
     if bound or coefficient < 0:
         sign = 1 if coefficient > 0 else -1
-        factors.append(_normal({multiply(number(sign), monomial_tree(tuple(bound))): exponent}, Fraction(1)))
+        factors.append(_normal({sign * monomial_tree(tuple(bound)): exponent}, Fraction(1)))
     return _product(factors)
 
 
@@ -264,13 +260,13 @@ def _function(tree: Apply) -> Terms:
         return _expand(inner.argument)
     if isinstance(inner, Apply) and (tree.function, inner.function) in _ROOTS:
         a, b = _ROOTS[tree.function, inner.function]
-        return _expand(square_root(add(number(a), multiply(number(b), power(inner.argument, 2)))))
+        return _expand(square_root(a + b * inner.argument**2))
     special = _SPECIAL.get(tree.function)
     if special:
         return special(_expand(inner))
     inner, parity = _canonical(inner), FUNCTION[tree.function].parity if tree.function in FUNCTION else 0
     if parity and isinstance(inner, Product) and isinstance(inner.factors[0], Number) and inner.factors[0].value < 0:
-        return _scaled(_atom(Apply(tree.function, negate(inner))), Fraction(parity))
+        return _scaled(_atom(Apply(tree.function, -inner)), Fraction(parity))
     return _atom(Apply(tree.function, inner))
 
 

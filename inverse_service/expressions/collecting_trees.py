@@ -24,7 +24,6 @@ from inverse_service.expressions.tree import (
     multiply,
     negate,
     number,
-    power,
     rebuild,
 )
 
@@ -46,7 +45,7 @@ def place(base: Expression) -> Place:
 
 def terms_tree(terms: Iterable[tuple[Monomial, Fraction]]) -> Expression:
     """The sum of coefficient * monomial."""
-    return add(*(multiply(number(value), monomial_tree(monomial)) for monomial, value in terms))
+    return add(*(value * monomial_tree(monomial) for monomial, value in terms))
 
 
 def monomial_tree(monomial: Monomial) -> Expression:
@@ -60,9 +59,9 @@ def monomial_tree(monomial: Monomial) -> Expression:
         elif isinstance(base, Number) and base.value > 0 and exponent.denominator != 1:
             numbers[exponent] = numbers.get(exponent, Fraction(1)) * base.value
         else:
-            exponents[base] = add(exponents.get(base, ZERO), number(exponent))
-    roots = [power(number(value), exponent) for exponent, value in numbers.items()]
-    factors = [power(base, exponent) for base, exponent in exponents.items()]
+            exponents[base] = exponents.get(base, ZERO) + exponent
+    roots = [number(value) ** exponent for exponent, value in numbers.items()]
+    factors = [base**exponent for base, exponent in exponents.items()]
     total = add(*argument)
     return multiply(*roots, *factors, *([Apply("exp", total)] if total != ZERO else []))
 
@@ -74,11 +73,11 @@ def _split_exponential(
     factors = argument.factors if isinstance(argument, Product) else (argument,)
     logs = [factor for factor in factors if isinstance(factor, Apply) and factor.function == "log"]
     if len(logs) != 1:
-        plain.append(multiply(number(scale), argument))
+        plain.append(scale * argument)
         return
     rest = multiply(number(scale), *(factor for factor in factors if factor is not logs[0]))
     base = logs[0].argument
-    exponents[base] = add(exponents.get(base, ZERO), rest)
+    exponents[base] = exponents.get(base, ZERO) + rest
 
 
 @lru_cache(maxsize=1024)
@@ -89,7 +88,7 @@ def merge_powers(tree: Expression) -> Expression:
         case Product(factors):
             return monomial_tree_of(_flat(factors))
         case Power(Apply("exp", argument), Number() as exponent):
-            return Apply("exp", multiply(exponent, argument))
+            return Apply("exp", exponent * argument)
         case _:
             return inner
 
@@ -99,7 +98,7 @@ def _flat(factors: Iterable[Expression]) -> Iterator[Expression]:
     for factor in factors:
         match factor:
             case Power(Product(inner), Number(value) as exponent) if value.denominator == 1:
-                yield from (power(part, exponent) for part in inner)
+                yield from (part**exponent for part in inner)
             case _:
                 yield factor
 
@@ -112,9 +111,9 @@ def monomial_tree_of(factors: Iterable[Expression]) -> Expression:
     for factor in factors:
         match factor:
             case Number():
-                coefficient = multiply(coefficient, factor)
+                coefficient = coefficient * factor
             case Power(Power(base, exponent), Number(value) as times) if value.denominator == 1:
-                symbolic.setdefault(base, []).append(multiply(times, exponent))
+                symbolic.setdefault(base, []).append(times * exponent)
             case Power(base, Number(exponent)):
                 table[base] = table.get(base, Fraction(0)) + exponent
             case Power(base, exponent):
@@ -122,13 +121,13 @@ def monomial_tree_of(factors: Iterable[Expression]) -> Expression:
             case _:
                 table[factor] = table.get(factor, Fraction(0)) + 1
     exponents = {base: add(*found, Number(table.pop(base, Fraction(0)))) for base, found in symbolic.items()}
-    rest = [power(base, exponent) for base, exponent in exponents.items()]
+    rest = [base**exponent for base, exponent in exponents.items()]
     return multiply(coefficient, monomial_tree(tuple(table.items())), *rest)
 
 
 def separate_tree(monomial: Monomial) -> Expression:
     """The product with each atom's power on its own: exp(u)^-1 and not exp(-u)."""
-    return multiply(*(power(base, exponent) for base, exponent in monomial))
+    return multiply(*(base**exponent for base, exponent in monomial))
 
 
 def minus_inside(tree: Expression) -> Expression:
@@ -140,7 +139,7 @@ def minus_inside(tree: Expression) -> Expression:
             for place, factor in enumerate(factors):
                 base, exponent = (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, ONE)
                 if _is_difference(base) and isinstance(exponent, Number) and exponent.value % 2 == 1:
-                    turned = power(add(*map(negate, base.terms[::-1])), exponent)
+                    turned = add(*map(negate, base.terms[::-1])) ** exponent
                     return multiply(number(-value), *factors[:place], turned, *factors[place + 1 :])
     return tree
 

@@ -27,11 +27,8 @@ from inverse_service.expressions.tree import (
     add,
     apply,
     multiply,
-    number,
-    power,
     rebuild,
     substitute,
-    subtract,
     walk,
 )
 
@@ -102,7 +99,7 @@ def _derivative(expression: Expression, rate: Rule) -> Expression:
             return _of_power(base, exponent, rate)
         case Apply(function, argument):
             inner = rate(argument)
-            return ZERO if inner == ZERO else multiply(_rule(function)(argument), inner)
+            return ZERO if inner == ZERO else _rule(function)(argument) * inner
         case Integral():
             return _of_integral(expression, rate)
         case Arbitrary():
@@ -124,15 +121,15 @@ def _of_power(base: Expression, exponent: Expression, rate: Rule) -> Expression:
     terms = []
     inner = rate(base)
     if inner != ZERO:
-        terms.append(multiply(exponent, _lowered(base, exponent), inner))
+        terms.append(exponent * _lowered(base, exponent) * inner)
     outer = rate(exponent)
     if outer != ZERO:
-        terms.append(multiply(Power(base, exponent), apply("log", base), outer))
+        terms.append(Power(base, exponent) * apply("log", base) * outer)
     return add(*terms)
 
 
 def _lowered(base: Expression, exponent: Expression) -> Expression:
-    return power(base, Fraction(-1, 2)) if exponent == HALF else power(base, subtract(exponent, number(1)))
+    return base ** Fraction(-1, 2) if exponent == HALF else base ** (exponent - 1)
 
 
 def _of_integral(integral: Integral, rate: Rule) -> Expression:
@@ -143,7 +140,7 @@ def _of_integral(integral: Integral, rate: Rule) -> Expression:
         if inner != ZERO:
             if slope is None:
                 raise ValueError(f"the derivative of {integral.name} is left open")
-            terms.append(multiply(slope, inner))
+            terms.append(slope * inner)
     return add(*terms)
 
 
@@ -153,7 +150,7 @@ def _of_arbitrary(function: Arbitrary, rate: Rule) -> Expression:
         inner = rate(argument)
         if inner != ZERO:
             orders = tuple(order + (place == k) for k, order in enumerate(function.orders))
-            terms.append(multiply(Arbitrary(function.name, function.arguments, orders), inner))
+            terms.append(Arbitrary(function.name, function.arguments, orders) * inner)
     return add(*terms)
 
 

@@ -6,17 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.tree import (
-    MINUS_ONE,
-    ONE,
-    Expression,
-    add,
-    apply,
-    multiply,
-    negate,
-    power,
-    subtract,
-)
+from inverse_service.expressions.tree import Expression, apply
 
 Rule = Callable[[Expression], Expression]
 
@@ -41,11 +31,11 @@ class Function:
 
 
 def _square(u: Expression) -> Expression:
-    return power(u, 2)
+    return u**2
 
 
 def _inverse_root(u: Expression) -> Expression:
-    return power(u, Fraction(-1, 2))
+    return u ** Fraction(-1, 2)
 
 
 def _other(function: str) -> Rule:
@@ -53,35 +43,35 @@ def _other(function: str) -> Rule:
 
 
 def _negative_product(first: str, second: str) -> Rule:
-    return lambda u: multiply(MINUS_ONE, apply(first, u), apply(second, u))
+    return lambda u: -1 * apply(first, u) * apply(second, u)
 
 
 _NOT_ZERO = (bool, "a number other than 0")
 _ROWS = (
     Function("exp", _other("exp"), command="\\exp"),
-    Function("log", lambda u: power(u, -1), 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),
+    Function("log", lambda u: u**-1, 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),
     Function("sin", _other("cos"), -1, command="\\sin"),
-    Function("cos", lambda u: negate(apply("sin", u)), 1, command="\\cos"),
-    Function("tan", lambda u: add(ONE, _square(apply("tan", u))), -1, command="\\tan"),
-    Function("cot", lambda u: negate(add(ONE, _square(apply("cot", u)))), -1, "tan", *_NOT_ZERO, "\\cot"),
-    Function("sec", lambda u: multiply(apply("sec", u), apply("tan", u)), 1, "cos", command="\\sec"),
+    Function("cos", lambda u: -apply("sin", u), 1, command="\\cos"),
+    Function("tan", lambda u: 1 + _square(apply("tan", u)), -1, command="\\tan"),
+    Function("cot", lambda u: -(1 + _square(apply("cot", u))), -1, "tan", *_NOT_ZERO, "\\cot"),
+    Function("sec", lambda u: apply("sec", u) * apply("tan", u), 1, "cos", command="\\sec"),
     Function("csc", _negative_product("csc", "cot"), -1, "sin", *_NOT_ZERO, "\\csc"),
     Function("sinh", _other("cosh"), -1, command="\\sinh"),
     Function("cosh", _other("sinh"), 1, command="\\cosh"),
-    Function("tanh", lambda u: subtract(ONE, _square(apply("tanh", u))), -1, command="\\tanh"),
-    Function("coth", lambda u: subtract(ONE, _square(apply("coth", u))), -1, "tanh", *_NOT_ZERO, "\\coth"),
+    Function("tanh", lambda u: 1 - _square(apply("tanh", u)), -1, command="\\tanh"),
+    Function("coth", lambda u: 1 - _square(apply("coth", u)), -1, "tanh", *_NOT_ZERO, "\\coth"),
     Function("sech", _negative_product("sech", "tanh"), 1, "cosh"),
     Function("csch", _negative_product("csch", "coth"), -1, "sinh", *_NOT_ZERO),
-    Function("asin", lambda u: _inverse_root(subtract(ONE, _square(u))), -1, "", lambda u: abs(u) <= 1,
+    Function("asin", lambda u: _inverse_root(1 - _square(u)), -1, "", lambda u: abs(u) <= 1,
              "a number between -1 and 1", "\\arcsin", "arcsin"),
-    Function("acos", lambda u: negate(_inverse_root(subtract(ONE, _square(u)))), 0, "", lambda u: abs(u) <= 1,
+    Function("acos", lambda u: -_inverse_root(1 - _square(u)), 0, "", lambda u: abs(u) <= 1,
              "a number between -1 and 1", "\\arccos", "arccos"),
-    Function("atan", lambda u: power(add(ONE, _square(u)), -1), -1, command="\\arctan", shown="arctan"),
-    Function("asinh", lambda u: _inverse_root(add(ONE, _square(u))), -1),
+    Function("atan", lambda u: (1 + _square(u))**-1, -1, command="\\arctan", shown="arctan"),
+    Function("asinh", lambda u: _inverse_root(1 + _square(u)), -1),
     # Two roots and not that of u^2 - 1, which would be real for u < -1 too, where acosh is not.
-    Function("acosh", lambda u: multiply(_inverse_root(subtract(u, ONE)), _inverse_root(add(u, ONE))), 0, "",
+    Function("acosh", lambda u: _inverse_root(u - 1) * _inverse_root(u + 1), 0, "",
              lambda u: u >= 1, "a number not less than 1"),
-    Function("atanh", lambda u: power(subtract(ONE, _square(u)), -1), -1, "", lambda u: abs(u) < 1,
+    Function("atanh", lambda u: (1 - _square(u))**-1, -1, "", lambda u: abs(u) < 1,
              "a number between -1 and 1"),
 )  # fmt: skip
 FUNCTION: dict[str, Function] = {row.name: row for row in _ROWS}

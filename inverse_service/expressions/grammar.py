@@ -24,7 +24,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.operands import OperandParser
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.tokens import END, Token, TokenStream, refusal, shorten, unexpected
-from inverse_service.expressions.tree import MINUS_ONE, ONE, Expression, multiply, number, subtract
+from inverse_service.expressions.tree import MINUS_ONE, ONE, Expression, multiply, number
 from inverse_service.expressions.vocabulary import FUNCTIONS, PIECEWISE, call
 
 _OPERAND = "a number, a name or '('"
@@ -210,7 +210,7 @@ class FormulaParser(OperandParser):
     def _both(self) -> Expression:
         found = self._one_condition()
         while self._stream.take_operator("&"):
-            found = multiply(found, self._one_condition())
+            found = found * self._one_condition()
         return found
 
     def _one_condition(self) -> Expression:
@@ -218,7 +218,7 @@ class FormulaParser(OperandParser):
             return ONE
         if self._stream.take_operator("~"):
             with self._stream.nested():
-                return subtract(ONE, self._one_condition())
+                return 1 - self._one_condition()
         if self._stream.ahead.is_operator("(") and self._compares():
             opening = self._stream.take()
             found = self._condition()
@@ -243,7 +243,7 @@ class FormulaParser(OperandParser):
         left, found = self._within(1), []
         while token := self._stream.take_operator("<", ">"):
             right = self._within(1)
-            found.append(step(subtract(left, right) if token.text == ">" else subtract(right, left), token.column))
+            found.append(step(left - right if token.text == ">" else right - left, token.column))
             left = right
         if not found:
             raise unexpected(self._stream.ahead, "an inequality such as x > 0, or true,")

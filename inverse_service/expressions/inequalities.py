@@ -21,9 +21,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    multiply,
     negate,
-    number,
     walk,
 )
 
@@ -70,7 +68,7 @@ def _is_plainly_no_less(tree: Expression, known: Collection[Expression]) -> bool
 
 def is_plainly_nonzero(tree: Expression, known: Collection[Expression]) -> bool:
     """Whether it is not 0 wherever it is defined and none of `known` is 0, seen from its form alone."""
-    if tree in known or negate(tree) in known or is_plainly_positive(tree):
+    if tree in known or -tree in known or is_plainly_positive(tree):
         return True
     match tree:
         case Number(value):
@@ -90,7 +88,7 @@ def _sides(tree: Expression) -> tuple[Expression, Expression, bool]:
     if len(varying) == 1:
         return _bound(varying[0], add(*(term for term in terms if _is_number(term))))
     above = [term for term in terms if _coefficient(term) > 0]
-    below = [negate(term) for term in terms if _coefficient(term) < 0]
+    below = [-term for term in terms if _coefficient(term) < 0]
     if not above or all(map(_is_number, above)):
         return add(*below), add(*above), False
     return (add(*above), add(*below), True) if min(len(above), len(below)) < 2 else (tree, ZERO, True)
@@ -101,8 +99,8 @@ def _bound(term: Expression, rest: Expression) -> tuple[Expression, Expression, 
     coefficient = _coefficient(term)
     parts = rest.terms if isinstance(rest, Sum) else (rest,)
     return (
-        multiply(number(1 / coefficient), term),
-        add(*(multiply(number(-1 / coefficient), part) for part in parts)),
+        1 / coefficient * term,
+        add(*(-1 / coefficient * part for part in parts)),
         coefficient > 0,
     )
 

@@ -21,10 +21,7 @@ from inverse_service.expressions.tree import (
     Number,
     Power,
     add,
-    multiply,
-    negate,
     substitute,
-    subtract,
     walk,
 )
 
@@ -42,10 +39,10 @@ def step(u: Expression, column: int) -> Expression:
     u = collect(u)
     if isinstance(u, Number):
         return ONE if u.value > 0 else ZERO
-    other = collect(negate(u))
+    other = collect(-u)
     shown, turned = to_text(u), to_text(other)
     if (len(turned), turned) < (len(shown), shown):
-        return subtract(ONE, Apply(STEP, other))
+        return 1 - Apply(STEP, other)
     return Apply(STEP, u)
 
 
@@ -55,7 +52,7 @@ def _is_natural(exponent: Number) -> bool:
 
 def either(left: Expression, right: Expression) -> Expression:
     """One of two conditions holds."""
-    return add(left, right, negate(multiply(left, right)))
+    return left + right - left * right
 
 
 def piecewise(pieces: Sequence[tuple[Expression, Expression]], column: int) -> Expression:
@@ -65,8 +62,8 @@ def piecewise(pieces: Sequence[tuple[Expression, Expression]], column: int) -> E
     left: Expression = ONE  # 1 where no condition holds so far
     terms = []
     for value, condition in pieces:
-        terms.append(multiply(value, _multilinear(multiply(condition, left))))
-        left = _multilinear(multiply(left, subtract(ONE, condition)))
+        terms.append(value * _multilinear(condition * left))
+        left = _multilinear(left * (1 - condition))
     steps = dict.fromkeys(node for _, condition in pieces for node in walk(condition) if isinstance(node, Apply))
     if len(steps) > MOST_BOUNDARIES:
         most = f"at most {MOST_BOUNDARIES}, which make {MOST_BOUNDARIES + 1} cases"

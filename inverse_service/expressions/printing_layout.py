@@ -21,7 +21,6 @@ from inverse_service.expressions.tree import (
     Symbol,
     multiply,
     number,
-    power,
 )
 
 _EXPONENTIAL = Apply("exp", ONE)
@@ -89,9 +88,9 @@ def _collect(expression: Expression, inverse: bool, parts: _Parts) -> None:
             for factor in factors:
                 _collect(factor, inverse, parts)
         case Power(base, Number(exponent)) if exponent < 0:
-            _collect(power(base, -exponent), not inverse, parts)
+            _collect(base**-exponent, not inverse, parts)
         case Power(base, Number(exponent)) if exponent.denominator == 1 and (plain := _as_written(base)) != base:
-            _collect(power(plain, exponent), inverse, parts)
+            _collect(plain**exponent, inverse, parts)
         case _:
             (parts.denominators if inverse else parts.numerators).append(expression)
 
@@ -105,7 +104,7 @@ def _as_written(base: Expression) -> Expression:
     if parts.negative or parts.over != 1 or len(parts.numerators) > 1:
         return base
     if not parts.numerators:
-        return power(multiply(number(parts.under), *parts.denominators), -1)
+        return multiply(number(parts.under), *parts.denominators) ** -1
     alone = parts.under == 1 and not parts.denominators
     return parts.numerators[0] if alone else base
 

@@ -1,7 +1,8 @@
 """Syntax trees of formulas: frozen data, exact numbers, no evaluation of text.
 
-A tree is built by the reader (`reader.py`) or by the functions `add`, `multiply`,
-`power`, `apply` here, which flatten, fold numbers and drop neutral elements; they never expand.
+A tree is built by the reader (`reader.py`) or by arithmetic: + - * / ** of trees and exact numbers, or the
+functions `add`, `multiply`, `power`, `apply` here; they flatten, fold numbers and drop neutral elements, and never
+expand.
 Names are plain data: what a `Symbol` stands for (coordinate, parameter, time `t`, the number
 `pi`) is known only to the system that holds the tree.
 """
@@ -11,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar
+from typing import ClassVar, cast
 
 ELEMENTARY = frozenset(
     (
@@ -35,6 +36,36 @@ class _Node:
             value = hash((type(self).__name__, *(getattr(self, name) for name in self.__match_args__)))
             object.__setattr__(self, "_hash", value)
             return value
+
+    def __add__(self, other: Operand) -> Expression:
+        return add(_tree(self), _tree(other))
+
+    def __radd__(self, other: int | Fraction) -> Expression:
+        return add(_tree(other), _tree(self))
+
+    def __sub__(self, other: Operand) -> Expression:
+        return subtract(_tree(self), _tree(other))
+
+    def __rsub__(self, other: int | Fraction) -> Expression:
+        return subtract(_tree(other), _tree(self))
+
+    def __mul__(self, other: Operand) -> Expression:
+        return multiply(_tree(self), _tree(other))
+
+    def __rmul__(self, other: int | Fraction) -> Expression:
+        return multiply(_tree(other), _tree(self))
+
+    def __truediv__(self, other: Operand) -> Expression:
+        return divide(_tree(self), _tree(other))
+
+    def __rtruediv__(self, other: int | Fraction) -> Expression:
+        return divide(_tree(other), _tree(self))
+
+    def __pow__(self, exponent: Operand) -> Expression:
+        return power(_tree(self), _tree(exponent))
+
+    def __neg__(self) -> Expression:
+        return negate(_tree(self))
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +173,7 @@ class Integral(Arbitrary):
 
 
 Expression = Number | Symbol | Velocity | Acceleration | Sum | Product | Power | Apply | Arbitrary
+Operand = _Node | int | Fraction
 
 ZERO, ONE, MINUS_ONE, HALF = (Number(Fraction(k)) for k in ("0", "1", "-1", "1/2"))
 TIME = Symbol("t")
@@ -151,6 +183,15 @@ PI = Symbol("pi")
 def number(value: int | Fraction) -> Number:
     """The exact number as a tree."""
     return Number(Fraction(value))
+
+
+def _tree(operand: Operand) -> Expression:
+    """The operand as a tree; TypeError for what is neither a node nor an exact number."""
+    if isinstance(operand, _Node):
+        return cast(Expression, operand)
+    if not isinstance(operand, int | Fraction):
+        raise TypeError(f"a tree cannot be combined with {type(operand).__name__}")
+    return number(operand)
 
 
 def add(*terms: Expression) -> Expression:

@@ -9,16 +9,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.tokens import refusal
-from inverse_service.expressions.tree import (
-    ELEMENTARY,
-    Expression,
-    Number,
-    apply,
-    divide,
-    number,
-    power,
-    square_root,
-)
+from inverse_service.expressions.tree import ELEMENTARY, Expression, Number, apply, number, square_root
 
 ALIASES = {
     "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",
@@ -31,16 +22,16 @@ ALIASES = {
 
 def _magnitude(u: Expression) -> Expression:
     """|u|: sqrt(u^2), whose two sides are told apart where the equations are solved."""
-    return number(abs(u.value)) if isinstance(u, Number) else square_root(power(u, 2))
+    return number(abs(u.value)) if isinstance(u, Number) else square_root(u**2)
 
 
 _COMPOSED: dict[str, Callable[[Expression], Expression]] = {
     "sqrt": square_root,
-    "cbrt": lambda u: power(u, Fraction(1, 3)),
+    "cbrt": lambda u: u ** Fraction(1, 3),
     "abs": _magnitude,
-    "sign": lambda u: divide(u, _magnitude(u)),
-    "log10": lambda u: divide(apply("log", u), apply("log", number(10))),
-    "log2": lambda u: divide(apply("log", u), apply("log", number(2))),
+    "sign": lambda u: u / _magnitude(u),
+    "log10": lambda u: apply("log", u) / apply("log", number(10)),
+    "log2": lambda u: apply("log", u) / apply("log", number(2)),
 }
 DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
 PIECEWISE = frozenset(("piecewise", "Piecewise"))
@@ -117,7 +108,7 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
     """The function of FUNCTIONS applied; InputError for a wrong number of arguments or outside its domain."""
     function = ALIASES.get(function, function)
     if function == "log" and len(arguments) == 2:
-        return divide(call("log", arguments[:1], column), call("log", arguments[1:], column))
+        return call("log", arguments[:1], column) / call("log", arguments[1:], column)
     if len(arguments) != 1:
         raise refusal(f"{function} has {len(arguments)} arguments", column, f"write one, as in {function}(u)")
     check_domain(function, arguments[0], column)

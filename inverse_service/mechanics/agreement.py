@@ -29,7 +29,6 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
-    subtract,
     walk,
 )
 
@@ -121,7 +120,7 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
     masses = [[differentiate(momentum, Velocity(name)) for name in names] for momentum in momenta]
     rates = [differentiate_in_time(each, names) for each in given.constraints]
     forces = [
-        subtract(differentiate_in_time(momentum, names), differentiate(given.lagrangian, Symbol(name)))
+        differentiate_in_time(momentum, names) - differentiate(given.lagrangian, Symbol(name))
         for momentum, name in zip(momenta, names, strict=True)
     ]
     pivots: list[int] = []

@@ -20,7 +20,6 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
-    negate,
     walk,
 )
 
@@ -40,7 +39,7 @@ def gradient(tree: Expression, leaves: Iterable[Symbol | Velocity]) -> dict[Symb
             case _:
                 held = dict.fromkeys(node for node in walk(part) if isinstance(node, Symbol | Velocity))
                 for leaf in (node for node in held if node in wanted):
-                    parts.setdefault(leaf, []).append(multiply(factor, differentiate(part, leaf)))
+                    parts.setdefault(leaf, []).append(factor * differentiate(part, leaf))
     return {leaf: add(*terms) for leaf, terms in parts.items()}
 
 
@@ -79,6 +78,6 @@ def euler_lagrange_sums(
     sums, forces = [], gradient(lagrangian, map(Symbol, coordinates))
     for name, momentum in zip(coordinates, momenta(lagrangian, coordinates), strict=True):
         slopes = gradient(momentum, [TIME, *(leaf for leaf, _ in rates)])
-        terms = [multiply(slopes[leaf], rate) for leaf, rate in rates if leaf in slopes and rate != ZERO]
-        sums.append(add(*terms, slopes.get(TIME, ZERO), negate(forces.get(Symbol(name), ZERO))))
+        terms = [slopes[leaf] * rate for leaf, rate in rates if leaf in slopes and rate != ZERO]
+        sums.append(add(*terms, slopes.get(TIME, ZERO), -forces.get(Symbol(name), ZERO)))
     return tuple(sums)

@@ -20,7 +20,6 @@ from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate
 from inverse_service.expressions.tree import (
-    MINUS_ONE,
     ONE,
     PI,
     ZERO,
@@ -228,8 +227,8 @@ def _with_known(equation: LinearEquation, solved: Mapping[str, Expression]) -> E
 def _scaled(coefficient: Expression, expression: Expression) -> Expression:
     """The product; a number is multiplied into the terms of a sum."""
     if isinstance(coefficient, Number) and isinstance(expression, Sum):
-        return add(*(multiply(coefficient, term) for term in expression.terms))
-    return multiply(coefficient, expression)
+        return add(*(coefficient * term for term in expression.terms))
+    return coefficient * expression
 
 
 def _inverse(ring: OpaqueRing, matrix: list[list[OpaqueFraction]]) -> list[list[OpaqueFraction]] | None:
@@ -249,7 +248,7 @@ def _solution(
 ) -> Expression:
     """-Σ inverse_j rest_j: as it stands, or put over one denominator where that is not much longer."""
     parts = [(entry, rest) for entry, rest in zip(inverse_row, rests, strict=True) if not entry.numerator.is_zero()]
-    plain = add(*(_scaled(multiply(MINUS_ONE, ring.tree(entry)), rest) for entry, rest in parts))
+    plain = add(*(_scaled(-1 * ring.tree(entry), rest) for entry, rest in parts))
     if all(isinstance(ring.tree(entry), Number) and len(parts) == 1 for entry, _ in parts):
         return plain
     gathered = _gathered(plain, places)

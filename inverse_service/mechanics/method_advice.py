@@ -7,18 +7,7 @@ from typing import Any
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    negate,
-    substitute,
-    subtract,
-    walk,
-)
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.mechanics.euler_lagrange import hessian
 
 EXACT = "; where a single trajectory is to be exact, adaptive costs less."
@@ -45,11 +34,11 @@ def for_constraints(
     The method keeps the energy of regular motions for long, and nearly that of others, where motions turned round are
     motions: L is even in the velocities and the constraints are odd.
     """
-    turned: dict[Expression, Expression] = {Velocity(name): negate(Velocity(name)) for name in coordinates}
+    turned: dict[Expression, Expression] = {Velocity(name): -Velocity(name) for name in coordinates}
     why = f"and the energy drifts little, because motions can be turned round{EXACT}"
-    if collect(subtract(lagrangian, substitute(lagrangian, turned))) != ZERO:
+    if collect(lagrangian - substitute(lagrangian, turned)) != ZERO:
         why = f"but the energy may drift, as terms of odd degree in the velocities let no motion be turned round{EXACT}"
-    if any(collect(add(one, substitute(one, turned))) != ZERO for one in constraints):
+    if any(collect(one + substitute(one, turned)) != ZERO for one in constraints):
         why = "but the energy is no constant to be kept, because constraints with parts free of velocities do work."
     if any(node == TIME for tree in (lagrangian, *constraints) for node in walk(tree)):
         why = "but L contains t, so the energy is no constant to be kept."

@@ -28,7 +28,6 @@ from inverse_service.expressions.tree import (
     add,
     multiply,
     number,
-    power,
 )
 
 Polynomial = Any  # python-flint has no types
@@ -120,11 +119,11 @@ class OpaqueRing:
         """The quotient as a tree, factored where that is cheap."""
         content, over = self._factors(fraction.numerator)
         under_content, under = self._factors(fraction.denominator)
-        below = [power(factor, -exponent) for factor, exponent in under]
+        below = [factor**-exponent for factor, exponent in under]
         if len(under) > 1 or (under and (content / under_content).denominator != 1):
-            inside = multiply(*(power(factor, exponent) for factor, exponent in under))
-            below = [power(inside, -1)]
-        return multiply(number(content / under_content), *(power(f, k) for f, k in over), *below)
+            inside = multiply(*(factor**exponent for factor, exponent in under))
+            below = [inside**-1]
+        return multiply(number(content / under_content), *(f**k for f, k in over), *below)
 
     def _factors(self, polynomial: Polynomial) -> tuple[Fraction, list[tuple[Expression, int]]]:
         if polynomial.is_zero():
@@ -158,7 +157,7 @@ class OpaqueRing:
     def _sum_tree(self, polynomial: Polynomial, scale: Fraction) -> Expression:
         terms = []
         for exponents, value in polynomial.to_dict().items():
-            powers = [power(self.atoms[k], int(e)) for k, e in enumerate(exponents) if e]
+            powers = [self.atoms[k] ** int(e) for k, e in enumerate(exponents) if e]
             terms.append(multiply(number(Fraction(int(value.p), int(value.q)) / scale), *powers))
         return add(*terms)
 

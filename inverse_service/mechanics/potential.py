@@ -11,14 +11,7 @@ import flint
 
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Exponents, Quotient, as_fraction
-from inverse_service.expressions.tree import (
-    Apply,
-    Arbitrary,
-    Expression,
-    add,
-    multiply,
-    power,
-)
+from inverse_service.expressions.tree import Apply, Arbitrary, Expression, add, multiply
 from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.quotient_matrices import common_multiple, solution
 
@@ -37,14 +30,14 @@ class Potential:
 
     def exponential(self, ring: ExactRing) -> Expression:
         """exp(phi) as a tree."""
-        factors = [power(readable(ring, element), readable(ring, value)) for value, element in self.logarithms]
+        factors = [readable(ring, element) ** readable(ring, value) for value, element in self.logarithms]
         if not self.rest.is_zero:
             factors.append(Apply("exp", readable(ring, self.rest)))
         return multiply(*factors)
 
     def tree(self, ring: ExactRing) -> Expression:
         """phi as a tree."""
-        logs = [multiply(readable(ring, value), Apply("log", readable(ring, e))) for value, e in self.logarithms]
+        logs = [readable(ring, value) * Apply("log", readable(ring, e)) for value, e in self.logarithms]
         return add(*logs, readable(ring, self.rest))
 
     def plus_logarithm(self, factors: Sequence[tuple[Fraction, Quotient]]) -> Potential:

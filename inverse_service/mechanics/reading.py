@@ -27,11 +27,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    divide,
-    multiply,
-    negate,
     substitute,
-    subtract,
     walk,
 )
 from inverse_service.mechanics.document_names import Declared, Parameters, bounded, escaped, known_names
@@ -91,14 +87,14 @@ def _slopes(equations: Sequence[tuple[Expression, Expression]], coordinates: Seq
     """What each derivative is, in the order of the equations; InputError for one that is not u' = … ."""
     found: dict[str, Expression] = {}
     for left, right in equations:
-        zero = subtract(left, right)
+        zero = left - right
         moving = {node for node in walk(zero) if isinstance(node, Velocity)}
         rate = next(iter(moving), None)
         factor = differentiate(zero, rate) if rate is not None and len(moving) == 1 else ZERO
         if rate is None or factor == ZERO or any(isinstance(node, Velocity) for node in walk(factor)):
             raise InputError(NOT_PAIRS, "/equations")
         rest = substitute(zero, {rate: ZERO})
-        found[rate.coordinate] = negate(rest if factor == ONE else divide(rest, factor))
+        found[rate.coordinate] = -(rest if factor == ONE else rest / factor)
     return found
 
 
@@ -107,7 +103,7 @@ def _solved(slopes: Mapping[str, Expression], chosen: tuple[str, ...]) -> Pairs 
     momenta = [name for name in slopes if name not in chosen]
     unknowns: dict[Expression, Expression] = {Symbol(name): Acceleration(name) for name in momenta}
     try:
-        linear = [linear_equation(subtract(substitute(slopes[q], unknowns), Velocity(q))) for q in chosen]
+        linear = [linear_equation(substitute(slopes[q], unknowns) - Velocity(q)) for q in chosen]
         values = solve_accelerations(linear, momenta)
     except InputError:
         return None
@@ -120,7 +116,7 @@ def _along(slope: Expression, slopes: Mapping[str, Expression], chosen: Sequence
     terms = [differentiate(slope, TIME)]
     for name, motion in slopes.items():
         rate = Velocity(name) if name in chosen else motion
-        terms.append(multiply(differentiate(slope, Symbol(name)), rate))
+        terms.append(differentiate(slope, Symbol(name)) * rate)
     return add(*terms)
 
 
@@ -172,7 +168,7 @@ def read_given(
 ) -> GivenEquations:
     """The equations of a document as they stand, left side minus right side; InputError as in `read_system`."""
     names, found = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
-    return GivenEquations(names, tuple(subtract(left, right) for left, right, _ in found))
+    return GivenEquations(names, tuple(left - right for left, right, _ in found))
 
 
 def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_Equation]]:
@@ -330,5 +326,5 @@ def _accelerations(found: list[_Equation], coordinates: tuple[str, ...]) -> tupl
     solved = not any(has_acceleration(right) for right in explicit.values())
     if solved and len(explicit) == len(found) == len(coordinates):
         return tuple(explicit[coordinate] for coordinate in coordinates)
-    residuals = [linear_equation(subtract(left, right), pointer) for left, right, pointer in found]
+    residuals = [linear_equation(left - right, pointer) for left, right, pointer in found]
     return solve_accelerations(residuals, coordinates)

@@ -21,19 +21,7 @@ import numpy as np
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    HALF,
-    TIME,
-    ZERO,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    negate,
-    subtract,
-    walk,
-)
+from inverse_service.expressions.tree import HALF, TIME, ZERO, Expression, Symbol, Velocity, add, walk
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import Matrix, hessian
 from inverse_service.simulation.array_values import NoValue, array_value
@@ -111,10 +99,8 @@ def _with_one_direction(found: ExactMotion) -> ExactMotion | NoExactMotion:
 def _mass(lagrangian: Expression, inertia: Matrix, names: tuple[str, ...], values: Mapping[str, float]) -> Array | None:
     rates = [Velocity(name) for name in names]
     table: dict[Expression, float] = {Symbol(name): value for name, value in values.items()}
-    kinetic = add(
-        *(multiply(HALF, entry, rates[i], rates[j]) for i, row in enumerate(inertia) for j, entry in enumerate(row))
-    )
-    rest = collect(subtract(lagrangian, kinetic))
+    kinetic = add(*(HALF * entry * rates[i] * rates[j] for i, row in enumerate(inertia) for j, entry in enumerate(row)))
+    rest = collect(lagrangian - kinetic)
     try:
         array_value(rest, table)
         return np.array([[float(array_value(entry, table)[0]) for entry in row] for row in inertia])
@@ -127,7 +113,7 @@ def _coefficients(constraint: Expression, names: tuple[str, ...]) -> tuple[Expre
     row = tuple(collect(differentiate(constraint, Velocity(name))) for name in names)
     if any(isinstance(node, Velocity) for entry in row for node in walk(entry)):
         return None
-    rest = add(constraint, negate(add(*(multiply(entry, Velocity(n)) for entry, n in zip(row, names, strict=True)))))
+    rest = constraint - add(*(entry * Velocity(n) for entry, n in zip(row, names, strict=True)))
     return row if collect(rest) == ZERO else None
 
 

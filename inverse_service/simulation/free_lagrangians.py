@@ -35,11 +35,8 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    divide,
     multiply,
-    negate,
     number,
-    power,
     square_root,
     walk,
 )
@@ -92,18 +89,18 @@ def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLag
     constants = {i: _name(names[i], [*taken, *names]) for i in coupled}
     speed, momentum = Velocity(names[k]), Symbol(f"p_{names[k]}")
     quadratic = add(*(
-        divide(multiply(Symbol(constants[i]), power(Velocity(names[i]), 2)), directions[i]) for i in coupled
+        Symbol(constants[i]) * Velocity(names[i])**2 / directions[i] for i in coupled
     ))  # fmt: skip
     image = add(*(
-        divide(multiply(directions[i], power(Symbol(f"p_{names[i]}"), 2)), Symbol(constants[i])) for i in coupled
+        directions[i] * Symbol(f"p_{names[i]}")**2 / Symbol(constants[i]) for i in coupled
     ))  # fmt: skip
     free = [i for i in range(len(names)) if i == k or i in decoupled]
-    kinetic = [multiply(HALF, power(Velocity(names[i]), 2)) for i in free]
-    others = [multiply(HALF, power(Symbol(f"p_{names[i]}"), 2)) for i in decoupled]
-    shifted = add(momentum, divide(multiply(HALF, image), norm))
+    kinetic = [HALF * Velocity(names[i]) ** 2 for i in free]
+    others = [HALF * Symbol(f"p_{names[i]}") ** 2 for i in decoupled]
+    shifted = momentum + HALF * image / norm
     return ClassLagrangian(
-        lagrangian=add(*kinetic, divide(multiply(HALF, norm, quadratic), speed)),
-        hamiltonian=add(multiply(HALF, power(shifted, 2)), *others),
+        lagrangian=add(*kinetic, HALF * norm * quadratic / speed),
+        hamiltonian=add(HALF * shifted**2, *others),
         constants=tuple(constants.get(i) for i in range(len(names))),
         kind="L~2" if steady else "L~1",
         turning=k,
@@ -119,12 +116,12 @@ def _directions(motion: ExactMotion) -> dict[int, Expression]:
     found = {}
     for place, i in enumerate(others):
         minor = determinant(tuple(tuple(row[j] for j in others if j != i) for row in motion.constraints))
-        found[i] = negate(minor) if place % 2 else minor
+        found[i] = -minor if place % 2 else minor
     return found
 
 
 def _square(motion: ExactMotion, directions: dict[int, Expression]) -> Expression:
-    terms = [multiply(motion.inertia[i][j], directions[i], directions[j]) for i in directions for j in directions]
+    terms = [motion.inertia[i][j] * directions[i] * directions[j] for i in directions for j in directions]
     return collect(add(*terms))
 
 

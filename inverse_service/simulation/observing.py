@@ -29,18 +29,7 @@ import numpy as np
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    substitute,
-    subtract,
-    walk,
-)
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, substitute, walk
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
@@ -76,7 +65,7 @@ def greatest(values: Array) -> float | None:
 def energy(lagrangian: Expression, coordinates: tuple[str, ...]) -> Expression:
     """v L_v - L."""
     pairs = zip(coordinates, momenta(lagrangian, coordinates), strict=True)
-    return subtract(add(*(multiply(Velocity(name), p) for name, p in pairs)), lagrangian)
+    return add(*(Velocity(name) * p for name, p in pairs)) - lagrangian
 
 
 def lagrangian_of_energy(scene: Scene) -> Expression | None:
@@ -96,7 +85,7 @@ def observables(scene: Scene) -> tuple[Observable, ...]:
     """The formulas that the kernel evaluates at every step: those of the observed quantities, no others."""
     found = []
     if "energy" in scene.observe and scene.lagrangian is not None:
-        error = subtract(energy(scene.lagrangian, scene.coordinates), Symbol(ENERGY_START))
+        error = energy(scene.lagrangian, scene.coordinates) - Symbol(ENERGY_START)
         found.append(Observable("energy_error", error))
     if "constraints" in scene.observe:
         found += [Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]

@@ -20,16 +20,7 @@ from inverse_service.codegen.planning import limit_at_zero_step
 from inverse_service.codegen.program import CLOCK, Program, Solve
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    Apply,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    number,
-    power,
-)
+from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
 from inverse_service.integrators.tableaux import composition
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.execution import Run, Stopped, at_last, stopped
@@ -86,7 +77,7 @@ def _tree(formula: Formula, names: dict[str, Expression]) -> Expression | None:
     if isinstance(formula, symengine.Mul):
         return multiply(*known)
     if isinstance(formula, symengine.Pow):
-        return power(known[0], known[1])
+        return known[0] ** known[1]
     name = type(formula).__name__.lower()
     return Apply(name, known[0]) if name in _FUNCTIONS and len(known) == 1 else None
 

@@ -16,18 +16,7 @@ from inverse_service.codegen.triangular_form import components
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    ONE,
-    TIME,
-    ZERO,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    divide,
-    multiply,
-    negate,
-)
+from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, Velocity, add
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
 
 Matrix = tuple[tuple[Expression, ...], ...]
@@ -50,7 +39,7 @@ def regular_accelerations(
     inertia = inverse(hessian(lagrangian, names))
     if inertia is None:
         return None
-    own = tuple(negate(e) for e in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names)))
+    own = tuple(-e for e in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names)))
     free = _applied(inertia, tuple(map(add, own, forces)) if forces else own)
     if not constraints:
         return free
@@ -59,9 +48,9 @@ def regular_accelerations(
     gram = inverse(tuple(tuple(_dot(row, lift) for lift in lifted) for row in rows))
     if gram is None:
         return None
-    defects = [add(_rate(w, names), _dot(row, free)) for w, row in zip(constraints, rows, strict=True)]
-    reactions = [negate(_dot(line, defects)) for line in gram]
-    return tuple(add(free[i], _dot([lift[i] for lift in lifted], reactions)) for i in range(len(names)))
+    defects = [_rate(w, names) + _dot(row, free) for w, row in zip(constraints, rows, strict=True)]
+    reactions = [-_dot(line, defects) for line in gram]
+    return tuple(free[i] + _dot([lift[i] for lift in lifted], reactions) for i in range(len(names)))
 
 
 def inverse(matrix: Matrix) -> Matrix | None:
@@ -80,7 +69,7 @@ def inverse(matrix: Matrix) -> Matrix | None:
             raise InputError(DEGENERATE)
         for a, i in enumerate(block):
             for b, j in enumerate(block):
-                found[i][j] = divide(_cofactor(inner, b, a), whole)
+                found[i][j] = _cofactor(inner, b, a) / whole
     return tuple(map(tuple, found))
 
 
@@ -88,7 +77,7 @@ def determinant(matrix: Matrix) -> Expression:
     """The determinant by expansion along the first row; 1 for a matrix without rows."""
     if not matrix:
         return ONE
-    terms = [multiply(entry, _cofactor(matrix, 0, j)) for j, entry in enumerate(matrix[0]) if entry != ZERO]
+    terms = [entry * _cofactor(matrix, 0, j) for j, entry in enumerate(matrix[0]) if entry != ZERO]
     return collect(add(*terms))
 
 
@@ -97,12 +86,12 @@ def _cofactor(matrix: Matrix, row: int, column: int) -> Expression:
         tuple(entry for j, entry in enumerate(line) if j != column) for i, line in enumerate(matrix) if i != row
     )
     value = determinant(minor)
-    return negate(value) if (row + column) % 2 else value
+    return -value if (row + column) % 2 else value
 
 
 def _rate(expression: Expression, names: tuple[str, ...]) -> Expression:
     """The part of the derivative in time that holds no acceleration."""
-    along = (multiply(differentiate(expression, Symbol(name)), Velocity(name)) for name in names)
+    along = (differentiate(expression, Symbol(name)) * Velocity(name) for name in names)
     return collect(add(*along, differentiate(expression, TIME)))
 
 
@@ -111,4 +100,4 @@ def _applied(matrix: Matrix, vector: Sequence[Expression]) -> tuple[Expression, 
 
 
 def _dot(left: Sequence[Expression], right: Sequence[Expression]) -> Expression:
-    return add(*(multiply(a, b) for a, b in zip(left, right, strict=True) if a != ZERO and b != ZERO))
+    return add(*(a * b for a, b in zip(left, right, strict=True) if a != ZERO and b != ZERO))

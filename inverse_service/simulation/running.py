@@ -20,7 +20,7 @@ import numpy as np
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, add
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.advice import COST, Means, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
@@ -356,9 +356,7 @@ def with_tangent(scene: Scene, accelerations: tuple[Expression, ...]) -> Problem
     tangents = tuple(f"tangent_of_{name}" for name in names)
     rows = []
     for force in accelerations:
-        terms = [multiply(differentiate(force, Symbol(x)), Symbol(w)) for x, w in zip(names, tangents, strict=True)]
-        terms += [
-            multiply(differentiate(force, Velocity(x)), Velocity(w)) for x, w in zip(names, tangents, strict=True)
-        ]
+        terms = [differentiate(force, Symbol(x)) * Symbol(w) for x, w in zip(names, tangents, strict=True)]
+        terms += [differentiate(force, Velocity(x)) * Velocity(w) for x, w in zip(names, tangents, strict=True)]
         rows.append(collect(add(*terms)))
     return Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))

@@ -30,12 +30,8 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    divide,
     multiply,
-    number,
-    power,
     square_root,
-    subtract,
 )
 from inverse_service.sympy.names import Table
 
@@ -108,7 +104,7 @@ def from_sympy(expression: Any, leaves: Leaves) -> Expression:
         case sympy.Mul():
             return multiply(*(from_sympy(factor, leaves) for factor in expression.args))
         case sympy.Pow():
-            return power(from_sympy(expression.base, leaves), from_sympy(expression.exp, leaves))
+            return from_sympy(expression.base, leaves) ** from_sympy(expression.exp, leaves)
         case sympy.exp():
             return Apply("exp", from_sympy(expression.args[0], leaves))
         case _ if expression == sympy.pi:
@@ -146,7 +142,7 @@ def _condition(held: Any, leaves: Leaves) -> Expression:
         case sympy.Or():
             return reduce(either, (_condition(part, leaves) for part in held.args))
         case sympy.Not():
-            return subtract(ONE, _condition(held.args[0], leaves))
+            return 1 - _condition(held.args[0], leaves)
         case sympy.Gt() | sympy.Ge() | sympy.Lt() | sympy.Le():
             return step(from_sympy(held.gts - held.lts, leaves), 1)
     raise _refused(f"the condition {held} occurs", "write inequalities of polynomials, joined by &, | and ~")
@@ -166,8 +162,8 @@ def _elementary(expression: Any, leaves: Leaves) -> Expression:
 def _with_branches(expression: Any, leaves: Leaves) -> Expression:
     """|u| is the root of u^2, sign(u) is u/|u|: the solver takes them apart by branches."""
     argument = from_sympy(expression.args[0], leaves)
-    magnitude = square_root(power(argument, number(2)))
-    return magnitude if isinstance(expression, sympy.Abs) else divide(argument, magnitude)
+    magnitude = square_root(argument**2)
+    return magnitude if isinstance(expression, sympy.Abs) else argument / magnitude
 
 
 def _derivative(expression: Any, leaves: Leaves) -> Expression:

@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
+from fractions import Fraction
+
+import pytest
+
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import Expression, Symbol, add, distinct_nodes, multiply, walk
+from inverse_service.expressions.tree import (
+    Expression,
+    Symbol,
+    add,
+    distinct_nodes,
+    multiply,
+    number,
+    power,
+    walk,
+)
 
 
 def formula(text: str) -> Expression:
@@ -28,3 +42,34 @@ def test_shared_parts_are_not_entered_again() -> None:
 
 def test_no_trees_have_no_nodes() -> None:
     assert list(distinct_nodes([])) == []
+
+
+TREES = [
+    formula(text) for text in ("x", "2", "0", "-1", "x+1", "1-x", "3*x*y", "x^2", "sqrt(x)", "y/(x+1)", "sin(x)-2")
+]
+
+
+@pytest.mark.parametrize(("left", "right"), [*itertools.product(TREES, repeat=2)])
+def test_signs_between_trees_are_the_functions_of_the_same_name(left: Expression, right: Expression) -> None:
+    assert left + right == add(left, right)
+    assert left - right == add(left, multiply(number(-1), right))
+    assert left * right == multiply(left, right)
+    assert left / right == multiply(left, power(right, -1))
+    assert left**right == power(left, right)
+    assert -left == multiply(number(-1), left)
+
+
+@pytest.mark.parametrize("tree", TREES)
+@pytest.mark.parametrize("value", [0, 1, -1, 3, Fraction(-2, 3)])
+def test_a_number_beside_a_tree_is_a_tree(tree: Expression, value: int | Fraction) -> None:
+    other = number(value)
+    assert (tree + value, value + tree) == (tree + other, other + tree)
+    assert (tree - value, value - tree) == (tree - other, other - tree)
+    assert (tree * value, value * tree) == (tree * other, other * tree)
+    assert (tree / value, value / tree) == (tree / other, other / tree)
+    assert tree**value == tree**other
+
+
+def test_what_is_not_exact_is_no_number_of_a_tree() -> None:
+    with pytest.raises(TypeError, match="float"):
+        Symbol("x") * 0.5  # type: ignore[operator]

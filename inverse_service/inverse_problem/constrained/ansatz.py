@@ -33,9 +33,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    multiply,
     substitute,
-    subtract,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
@@ -70,9 +68,9 @@ def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
     table = dict(zip(motion.free, motion.free_accelerations, strict=True))
     for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True):
         terms = [differentiate(w, TIME)]
-        terms += [multiply(differentiate(w, Velocity(u)), table[u]) for u in motion.free]
+        terms += [differentiate(w, Velocity(u)) * table[u] for u in motion.free]
         for q in motion.coordinates:
-            terms.append(multiply(differentiate(w, Symbol(q)), rates.get(Velocity(q), Velocity(q))))
+            terms.append(differentiate(w, Symbol(q)) * rates.get(Velocity(q), Velocity(q)))
         table[name] = add(*terms)
     accelerations = tuple(table[name] for name in motion.coordinates)
     return SecondOrderSystem(motion.coordinates, accelerations, motion.parameters, motion.functions)
@@ -115,9 +113,9 @@ def _squares(motion: ConstrainedMotion) -> list[dict[Monomial, Fraction]]:
     """Half the square of each constraint: a Lagrangian of nothing on the constraints."""
     found = []
     for v, w in motion.on_constraints.items():
-        constraint = subtract(v, w)
+        constraint = v - w
         try:
-            found.append({key: value / 2 for key, value in terms_of(multiply(constraint, constraint)).items()})
+            found.append({key: value / 2 for key, value in terms_of(constraint * constraint).items()})
         except TooManyTerms:
             continue
     return found

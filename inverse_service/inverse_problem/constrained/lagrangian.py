@@ -24,12 +24,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    divide,
-    multiply,
-    negate,
-    power,
     substitute,
-    subtract,
     walk,
 )
 from inverse_service.inverse_problem.hamiltonisation.reduced import reduced_system
@@ -74,7 +69,7 @@ def own_system(lagrangian: Expression, motion: ConstrainedMotion, deadline: floa
     """The Euler-Lagrange equations of a regular L, solved for the accelerations; None where that is too large."""
     names = motion.coordinates
     matrix = hessian(lagrangian, names)
-    right = [negate(tree) for tree in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names))]
+    right = [-tree for tree in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names))]
     trees = [*right, *(entry for row in matrix for entry in row)]
     variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
@@ -146,9 +141,9 @@ def _solved_for(tree: Expression, names: Sequence[str]) -> str | None:
 def _rate(motion: ConstrainedMotion, tree: Expression) -> Expression:
     """The derivative along the motion of a function of t, q and the free velocities."""
     rates = motion.on_constraints
-    speeds = [multiply(differentiate(tree, Symbol(q)), rates.get(Velocity(q), Velocity(q))) for q in motion.coordinates]
+    speeds = [differentiate(tree, Symbol(q)) * rates.get(Velocity(q), Velocity(q)) for q in motion.coordinates]
     pushes = zip(motion.free, motion.free_accelerations, strict=True)
-    return add(differentiate(tree, TIME), *speeds, *(multiply(differentiate(tree, Velocity(u)), f) for u, f in pushes))
+    return add(differentiate(tree, TIME), *speeds, *(differentiate(tree, Velocity(u)) * f for u, f in pushes))
 
 
 def _system_of(
@@ -164,7 +159,7 @@ def _system_of(
                 return None
             others.remove(solved)
             rest = substitute(tree, {Symbol(solved): ZERO})
-            table[Symbol(solved)] = divide(subtract(Symbol(name), rest), differentiate(tree, Symbol(solved)))
+            table[Symbol(solved)] = (Symbol(name) - rest) / differentiate(tree, Symbol(solved))
     rates = [_rate(motion, tree) for tree in functions.values()]
     speeds = _free_velocities(motion, rates, list(functions), budget)
     if speeds is None:
@@ -180,7 +175,7 @@ def _free_velocities(
     free: list[Symbol | Velocity] = [Velocity(name) for name in motion.free]
     matrix = [[differentiate(rate, u) for u in free] for rate in rates]
     still: dict[Expression, Expression] = dict.fromkeys(free, ZERO)
-    right = [subtract(Velocity(name), substitute(rate, still)) for name, rate in zip(names, rates, strict=True)]
+    right = [Velocity(name) - substitute(rate, still) for name, rate in zip(names, rates, strict=True)]
     trees = [*right, *(entry for row in matrix for entry in row)]
     ring = exact_ring(trees, [Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
     solved = solve_square([[ring.value(e) for e in row] for row in matrix], [ring.value(tree) for tree in right])
@@ -222,12 +217,12 @@ def lagrangian_of_closed(
 def _on_constraints(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangian: Lagrangian) -> Lagrangian:
     table: dict[Expression, Expression] = {}
     for name, tree in closed.functions.items():
-        slopes = [multiply(differentiate(tree, Symbol(q)), Velocity(q)) for q in motion.coordinates]
+        slopes = [differentiate(tree, Symbol(q)) * Velocity(q) for q in motion.coordinates]
         table |= {Symbol(name): tree, Velocity(name): add(*slopes)}
     pairs = zip(motion.dependent, motion.dependent_velocities, strict=True)
-    squares = [power(subtract(Velocity(name), w), Fraction(2)) for name, w in pairs]
+    squares = [(Velocity(name) - w) ** Fraction(2) for name, w in pairs]
     half = Number(Fraction(1, 2))
-    whole = add(substitute(lagrangian.expression, table), *(multiply(half, square) for square in squares))
+    whole = add(substitute(lagrangian.expression, table), *(half * square for square in squares))
     return replace(
         lagrangian,
         expression=whole,

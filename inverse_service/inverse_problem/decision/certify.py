@@ -28,12 +28,8 @@ from inverse_service.expressions.tree import (
     add,
     apply,
     distinct_nodes,
-    multiply,
-    negate,
     number,
-    power,
     square_root,
-    subtract,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, variables_of
@@ -206,7 +202,7 @@ def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
 
 def _signs(analysis: Analysis, domain: Domain) -> list[dict[str, str]]:
     """Which signs functions under roots have, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
-    signed = (factor if sign > 0 else negate(factor) for factor, sign in analysis.tower.signs)
+    signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
     found = (u for u in signed if u not in domain.positive and any(isinstance(node, Apply) for node in walk(u)))
     return [{"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)} for u in found]
 
@@ -219,7 +215,7 @@ def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:
         others = [one for one in roots if node not in walk(one)]
         if {*others}.isdisjoint(walk(node.base)) or not isinstance(node.exponent, Number):
             continue
-        whole = power(node.base, Fraction(1, node.exponent.value.denominator))
+        whole = node.base ** Fraction(1, node.exponent.value.denominator)
         known: list[Expression] = [number(1), *others]
         try:
             with mpmath.workdps(_MANY_DIGITS):
@@ -228,7 +224,7 @@ def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:
         except NoRealValue:
             continue
         if found and found[0]:
-            terms = (multiply(number(Fraction(-a, found[0])), b) for a, b in zip(found[1:], known, strict=True))
+            terms = (Fraction(-a, found[0]) * b for a, b in zip(found[1:], known, strict=True))
             yield {"root": to_text(whole), "is": to_text(add(*terms))}
 
 
@@ -236,15 +232,15 @@ def _root(node: Expression, value: Expression) -> tuple[Expression, Expression] 
     """A root with a positive exponent; sqrt(1 - sin(u)^2) = cos u or -cos u of asin(sin u), of acos(cos u) likewise."""
     match node:
         case Power(base, Number(exponent)) if exponent < 0:
-            return power(base, -exponent), power(value, -1)
+            return base**-exponent, value**-1
         case Power():
             return node, value
         case Apply("asin" | "acos" as function, Apply(inner, u)):
             other = apply("cos" if function == "asin" else "sin", u)
-            root = square_root(subtract(number(1), power(apply(inner, u), 2)))
-            return root, other if value == u else negate(other)
+            root = square_root(1 - apply(inner, u) ** 2)
+            return root, other if value == u else -other
         case Apply("Heaviside", u):
-            return square_root(power(u, 2)), negate(u) if value == ZERO else u
+            return square_root(u**2), -u if value == ZERO else u
         case _:
             return None
 

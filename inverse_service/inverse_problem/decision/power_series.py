@@ -27,18 +27,7 @@ from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    PI,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    number,
-    power,
-    subtract,
-    walk,
-)
+from inverse_service.expressions.tree import PI, Expression, Symbol, Velocity, add, multiply, number, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, variables_of
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.inverse_problem.kinds.helmholtz import matrix_of
@@ -257,8 +246,6 @@ def _agrees(value: Fraction, residue: int, prime: int) -> bool:
 
 def as_tree(series: RationalSeries) -> Expression:
     """The polynomial in the displacements, low degrees first."""
-    steps = [subtract(x, number(series.point[x])) for x in series.variables]
+    steps = [x - series.point[x] for x in series.variables]
     ordered = sorted(series.coefficients.items(), key=lambda item: (sum(item[0]), item[0]))
-    return add(
-        *(multiply(number(a), *(power(d, e) for d, e in zip(steps, index, strict=True) if e)) for index, a in ordered)
-    )
+    return add(*(multiply(number(a), *(d**e for d, e in zip(steps, index, strict=True) if e)) for index, a in ordered))

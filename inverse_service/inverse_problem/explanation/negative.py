@@ -9,7 +9,7 @@ from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.deadline import now
 from inverse_service.expressions.notation import matrix, row
-from inverse_service.expressions.tree import Expression, Symbol, add, multiply, walk
+from inverse_service.expressions.tree import Expression, Symbol, add, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.differential_numbers import differential_numbers
 from inverse_service.inverse_problem.explanation.differential_obstruction import contradiction, direction_matrix
@@ -214,7 +214,7 @@ def _solved_step(ring: ExactRing, symbols: Mapping[Unknown, Symbol], step: Solve
 
 def linear_tree(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -> Expression:
     """The combination of the entries as a tree."""
-    return add(*(multiply(quotient_tree(ring, row[unknown]), symbols[unknown]) for unknown in sorted(row)))
+    return add(*(quotient_tree(ring, row[unknown]) * symbols[unknown] for unknown in sorted(row)))
 
 
 def _closing_step(solved: SolvedConditions) -> Step:

@@ -18,7 +18,7 @@ from flint import fmpq, fmpq_mat
 from inverse_service.algebra.point import Variable
 from inverse_service.expressions.notation import Formula, matrix, of_tree, row, theory
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Symbol, add, multiply, number
+from inverse_service.expressions.tree import Expression, Symbol, add, number
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.local_system import RowName
 from inverse_service.inverse_problem.explanation.differential_numbers import DifferentialNumbers, FractionRow, Sum
@@ -94,7 +94,7 @@ def _tensor_step(condition: ConditionName, rows: tuple[Row, ...]) -> Step:
 
 
 def combination(row: Row, names: Sequence[Symbol]) -> Expression:
-    return add(*(multiply(number(a), name) for a, name in zip(row, names, strict=True) if a))
+    return add(*(a * name for a, name in zip(row, names, strict=True) if a))
 
 
 def _equation_step(name: EquationName, line: Row, names: Sequence[Symbol]) -> Step:

@@ -14,15 +14,7 @@ from inverse_service.deadline import now
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.notation import Formula, matrix, partial_derivative, row, theory
-from inverse_service.expressions.tree import (
-    ONE,
-    Acceleration,
-    Expression,
-    Symbol,
-    Velocity,
-    subtract,
-    walk,
-)
+from inverse_service.expressions.tree import ONE, Acceleration, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.explanation.wording import Explanation, Piece, said, separated
 from inverse_service.inverse_problem.outcome import Step
 from inverse_service.mechanics.conditions import MotionInRing, connection, jacobi_endomorphism, motion_in_ring
@@ -150,7 +142,7 @@ def _line(lagrangian: Expression, name: str, names: Sequence[str]) -> tuple[Expr
     momentum = collect(differentiate(lagrangian, Velocity(name)))
     rate = collect(differentiate_in_time(momentum, names))
     force = collect(differentiate(lagrangian, Symbol(name)))
-    return momentum, rate, force, collect(subtract(rate, force))
+    return momentum, rate, force, collect(rate - force)
 
 
 def _sentence(

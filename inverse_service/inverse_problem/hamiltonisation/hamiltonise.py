@@ -31,9 +31,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
-    negate,
     substitute,
-    subtract,
     walk,
 )
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison, Flow, compare
@@ -200,7 +198,7 @@ class _Work:
     def restriction(self) -> Statement:
         """f on the constraints is the nonholonomic acceleration."""
         pairs = zip(self.associated.accelerations, self.motion.accelerations, strict=True)
-        trees = [subtract(substitute(f, self.on_constraints), a) for f, a in pairs]
+        trees = [substitute(f, self.on_constraints) - a for f, a in pairs]
         return self._tested("On the constraints the associated system has the accelerations of the motion.", trees)
 
     def euler_lagrange(self) -> Statement:
@@ -212,9 +210,9 @@ class _Work:
         h = self.transform.hamiltonian
         trees = []
         for name, symbol in zip(self.names, self.transform.symbols, strict=True):
-            trees.append(subtract(substitute(differentiate(h, symbol), self.lifted), Velocity(name)))
+            trees.append(substitute(differentiate(h, symbol), self.lifted) - Velocity(name))
             slope = differentiate(self.lagrangian, Symbol(name))
-            trees.append(add(substitute(differentiate(h, Symbol(name)), self.lifted), slope))
+            trees.append(substitute(differentiate(h, Symbol(name)), self.lifted) + slope)
         return self._tested("With p = dL/dv the canonical equations of H are the Euler-Lagrange equations of L.", trees)
 
     def image(self) -> Statement:
@@ -242,8 +240,8 @@ class _Work:
             terms = [differentiate(image, TIME)]
             for name, p in zip(self.names, self.transform.symbols, strict=True):
                 q = Symbol(name)
-                terms.append(multiply(differentiate(image, q), differentiate(h, p)))
-                terms.append(negate(multiply(differentiate(image, p), differentiate(h, q))))
+                terms.append(differentiate(image, q) * differentiate(h, p))
+                terms.append(-(differentiate(image, p) * differentiate(h, q)))
             trees.append(self._restricted(add(*terms)))
         return self._tested("The flow of H keeps the constraints in phase space.", trees)
 
@@ -257,7 +255,7 @@ class _Work:
         first = Flow((*positions, *speeds), (*rates, *self.motion.free_accelerations))
         h, symbols = self.transform.hamiltonian, self.transform.symbols
         forward = [differentiate(h, p) for p in symbols]
-        backward = [negate(differentiate(h, q)) for q in positions]
+        backward = [-differentiate(h, q) for q in positions]
         second = Flow((*positions, *symbols), (*forward, *backward))
         momenta = [substitute(p, self.on_constraints) for p in self.transform.momenta]
         constants = [Symbol(name) for name in self.associated.parameters]

@@ -14,17 +14,7 @@ from fractions import Fraction
 
 from inverse_service.deadline import left, now
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import (
-    TIME,
-    Arbitrary,
-    Expression,
-    Symbol,
-    Velocity,
-    multiply,
-    power,
-    substitute,
-    walk,
-)
+from inverse_service.expressions.tree import TIME, Arbitrary, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
 from inverse_service.inverse_problem.options import SolveOptions
@@ -89,7 +79,7 @@ def answer_reduced(
     found = chaplygin_factor(system, density)
     if isinstance(found, str):
         return _searched(system, plain, others, found, asked, end)
-    faster: dict[Expression, Expression] = {Velocity(r): multiply(found, Velocity(r)) for r in system.coordinates}
+    faster: dict[Expression, Expression] = {Velocity(r): found * Velocity(r) for r in system.coordinates}
     known = None if candidate is None else tidied(substitute(candidate, faster))
     faster_system = with_clock(system, found)
     if faster_system is None:
@@ -135,7 +125,7 @@ def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) 
         return "The density of the invariant measure contains other coordinates."
     if held.isdisjoint(map(Symbol, names)) and not any(isinstance(node, Arbitrary) for node in walk(density.momenta)):
         return "The measure of the momenta itself is invariant, which asks for no other clock."
-    return power(density.momenta, Fraction(1, len(names) - 1))
+    return density.momenta ** Fraction(1, len(names) - 1)
 
 
 def _on_constraints(motion: ConstrainedMotion, lagrangian: Expression) -> Expression | None:

@@ -14,17 +14,7 @@ from inverse_service.codegen.algebra import closure, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import Definitions, define_functions
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    Arbitrary,
-    Expression,
-    Symbol,
-    add,
-    multiply,
-    number,
-    power,
-    substitute,
-    walk,
-)
+from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, add, number, substitute, walk
 
 STEPS, STEP = 100, 0.01
 _STARTS = 12
@@ -67,8 +57,8 @@ def sample_functions(trees: Sequence[Expression], seed: int = 1) -> Definitions:
             arguments = tuple(f"argument_{k}" for k in range(len(node.arguments)))
             terms: list[Expression] = [number(Fraction(source.randrange(6, 14), 10))]
             for argument in map(Symbol, arguments):
-                terms.append(multiply(number(Fraction(source.randrange(2, 9), 10)), argument))
-                terms.append(multiply(number(Fraction(source.randrange(1, 5), 10)), power(argument, 2)))
+                terms.append(Fraction(source.randrange(2, 9), 10) * argument)
+                terms.append(Fraction(source.randrange(1, 5), 10) * argument**2)
             found[node.name] = (arguments, add(*terms))
     return found
 

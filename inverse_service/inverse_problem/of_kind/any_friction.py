@@ -19,9 +19,6 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    multiply,
-    negate,
-    number,
     substitute,
     walk,
 )
@@ -80,8 +77,8 @@ def constant_metrics(system: SecondOrderSystem) -> Iterator[Expression]:
             sum((w * x for w, x in zip(weights, column, strict=True)), Fraction(0))
             for column in zip(*basis, strict=True)
         ]
-        parts = [multiply(number(whole[k] / (1 + (i == j))), v[i], v[j]) for k, (i, j) in enumerate(pairs)]
-        turns = [multiply(number(whole[len(pairs) + i * n + j] * sign), q[b], v[a])
+        parts = [whole[k] / (1 + (i == j)) * v[i] * v[j] for k, (i, j) in enumerate(pairs)]
+        turns = [whole[len(pairs) + i * n + j] * sign * q[b] * v[a]
                  for i, j in combinations(range(n), 2) for a, b, sign in ((i, j, 1), (j, i, -1))]  # fmt: skip
         yield add(*parts, *turns)
 
@@ -90,7 +87,7 @@ def _primitive(names: Sequence[str], push: Sequence[Expression]) -> Expression |
     """D with dD/dv = push, if there is one: v_i push_i by its degrees in v; None where it is no sum of such terms."""
     v, found = [Velocity(name) for name in names], Terms()
     try:
-        whole = terms_of(add(*(multiply(w, part) for w, part in zip(v, push, strict=False))))
+        whole = terms_of(add(*(w * part for w, part in zip(v, push, strict=False))))
     except TooManyTerms:
         return None
     for key, value in whole.items():
@@ -135,8 +132,8 @@ def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:
 
 def parts_of_parity(formula: Expression, names: Sequence[str]) -> tuple[Expression, Expression]:
     """Its parts that are even and odd in the velocities."""
-    turned = substitute(formula, {Velocity(name): negate(Velocity(name)) for name in names})
-    found: Iterator[Expression] = (multiply(number(HALF), add(formula, other)) for other in (turned, negate(turned)))
+    turned = substitute(formula, {Velocity(name): -Velocity(name) for name in names})
+    found: Iterator[Expression] = (HALF * (formula + other) for other in (turned, -turned))
     even, odd = (collected(part) for part in found)
     return even, odd
 

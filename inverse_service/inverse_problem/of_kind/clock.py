@@ -23,9 +23,6 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    divide,
-    multiply,
-    power,
     substitute,
     walk,
 )
@@ -54,13 +51,13 @@ def with_clock(system: SecondOrderSystem, factor: Expression) -> SecondOrderSyst
     names, variables = system.coordinates, variables_of(system)
     for case in branches_of(replace(system, accelerations=(*system.given, factor), branch=None)):
         *forces, clock = case.accelerations
-        table = find_real_point([*map(to_kernels, forces), divide(ONE, clock)], variables, _SEED, case.positive)
+        table = find_real_point([*map(to_kernels, forces), 1 / clock], variables, _SEED, case.positive)
         if table is None:
             continue
-        faster: dict[Expression, Expression] = {Velocity(name): multiply(clock, Velocity(name)) for name in names}
-        rate = divide(add(*(multiply(Velocity(q), differentiate(clock, Symbol(q))) for q in names)), clock)
-        pushes = (divide(substitute(f, faster), power(clock, 2)) for f in forces)
-        found = tuple(collected(less(f, multiply(rate, Velocity(name)))) for f, name in zip(pushes, names, strict=True))
+        faster: dict[Expression, Expression] = {Velocity(name): clock * Velocity(name) for name in names}
+        rate = add(*(Velocity(q) * differentiate(clock, Symbol(q)) for q in names)) / clock
+        pushes = (substitute(f, faster) / clock**2 for f in forces)
+        found = tuple(collected(less(f, rate * Velocity(name))) for f, name in zip(pushes, names, strict=True))
         positive = tuple(dict.fromkeys((*case.positive, *requirements([to_kernels(clock)], table))))
         return replace(system, accelerations=found, branch=Branch(found, positive), name="")
     return None
@@ -92,8 +89,8 @@ def _clocks(system: SecondOrderSystem, deadline: float) -> Iterator[Expression]:
     yield ONE
     density = _density(system, deadline)
     powers = (Fraction(1, n - 1) if n > 1 else Fraction(1), Fraction(-1, n + 1), *_POWERS)
-    listed = [] if density is None else [power(density, k) for k in powers]
-    listed += [power(factor, k) for factor in _factors(system)[:_MOST_FACTORS] for k in _POWERS]
+    listed = [] if density is None else [density**k for k in powers]
+    listed += [factor**k for factor in _factors(system)[:_MOST_FACTORS] for k in _POWERS]
     for factor in listed:
         if factor not in seen and not isinstance(factor, Number) and TIME not in walk(factor):
             seen.add(factor)

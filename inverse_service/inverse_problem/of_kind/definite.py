@@ -24,7 +24,7 @@ from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import PI, Symbol, Velocity, add, multiply, number
+from inverse_service.expressions.tree import PI, Symbol, Velocity, add
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse, variables_of
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
@@ -181,7 +181,7 @@ def _of_known(
     for weights in definite_weights(hessians[:MOST_PARTS]):
         parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
-        whole = alone.expression if alone else collect(add(*(multiply(number(w), one.expression) for w, one in parts)))
+        whole = alone.expression if alone else collect(add(*(w * one.expression for w, one in parts)))
         certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
         if is_valid(certificate, deadline):
             return KindAnswer("variational", "", certificate, alone or describe(analysis, whole, FAMILY))

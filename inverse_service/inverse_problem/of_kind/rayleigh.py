@@ -13,15 +13,7 @@ from itertools import chain
 
 from inverse_service.deadline import now
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    Expression,
-    Velocity,
-    add,
-    multiply,
-    negate,
-    number,
-    subtract,
-)
+from inverse_service.expressions.tree import Expression, Velocity, add, number
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.deciding import Decision
@@ -52,7 +44,7 @@ def quick_rayleigh(analysis: Analysis, given: Sequence[Expression], deadline: fl
     for matching in (even, ()):
         tree = lagrangian_as_given(system, matching)
         if tree is not None:
-            pushes = [[negate(part) for part in odd], list(odd)] if matching else [_push(analysis, tree)]
+            pushes = [[-part for part in odd], list(odd)] if matching else [_push(analysis, tree)]
             for push in pushes:
                 answer = _with_friction(analysis, tree, push, deadline)
                 if answer is not None:
@@ -107,7 +99,7 @@ def _with_friction(
     if split is None:
         return None
     drag, linear = split
-    return confirmed(analysis, _kind(analysis), add(tree, linear), drag, deadline)
+    return confirmed(analysis, _kind(analysis), tree + linear, drag, deadline)
 
 
 def _split(names: Sequence[str], push: Sequence[Expression]) -> tuple[Expression, Expression] | None:
@@ -115,8 +107,8 @@ def _split(names: Sequence[str], push: Sequence[Expression]) -> tuple[Expression
     v = [Velocity(name) for name in names]
     slopes = [[differentiate(part, w) for w in v] for part in push]
     pairs = [(i, j) for i in range(len(v)) for j in range(len(v))]
-    drag = tree_of(terms_of(add(*(multiply(number(HALF), slopes[i][j], v[i], v[j]) for i, j in pairs))))
-    rest = [subtract(differentiate(drag, w), part) for w, part in zip(v, push, strict=True)]
+    drag = tree_of(terms_of(add(*(HALF * slopes[i][j] * v[i] * v[j] for i, j in pairs))))
+    rest = [differentiate(drag, w) - part for w, part in zip(v, push, strict=True)]
     terms = [terms_of(part) for part in rest]
     linear = completed(tuple(names), terms) if any(terms) else number(0)
     return None if linear is None else (drag, linear)

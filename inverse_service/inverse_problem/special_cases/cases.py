@@ -22,9 +22,7 @@ from inverse_service.expressions.tree import (
     Power,
     Symbol,
     add,
-    multiply,
     number,
-    power,
     rebuild,
     substitute,
     walk,
@@ -135,7 +133,7 @@ def _polynomial(node: Arbitrary, constants: Sequence[Symbol]) -> Expression:
     for degree, constant in enumerate(constants):
         if degree >= order:
             falling = number(math.perm(degree, order))
-            terms.append(multiply(falling, constant, power(node.arguments[0], degree - order)))
+            terms.append(falling * constant * node.arguments[0] ** (degree - order))
     return add(*terms)
 
 
@@ -300,7 +298,7 @@ def _polynomial_conditions(name: str, arguments: tuple[str, ...], case: Case) ->
     solved = case.stratum.trees()
     constants = list(enumerate(map(Symbol, case.question.constants[name])))
     kept = [(degree, constant) for degree, constant in constants if not degree or solved.get(constant) != ZERO]
-    terms = [multiply(constant, power(Symbol(arguments[0]), degree)) for degree, constant in kept]
+    terms = [constant * Symbol(arguments[0]) ** degree for degree, constant in kept]
     return Arbitrary(name, tuple(map(Symbol, arguments)), (0,) * len(arguments)), add(*terms)
 
 

@@ -33,8 +33,6 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     children,
-    multiply,
-    negate,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
@@ -253,8 +251,8 @@ def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
     if _is_scalar(damping) or _is_scalar(stiffness):
         return True
     return n == 2 and all(
-        collect(add(*(multiply(damping[i][k], stiffness[k][j]) for k in range(2)),
-                    *(negate(multiply(stiffness[i][k], damping[k][j])) for k in range(2)))) == ZERO
+        collect(add(*(damping[i][k] * stiffness[k][j] for k in range(2)),
+                    *(-(stiffness[i][k] * damping[k][j]) for k in range(2)))) == ZERO
         for i in range(2) for j in range(2)
     )  # fmt: skip
 

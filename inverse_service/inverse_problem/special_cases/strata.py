@@ -12,18 +12,7 @@ from functools import cached_property
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service.algebra.rational_functions import as_fraction, factored
-from inverse_service.expressions.tree import (
-    Expression,
-    Symbol,
-    add,
-    divide,
-    multiply,
-    number,
-    power,
-    square_root,
-    substitute,
-    subtract,
-)
+from inverse_service.expressions.tree import Expression, Symbol, add, multiply, number, square_root, substitute
 
 
 @dataclass(frozen=True)
@@ -41,7 +30,7 @@ class ParameterSpace:
         symbols = [Symbol(name) for name in self.names]
         return add(
             *(
-                multiply(number(as_fraction(c)), *(power(s, int(e)) for s, e in zip(symbols, exponents, strict=False)))
+                multiply(number(as_fraction(c)), *(s ** int(e) for s, e in zip(symbols, exponents, strict=False)))
                 for exponents, c in polynomial.terms()
             )
         )
@@ -88,22 +77,22 @@ class Stratum:
         """Each solved parameter as a tree in the free ones."""
         table: dict[Expression, Expression] = {}
         for index, high, middle, low in self.roots:
-            root = subtract(self._root(middle * middle - high * low * 4), self.space.tree(middle))
-            table[Symbol(self.space.names[index])] = divide(root, multiply(number(2), self.space.tree(high)))
+            root = self._root(middle * middle - high * low * 4) - self.space.tree(middle)
+            table[Symbol(self.space.names[index])] = root / (2 * self.space.tree(high))
         values = {Symbol(self.space.names[index]): self._fraction(value) for index, value in self.values.items()}
         return table | {name: substitute(tree, table) for name, tree in values.items()}
 
     def _root(self, radicand: fmpq_mpoly) -> Expression:
         """The square root, squares taken out (the other sign is the conjugate, with the same verdict)."""
         content, parts = factored(radicand)
-        outside = [power(self.space.tree(base), exponent // 2) for base, exponent in parts]
+        outside = [self.space.tree(base) ** (exponent // 2) for base, exponent in parts]
         inside = [self.space.tree(base) for base, exponent in parts if exponent % 2]
         return multiply(*outside, square_root(multiply(number(content), *inside)))
 
     def _fraction(self, value: Fraction) -> Expression:
         if value.denominator.is_constant():
             return self.space.tree(value.numerator / value.denominator.leading_coefficient())
-        return divide(self.space.tree(value.numerator), self.space.tree(value.denominator))
+        return self.space.tree(value.numerator) / self.space.tree(value.denominator)
 
     def vanishes(self, polynomial: fmpq_mpoly) -> bool:
         """Whether a polynomial in all parameters is zero on the whole stratum."""

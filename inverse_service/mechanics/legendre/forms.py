@@ -29,10 +29,8 @@ from inverse_service.expressions.tree import (
     multiply,
     negate,
     number,
-    power,
     rebuild,
     substitute,
-    subtract,
     walk,
 )
 from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
@@ -54,7 +52,7 @@ def velocities_in(tree: Expression, names: Collection[str]) -> set[str]:
 
 def separated(tree: Expression) -> Expression:
     """The tree expanded, exponentials as powers of atoms so that quotients of them cancel."""
-    return add(*(multiply(number(value), separate_tree(monomial)) for monomial, value in expand(tree).terms))
+    return add(*(value * separate_tree(monomial) for monomial, value in expand(tree).terms))
 
 
 @lru_cache(maxsize=512)
@@ -121,9 +119,9 @@ def exponentials_above(tree: Expression) -> Expression:
     """exp(-u) for 1/exp(u)."""
     match rebuild(tree, exponentials_above):
         case Power(Apply("exp", argument), Number(value)) if value < 0:
-            return Apply("exp", multiply(number(value), argument))
+            return Apply("exp", value * argument)
         case Power(Product(factors), Number(value)) if value.denominator == 1:
-            return multiply(*(exponentials_above(power(factor, value)) for factor in factors))
+            return multiply(*(exponentials_above(factor**value) for factor in factors))
         case other:
             return other
 
@@ -149,7 +147,7 @@ def _turned(tree: Expression) -> Expression:
 
 def negated(tree: Expression) -> Expression:
     """-tree, term by term."""
-    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else negate(tree)
+    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else -tree
 
 
 def _is_monomial(tree: Expression) -> bool:
@@ -170,7 +168,7 @@ def with_cosines(tree: Expression) -> Expression:
         case Sum((Power(Apply("tan", argument), Number(value)), rest)) | Sum(
             (rest, Power(Apply("tan", argument), Number(value)))
         ) if value == 2 and rest == ONE:
-            return power(Apply("cos", argument), -2)
+            return Apply("cos", argument) ** -2
         case _:
             return inner
 
@@ -189,8 +187,8 @@ def _squares_replaced(tree: Expression, function: str, other: str, both: Collect
     match inner:
         case Power(Apply(name, argument), Number(value)) if name == function and argument in both:
             whole = value.numerator // 2 if value.denominator == 1 and value > 1 else 0
-            square = subtract(ONE, power(Apply(other, argument), 2))
-            return multiply(power(square, whole), power(Apply(name, argument), value - 2 * whole))
+            square = 1 - Apply(other, argument) ** 2
+            return square**whole * Apply(name, argument) ** (value - 2 * whole)
         case _:
             return inner
 
@@ -205,9 +203,9 @@ def _apart(tree: Expression) -> Expression:
     inner = rebuild(tree, _apart)
     match inner:
         case Power(Product(factors), exponent) if not _is_whole(exponent):
-            return multiply(*(_apart(power(factor, exponent)) for factor in factors))
+            return multiply(*(_apart(factor**exponent) for factor in factors))
         case Power(Power(base, Number(value)), Number(exponent)):
-            return power(base, value * exponent)
+            return base ** (value * exponent)
         case _:
             return inner
 
@@ -230,8 +228,8 @@ def squares_together(tree: Expression) -> Expression:
             case Power(base, Number(e)) if base in table and _is_square(factor):
                 table[base] += e / 2
                 rest[k] = ONE
-    together = {e: multiply(*(power(base, 2) for base in table if table[base] == e)) for e in table.values()}
-    return multiply(*rest, *(power(product, e) for e, product in together.items()))
+    together = {e: multiply(*(base**2 for base in table if table[base] == e)) for e in table.values()}
+    return multiply(*rest, *(product**e for e, product in together.items()))
 
 
 def _squares_under_root(factor: Expression) -> dict[Expression, Fraction]:
@@ -264,16 +262,16 @@ def _cancelled(tree: Expression, sign: int) -> Expression:
         case Apply(outer, Apply(function, argument)) if (outer, function) in _INVERSE:
             return argument
         case Power(Product(factors), Number(e)) if e.denominator == 1:
-            return multiply(*(power(factor, e) for factor in factors))
+            return multiply(*(factor**e for factor in factors))
         case Power(Product(factors), Number(e)) if e.denominator == 2:
             squares = [factor for factor in factors if _is_square(factor)]
             rest = multiply(*(factor for factor in factors if not _is_square(factor)))
             whole = multiply(number(sign), *(_root_of_square(factor) for factor in squares))
-            return multiply(power(whole, e.numerator), power(rest, e)) if squares else inner
+            return whole**e.numerator * rest**e if squares else inner
         case Power(Power() as square, Number(e)) if e.denominator == 2 and _is_square(square):
-            return power(multiply(number(sign), _root_of_square(square)), e.numerator)
+            return (sign * _root_of_square(square)) ** e.numerator
         case Power(Sum() as base, Number(e)) if e.denominator == 2 and not isinstance(short := quotient(base), Sum):
-            return _cancelled(power(short, e), sign)
+            return _cancelled(short**e, sign)
         case _:
             return inner
 
@@ -294,7 +292,7 @@ def _is_square(factor: Expression) -> bool:
 def _root_of_square(factor: Expression) -> Expression:
     match factor:
         case Power(base, Number(value)):
-            return power(base, value / 2)
+            return base ** (value / 2)
         case Number(value):
             return number(Fraction(isqrt(value.numerator), isqrt(value.denominator)))
     raise ValueError("the factor is no square")

@@ -12,23 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    ONE,
-    ZERO,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Velocity,
-    add,
-    divide,
-    multiply,
-    number,
-    power,
-    substitute,
-    subtract,
-)
+from inverse_service.expressions.tree import ONE, ZERO, Expression, Number, Power, Product, Sum, Velocity, substitute
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
 from inverse_service.mechanics.legendre.isolation import isolate
@@ -55,7 +39,7 @@ def rays(block: Block) -> Iterator[Ray]:
         u = Velocity(other)
         along = simplified(substitute(block.function, {Velocity(pivot): ONE}))
         slope = simplified(differentiate(along, u))
-        below = simplified(subtract(multiply(number(degree), along), multiply(u, slope)))
+        below = simplified(degree * along - u * slope)
         yield Ray(pivot, other, degree, slope, below)
 
 
@@ -64,18 +48,18 @@ def homogeneous_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     for ray in rays(block):
         u, v = Velocity(ray.other), Velocity(ray.pivot)
         p, q = block.momenta[ray.pivot], block.momenta[ray.other]
-        equation = subtract(multiply(p, ray.above), multiply(q, ray.below))
+        equation = p * ray.above - q * ray.below
         for ratio in roots_for(equation, u, ZERO):
             value = simplified(ratio.value)
-            raised = divide(q, substitute(ray.above, {u: value}))
-            for length in isolate(power(v, ray.degree - 1), v, raised):
+            raised = q / substitute(ray.above, {u: value})
+            for length in isolate(v ** (ray.degree - 1), v, raised):
                 rate = simplified(length.value)
-                work = multiply(add(p, multiply(q, value)), rate)
-                rates = {ray.pivot: rate, ray.other: simplified(multiply(value, rate))}
+                work = (p + q * value) * rate
+                rates = {ray.pivot: rate, ray.other: simplified(value * rate)}
                 yield Branch(
                     tuple(rates[name] for name in block.names),
-                    simplified(multiply(number((ray.degree - 1) / ray.degree), work)),
-                    (*(substitute(c, {u: divide(u, v)}) for c in ratio.conditions), *length.conditions),
+                    simplified((ray.degree - 1) / ray.degree * work),
+                    (*(substitute(c, {u: u / v}) for c in ratio.conditions), *length.conditions),
                 )
 
 

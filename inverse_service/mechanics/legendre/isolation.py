@@ -18,7 +18,6 @@ from inverse_service.expressions.collecting import Expansion, expand, to_tree
 from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
 from inverse_service.expressions.tree import (
     HALF,
-    ONE,
     PI,
     ZERO,
     Apply,
@@ -30,13 +29,9 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     apply,
-    divide,
     multiply,
-    negate,
     number,
-    power,
     square_root,
-    subtract,
     walk,
 )
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
@@ -77,16 +72,16 @@ def peeled(tree: Expression, leaf: Velocity, known: Root) -> Iterator[tuple[Expr
         case Sum(terms):
             holder = next(term for term in terms if occurrences(term, leaf))
             rest = add(*(term for term in terms if term is not holder))
-            yield holder, Root(subtract(target, rest), known.conditions)
+            yield holder, Root(target - rest, known.conditions)
         case Product(factors):
             holder = next(factor for factor in factors if occurrences(factor, leaf))
             rest = multiply(*(factor for factor in factors if factor is not holder))
-            yield holder, Root(divide(target, rest), known.conditions)
+            yield holder, Root(target / rest, known.conditions)
         case Power(base, exponent) if occurrences(base, leaf):
             for root in roots_of_power(base, exponent, target):
                 yield base, Root(root.value, (*known.conditions, *root.conditions))
         case Power(base, exponent):
-            yield exponent, Root(divide(apply("log", target), apply("log", base)), known.conditions)
+            yield exponent, Root(apply("log", target) / apply("log", base), known.conditions)
         case Apply(function, argument):
             for root in _roots_of_function(function, argument, target):
                 yield argument, Root(root.value, (*known.conditions, *root.conditions))
@@ -95,17 +90,17 @@ def peeled(tree: Expression, leaf: Velocity, known: Root) -> Iterator[tuple[Expr
 def roots_of_power(base: Expression, exponent: Expression, target: Expression) -> Iterator[Root]:
     """base with base^exponent = target; for odd exponents a form that is right for both signs."""
     if not isinstance(exponent, Number) or exponent.value.denominator != 1:
-        yield Root(power(target, power(exponent, -1)))
+        yield Root(target**exponent**-1)
         return
     whole = int(exponent.value)
     if whole in (1, -1):
-        yield Root(power(target, whole))
+        yield Root(target**whole)
     elif whole % 2:
-        yield Root(multiply(target, power(power(target, 2), Fraction(1 - whole, 2 * whole))))
+        yield Root(target * (target**2) ** Fraction(1 - whole, 2 * whole))
     else:
-        root = power(target, Fraction(1, whole))
+        root = target ** Fraction(1, whole)
         yield Root(root, (base,))
-        yield Root(negate(root), (negate(base),))
+        yield Root(-root, (-base,))
 
 
 _INVERSES: dict[str, str] = {
@@ -124,13 +119,13 @@ def _roots_of_function(function: str, argument: Expression, target: Expression) 
     elif function in ("cos", "cosh"):
         root = apply("a" + function, target)
         yield Root(root, (argument,))
-        yield Root(negate(root), (negate(argument),))
+        yield Root(-root, (-argument,))
 
 
 def _branch_conditions(function: str, argument: Expression) -> tuple[Expression, ...]:
     """tan and sin are undone by atan and asin only for |argument| < pi/2."""
-    quarter_turn = multiply(HALF, PI)
-    return (subtract(quarter_turn, argument), add(quarter_turn, argument)) if function == "tan" else ()
+    quarter_turn = HALF * PI
+    return (quarter_turn - argument, quarter_turn + argument) if function == "tan" else ()
 
 
 _NAME = "the cubic's unknown"
@@ -151,16 +146,16 @@ def polynomial_roots(tree: Expression, leaf: Velocity, target: Expression) -> It
     if laurent is None:
         return
     table = dict(laurent.coefficients)
-    table[Fraction(0)] = subtract(table.get(Fraction(0), ZERO), target)
+    table[Fraction(0)] = table.get(Fraction(0), ZERO) - target
     table = {exponent: value for exponent, value in table.items() if value != ZERO}
     lowest = min(table)
     step = _common_step([exponent - lowest for exponent in table])
     if not step or max(table) - lowest > 3 * step:
         return
-    unknown = power(laurent.generator, step)
+    unknown = laurent.generator**step
     c = [table.get(lowest + k * step, ZERO) for k in range(int((max(table) - lowest) / step) + 1)]
     if len(c) == 2:
-        yield from _unwound(unknown, leaf, Root(divide(negate(c[0]), c[1])))
+        yield from _unwound(unknown, leaf, Root(-c[0] / c[1]))
     elif len(c) == 3:
         for root in _quadratic(c[2], c[1], c[0], unknown):
             yield from _unwound(unknown, leaf, root)
@@ -215,37 +210,37 @@ def _unwound(tree: Expression, leaf: Velocity, known: Root) -> Iterator[Root]:
 
 def _quadratic(a: Expression, b: Expression, c: Expression, y: Expression) -> Iterator[Root]:
     """Both roots of a y^2 + b y + c; `y` as a tree in v says which one it is."""
-    discriminant = simplified(subtract(power(b, 2), multiply(number(4), a, c)))
-    slope = add(multiply(number(2), a, y), b)
+    discriminant = simplified(b**2 - 4 * a * c)
+    slope = 2 * a * y + b
     for sign in (1, -1):
-        over = add(negate(b), multiply(number(sign), square_root(discriminant)))
-        yield Root(divide(over, multiply(number(2), a)), (multiply(number(sign), slope),))
+        over = -b + sign * square_root(discriminant)
+        yield Root(over / (2 * a), (sign * slope,))
 
 
 def _cubic(c: list[Expression], y: Expression) -> Iterator[Root]:
     """The roots of c_3 y^3 + c_2 y^2 + c_1 y + c_0: with y = z - h those of z^3 + 3 k z = b."""
-    h, slope, start = (simplified(divide(c[j], multiply(number(d), c[3]))) for j, d in ((2, 3), (1, 1), (0, 1)))
-    k = simplified(subtract(multiply(number(Fraction(1, 3)), slope), power(h, 2)))
-    b = simplified(subtract(multiply(h, subtract(slope, multiply(number(2), power(h, 2)))), start))
-    z, unknown = add(y, h), Velocity(_NAME)
+    h, slope, start = (simplified(c[j] / (d * c[3])) for j, d in ((2, 3), (1, 1), (0, 1)))
+    k = simplified(Fraction(1, 3) * slope - h**2)
+    b = simplified(h * (slope - 2 * h**2) - start)
+    z, unknown = y + h, Velocity(_NAME)
     if k == ZERO:
         for root in isolate(Power(unknown, number(3)), unknown, b):
-            yield Root(subtract(root.value, h))
+            yield Root(root.value - h)
         return
-    yield Root(subtract(_tripled(k, b, "asinh", "sinh"), h), (k,))
-    size = simplified(negate(k))
-    outside = subtract(power(z, 2), size)
-    yield Root(subtract(_tripled(size, negate(b), "asin", "sin"), h), (size, negate(outside)))
-    ratio = divide(b, multiply(number(2), power(size, Fraction(3, 2))))
+    yield Root(_tripled(k, b, "asinh", "sinh") - h, (k,))
+    size = simplified(-k)
+    outside = z**2 - size
+    yield Root(_tripled(size, -b, "asin", "sin") - h, (size, -outside))
+    ratio = b / (2 * size ** Fraction(3, 2))
     for inverse, function, side in (("acosh", "cosh", 1), ("acos", "cos", -1)):
         for sign in map(number, (1, -1)):
-            value = multiply(sign, _tripled(size, multiply(sign, b), inverse, function))
-            alone = multiply(number(side), subtract(multiply(sign, ratio), ONE))
-            yield Root(subtract(value, h), (size, outside, multiply(sign, z), alone))
+            value = sign * _tripled(size, sign * b, inverse, function)
+            alone = side * (sign * ratio - 1)
+            yield Root(value - h, (size, outside, sign * z, alone))
 
 
 def _tripled(k: Expression, b: Expression, inverse: str, function: str) -> Expression:
     """2 sqrt(k) sinh(asinh(b/(2 k^(3/2)))/3), for other functions likewise: z^3 + 3 k z = b by the triple angle."""
-    angle = apply(inverse, simplified(divide(b, multiply(number(2), power(k, Fraction(3, 2))))))
-    third = apply(function, multiply(number(Fraction(1, 3)), angle))
-    return multiply(number(2), square_root(simplified(k)), third)
+    angle = apply(inverse, simplified(b / (2 * k ** Fraction(3, 2))))
+    third = apply(function, Fraction(1, 3) * angle)
+    return 2 * square_root(simplified(k)) * third

@@ -11,19 +11,7 @@ from itertools import combinations
 
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
-from inverse_service.expressions.tree import (
-    ONE,
-    ZERO,
-    Apply,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    divide,
-    multiply,
-    number,
-    substitute,
-)
+from inverse_service.expressions.tree import ONE, ZERO, Apply, Expression, Symbol, Velocity, add, number, substitute
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
 from inverse_service.mechanics.legendre.quadratic import Inverse, invert
@@ -64,7 +52,7 @@ def _table(keys: Sequence[Symbol | Velocity], values: Sequence[Expression]) -> d
 
 
 def _product(row: Sequence[Expression], column: Sequence[Expression]) -> Expression:
-    return add(*(multiply(a, b) for a, b in zip(row, column, strict=True)))
+    return add(*(a * b for a, b in zip(row, column, strict=True)))
 
 
 def _units(names: Sequence[str]) -> tuple[Form, ...]:
@@ -92,7 +80,7 @@ def _forms_of(monomial: Monomial, names: Sequence[str]) -> list[Form] | None:
         part = _inside(base, names)
         if isinstance(base, Apply) and base.function == "exp" and part:
             for name, value in part.items():
-                exponent[name] = add(exponent.get(name, ZERO), multiply(number(power), value))
+                exponent[name] = exponent.get(name, ZERO) + power * value
         else:
             forms.append(_monic(part, names))
     if exponent:
@@ -108,7 +96,7 @@ def _monic(coefficients: Mapping[str, Expression] | None, names: Sequence[str]) 
     if not coefficients:
         return None
     first = next(coefficients[name] for name in names if name in coefficients)
-    return tuple(simplified(divide(coefficients.get(name, ZERO), first)) for name in names)
+    return tuple(simplified(coefficients.get(name, ZERO) / first) for name in names)
 
 
 def linear_coefficients(tree: Expression, names: Sequence[str]) -> Mapping[str, Expression] | None:
@@ -122,6 +110,6 @@ def linear_coefficients(tree: Expression, names: Sequence[str]) -> Mapping[str, 
         rest = tuple(pair for pair in monomial if pair != (Velocity(name), Fraction(1)))
         if len(rest) != len(monomial) - 1 or velocities_in(monomial_tree(rest), names):
             return None
-        term = multiply(number(value), monomial_tree(rest) if rest else ONE)
-        found[name] = add(found.get(name, ZERO), term)
+        term = value * (monomial_tree(rest) if rest else ONE)
+        found[name] = found.get(name, ZERO) + term
     return found

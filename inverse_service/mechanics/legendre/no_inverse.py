@@ -47,9 +47,6 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     children,
-    divide,
-    multiply,
-    power,
     substitute,
     walk,
 )
@@ -132,7 +129,7 @@ def _problems(block: Block, depth: int) -> Iterator[Problem]:
         yield differentiate(block.function, rate), rate
         return
     for ray in rays(block):
-        yield divide(ray.above, ray.below), Velocity(ray.other)
+        yield ray.above / ray.below, Velocity(ray.other)
     if len(block.names) <= LARGEST_BLOCK:
         slopes = zip(block.names, momenta(block.function, block.names), strict=True)
         yield from last_equations([(block.momenta[name], simplified(slope)) for name, slope in slopes], block.names)
@@ -152,7 +149,7 @@ def _problems(block: Block, depth: int) -> Iterator[Problem]:
 def _integral(slope: Expression, rate: Velocity) -> Integral | None:
     """Whether F = slope, or log F, is r(y) + sum_k c_k log(y - a_k) and is seen to be no rational z and no c log z."""
     derivative = simplified(differentiate(slope, rate))
-    for each in (derivative, simplified(divide(derivative, slope))):
+    for each in (derivative, simplified(derivative / slope)):
         with suppress(_NotAlgebraic):
             if _is_mixed(_in_one_letter(to_kernels(each), rate), rate):
                 return Integral()
@@ -178,8 +175,8 @@ def _in_one_letter(slope: Expression, rate: Velocity) -> Expression:
         case []:
             return slope
         case [Apply("exp" | "log" as function, argument) as y] if rate not in set(walk(differentiate(argument, rate))):
-            factor = power(_LETTER, -1) if function == "exp" else argument
-            moved = quotient(multiply(substitute(slope, {y: _LETTER}), factor))
+            factor = _LETTER**-1 if function == "exp" else argument
+            moved = quotient(substitute(slope, {y: _LETTER}) * factor)
             if rate not in set(walk(moved)):
                 return substitute(moved, {_LETTER: rate})
     raise _NotAlgebraic

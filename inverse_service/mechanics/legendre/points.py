@@ -24,7 +24,6 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     distinct_nodes,
-    negate,
     walk,
 )
 
@@ -232,7 +231,7 @@ def signs_of_momenta(
     with mp.workdps(DIGITS):
         known = [point for point in (_with_momenta(claim, point, []) for point in points) if point is not None]
         return tuple(
-            tree if sign > 0 else negate(tree)
+            tree if sign > 0 else -tree
             for symbol in bounded
             if (sign := _sign_at(tree := shifts.get(symbol, symbol), known))
             and _leaves_the_image(claim, symbol, tree, positive, known)

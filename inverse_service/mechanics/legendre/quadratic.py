@@ -12,21 +12,7 @@ from fractions import Fraction
 from inverse_service.errors import LimitError
 from inverse_service.expressions.collecting import Expansion, expand, to_tree
 from inverse_service.expressions.collecting_trees import Monomial, merge_powers
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    ZERO,
-    Expression,
-    Number,
-    Product,
-    Sum,
-    Symbol,
-    add,
-    divide,
-    multiply,
-    number,
-    power,
-)
+from inverse_service.expressions.tree import HALF, ONE, ZERO, Expression, Number, Product, Sum, Symbol, add
 from inverse_service.mechanics.legendre.blocks import Block, Branch, degrees, without
 from inverse_service.mechanics.legendre.forms import separated, shortest, trigonometric
 from inverse_service.mechanics.opaque_fractions import (
@@ -128,25 +114,25 @@ def quadratic_form(inverse: Inverse, momenta: Sequence[Symbol]) -> Expression:
 
 
 def _entry_term(matrix: Matrix, momenta: Sequence[Symbol], i: int, j: int) -> Expression:
-    square = power(momenta[i], 2) if i == j else multiply(number(2), momenta[i], momenta[j])
-    return multiply(matrix[i][j], square)
+    square = momenta[i] ** 2 if i == j else 2 * momenta[i] * momenta[j]
+    return matrix[i][j] * square
 
 
 def _shorter_row(inverse: Inverse, row: int, momenta: Sequence[Symbol]) -> Expression:
     """One row of G^-1 p."""
     sums = [
-        add(*(multiply(entry, p) for entry, p in zip(matrix[row], momenta, strict=True) if entry != ZERO))
+        add(*(entry * p for entry, p in zip(matrix[row], momenta, strict=True) if entry != ZERO))
         for matrix in (inverse.adjugate, inverse.entries)
     ]
     return shortest([sums[1], over(sums[0], inverse.determinant)])
 
 
 def over(numerator: Expression, denominator: Expression) -> Expression:
-    return numerator if denominator == ONE else merge_powers(divide(numerator, denominator))
+    return numerator if denominator == ONE else merge_powers(numerator / denominator)
 
 
 def multiply_out(factor: Expression, tree: Expression) -> Expression:
     """factor * tree, into each term of a sum."""
     if isinstance(tree, Sum):
-        return add(*(multiply(factor, term) for term in tree.terms))
-    return multiply(factor, tree)
+        return add(*(factor * term for term in tree.terms))
+    return factor * tree

@@ -30,13 +30,9 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    divide,
-    multiply,
     number,
-    power,
     square_root,
     substitute,
-    subtract,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, degrees, without
 from inverse_service.mechanics.legendre.forms import shortest, simplified, velocities_in
@@ -97,14 +93,12 @@ def _recognised(block: Block, form: Expression) -> _Radial | None:
     if parts is None or inverse is None:
         return None
     matrix, slopes = parts
-    shift = tuple(
-        simplified(add(*(multiply(a, b) for a, b in zip(row, slopes, strict=True)))) for row in inverse.entries
-    )
+    shift = tuple(simplified(add(*(a * b for a, b in zip(row, slopes, strict=True)))) for row in inverse.entries)
     centred = _centred(block, shift)
     along = _along_a_ray(centred, block.names, matrix)
     if along is None:
         return None
-    whole = multiply(HALF, _form_of_velocities(matrix, block.names))
+    whole = HALF * _form_of_velocities(matrix, block.names)
     if expand(substitute(along, {_S: whole})) != expand(centred):
         return None
     return _Radial(along, matrix, inverse, shift)
@@ -130,17 +124,17 @@ def _quadratic_parts(form: Expression, names: Sequence[str]) -> tuple[Matrix, li
 def _centred(block: Block, shift: Sequence[Expression]) -> Expression:
     """The function of u, written with the velocities of v."""
     pairs = zip(block.names, shift, strict=True)
-    table: dict[Expression, Expression] = {Velocity(n): subtract(Velocity(n), h) for n, h in pairs}
+    table: dict[Expression, Expression] = {Velocity(n): Velocity(n) - h for n, h in pairs}
     return substitute(block.function, table)
 
 
 def _along_a_ray(function: Expression, names: Sequence[str], matrix: Matrix) -> Expression | None:
     """The function of S on the ray through e_i, or e_i + e_j, on which S is not zero; None where v is left."""
     for i, j in product(range(len(names)), repeat=2):
-        entry = matrix[i][i] if i == j else multiply(number(2), matrix[i][j]) if i < j else ZERO
+        entry = matrix[i][i] if i == j else 2 * matrix[i][j] if i < j else ZERO
         if entry == ZERO or (i != j and matrix[i][i] != ZERO):
             continue
-        length = square_root(divide(multiply(number(2), _S), entry))
+        length = square_root(2 * _S / entry)
         table: dict[Expression, Expression] = {
             Velocity(name): length if place in (i, j) else ZERO for place, name in enumerate(names)
         }
@@ -150,7 +144,7 @@ def _along_a_ray(function: Expression, names: Sequence[str], matrix: Matrix) -> 
 
 def _form_of_velocities(matrix: Matrix, names: Sequence[str]) -> Expression:
     pairs = product(enumerate(names), repeat=2)
-    return add(*(multiply(matrix[i][j], Velocity(a), Velocity(b)) for (i, a), (j, b) in pairs))
+    return add(*(matrix[i][j] * Velocity(a) * Velocity(b) for (i, a), (j, b) in pairs))
 
 
 def _root_parts(function: Expression) -> tuple[Expression, Expression, Expression] | None:
@@ -167,7 +161,7 @@ def _root_parts(function: Expression) -> tuple[Expression, Expression, Expressio
     start = substitute(roots[0], {_S: ZERO})
     if _holds_s(slope) or start == ZERO:
         return None
-    return multiply(number(value), monomial_tree(rest)), start, simplified(slope)
+    return value * monomial_tree(rest), start, simplified(slope)
 
 
 def _holds_s(tree: Expression) -> bool:
@@ -178,19 +172,19 @@ def _of_root(block: Block, radial: _Radial, k: Expression, b: Expression, s: Exp
     """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
     momenta = [block.momenta[name] for name in block.names]
     form = quadratic_form(radial.inverse, momenta)
-    square = simplified(multiply(b, subtract(power(k, 2), divide(multiply(number(2), form), s))))
-    lead = simplified(multiply(k, b))
+    square = simplified(b * (k**2 - 2 * form / s))
+    lead = simplified(k * b)
     for sign in (1, -1):
-        energy = multiply(number(sign), square_root(square))
-        scale = simplified(divide(multiply(number(-2), b), s))
-        rates = [multiply(scale, _row(row, momenta), power(energy, -1)) for row in radial.inverse.entries]
-        condition = multiply(number(-sign), lead)
+        energy = sign * square_root(square)
+        scale = simplified(-2 * b / s)
+        rates = [scale * _row(row, momenta) * energy**-1 for row in radial.inverse.entries]
+        condition = -sign * lead
         if not (isinstance(condition, Number) and condition.value < 0):
             yield _shifted(radial, rates, energy, momenta, (condition,))
 
 
 def _row(row: Sequence[Expression], momenta: Sequence[Symbol]) -> Expression:
-    return add(*(multiply(entry, p) for entry, p in zip(row, momenta, strict=True)))
+    return add(*(entry * p for entry, p in zip(row, momenta, strict=True)))
 
 
 def _shifted(
@@ -200,9 +194,9 @@ def _shifted(
     momenta: Sequence[Symbol],
     conditions: tuple[Expression, ...],
 ) -> Branch:
-    velocities = tuple(simplified(subtract(u, h)) for u, h in zip(rates, radial.shift, strict=True))
-    drift = add(*(multiply(p, h) for p, h in zip(momenta, radial.shift, strict=True)))
-    plain = subtract(energy, drift)
+    velocities = tuple(simplified(u - h) for u, h in zip(rates, radial.shift, strict=True))
+    drift = add(*(p * h for p, h in zip(momenta, radial.shift, strict=True)))
+    plain = energy - drift
     return Branch(velocities, shortest([plain, simplified(plain)]), conditions)
 
 
@@ -214,18 +208,18 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]
     form = quadratic_form(radial.inverse, momenta)
     centre = dict(zip(block.names, radial.shift, strict=True))
     whole = _form_of_velocities(radial.matrix, block.names)
-    place: dict[Expression, Expression] = {Velocity(n): add(Velocity(n), h) for n, h in centre.items()}
+    place: dict[Expression, Expression] = {Velocity(n): Velocity(n) + h for n, h in centre.items()}
     for e, d in product((1, -1), repeat=2):
-        length = square_root(simplified(multiply(number(e), form)))
-        squared = multiply(number(Fraction(e, 2)), Power(_W, number(2)))
+        length = square_root(simplified(e * form))
+        squared = Fraction(e, 2) * Power(_W, number(2))
         for inner in solve(substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
-            known: dict[Expression, Expression] = {_PI_W: multiply(number(e * d), length)}
+            known: dict[Expression, Expression] = {_PI_W: e * d * length}
             w, energy = (substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
-            rates = [multiply(number(d), w, power(length, -1), _row(row, momenta)) for row in radial.inverse.entries]
-            size = square_root(multiply(number(e), whole))
-            slope = substitute(differentiate(radial.function, _S), {_S: multiply(HALF, whole)})
-            conditions = [*(substitute(c, {_W: size, **known}) for c in inner.conditions), multiply(number(d), slope)]
-            conditions.append(multiply(number(e), whole))
+            rates = [d * w * length**-1 * _row(row, momenta) for row in radial.inverse.entries]
+            size = square_root(e * whole)
+            slope = substitute(differentiate(radial.function, _S), {_S: HALF * whole})
+            conditions = [*(substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
+            conditions.append(e * whole)
             placed = tuple(simplified(substitute(condition, place)) for condition in conditions)
             yield _shifted(radial, rates, energy, momenta, placed)
 
@@ -247,7 +241,7 @@ def _parts(block: Block, pivot: str) -> tuple[Expression, Expression] | None:
     """(g, phi(u)), u_j being written as the velocity of w_j; None where the block is not of the form."""
     rate = Velocity(pivot)
     others = [name for name in block.names if name != pivot]
-    table: dict[Expression, Expression] = {Velocity(name): multiply(rate, Velocity(name)) for name in others}
+    table: dict[Expression, Expression] = {Velocity(name): rate * Velocity(name) for name in others}
     alone: list[tuple[Monomial, Fraction]] = []
     homogeneous: list[tuple[Monomial, Fraction]] = []
     for monomial, value in expand(substitute(block.function, table)).terms:
@@ -266,10 +260,10 @@ def _parts(block: Block, pivot: str) -> tuple[Expression, Expression] | None:
 def _joined(block: Block, pivot: str, inner: Branch, outer: Branch) -> Branch:
     others = [name for name in block.names if name != pivot]
     momentum = block.momenta[pivot]
-    shifted: dict[Expression, Expression] = {momentum: add(momentum, inner.hamiltonian)}
-    velocities = {name: multiply(rate, Velocity(pivot)) for name, rate in zip(others, inner.velocities, strict=True)}
+    shifted: dict[Expression, Expression] = {momentum: momentum + inner.hamiltonian}
+    velocities = {name: rate * Velocity(pivot) for name, rate in zip(others, inner.velocities, strict=True)}
     velocities[pivot] = substitute(outer.velocities[0], shifted)
-    ratios: dict[Expression, Expression] = {Velocity(n): divide(Velocity(n), Velocity(pivot)) for n in others}
+    ratios: dict[Expression, Expression] = {Velocity(n): Velocity(n) / Velocity(pivot) for n in others}
     conditions = [substitute(condition, ratios) for condition in inner.conditions]
     conditions += [substitute(condition, shifted) for condition in outer.conditions]
     rates = tuple(velocities[name] for name in block.names)

@@ -14,16 +14,7 @@ from itertools import combinations
 
 from inverse_service.expressions.collecting import Expansion, expand, to_tree
 from inverse_service.expressions.collecting_trees import Monomial
-from inverse_service.expressions.tree import (
-    HALF,
-    ZERO,
-    Expression,
-    Symbol,
-    add,
-    multiply,
-    substitute,
-    subtract,
-)
+from inverse_service.expressions.tree import HALF, ZERO, Expression, Symbol, add, substitute
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, degrees
 from inverse_service.mechanics.legendre.forms import simplified
 from inverse_service.mechanics.legendre.linear import linear_coefficients
@@ -51,7 +42,7 @@ def routh_branches(block: Block, solve: Solver) -> Iterator[Branch]:
         left = [name for name in block.names if name not in ignored]
         shifted = _shifted([block.momenta[name] for name in ignored], parts)
         form = substitute(quadratic_form(parts.inverse, [block.momenta[name] for name in ignored]), shifted)
-        function = simplified(subtract(parts.rest, multiply(HALF, form)))
+        function = simplified(parts.rest - HALF * form)
         for inner in solve(function, left, block.momenta):
             yield _joined(block, ignored, left, parts, inner)
 
@@ -92,14 +83,14 @@ def _parts(block: Block, ignored: Sequence[str]) -> _Parts | None:
 
 
 def _shifted(momenta: Sequence[Symbol], parts: _Parts) -> dict[Expression, Expression]:
-    return {p: subtract(p, a) for p, a in zip(momenta, parts.linear, strict=True) if a != ZERO}
+    return {p: p - a for p, a in zip(momenta, parts.linear, strict=True) if a != ZERO}
 
 
 def _joined(block: Block, ignored: Sequence[str], left: Sequence[str], parts: _Parts, inner: Branch) -> Branch:
-    shifted = [subtract(block.momenta[name], a) for name, a in zip(ignored, parts.linear, strict=True)]
+    shifted = [block.momenta[name] - a for name, a in zip(ignored, parts.linear, strict=True)]
     velocities = dict(zip(left, inner.velocities, strict=True))
     for name, row in zip(ignored, parts.inverse.entries, strict=True):
-        velocities[name] = simplified(add(*(multiply(entry, p) for entry, p in zip(row, shifted, strict=True))))
+        velocities[name] = simplified(add(*(entry * p for entry, p in zip(row, shifted, strict=True))))
     return Branch(
         tuple(velocities[name] for name in block.names),
         inner.hamiltonian,

@@ -27,14 +27,9 @@ from inverse_service.expressions.tree import (
     add,
     apply,
     children,
-    divide,
     multiply,
-    negate,
-    number,
-    power,
     rebuild,
     substitute,
-    subtract,
     walk,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
@@ -90,18 +85,18 @@ def _centre(block: Block) -> Expression:
         return ZERO
     top = exponents[-1]
     next_coefficient = laurent.coefficients.get(top - 1, ZERO)
-    return simplified(divide(next_coefficient, multiply(number(top), laurent.coefficients[top])))
+    return simplified(next_coefficient / (top * laurent.coefficients[top]))
 
 
 def _about(block: Block, shift: Expression, solve: Solver) -> Iterator[Branch]:
     """The branches in u = v + h: v = u - h and H = H_u - p h."""
     name = block.names[0]
-    moved = substitute(block.function, {Velocity(name): subtract(Velocity(name), shift)})
-    back: dict[Expression, Expression] = {Velocity(name): add(Velocity(name), shift)}
+    moved = substitute(block.function, {Velocity(name): Velocity(name) - shift})
+    back: dict[Expression, Expression] = {Velocity(name): Velocity(name) + shift}
     for branch in solve(collect(moved), block.names, block.momenta):
         yield Branch(
-            (simplified(subtract(branch.velocities[0], shift)),),
-            simplified(subtract(branch.hamiltonian, multiply(block.momenta[name], shift))),
+            (simplified(branch.velocities[0] - shift),),
+            simplified(branch.hamiltonian - block.momenta[name] * shift),
             tuple(substitute(condition, back) for condition in branch.conditions),
         )
 
@@ -109,18 +104,18 @@ def _about(block: Block, shift: Expression, solve: Solver) -> Iterator[Branch]:
 def _energies(block: Block, rate: Velocity) -> Iterator[Expression]:
     """H in v, then p v - L with one term T of L written by p: T = (p - (L - T)') T/T'."""
     function, momentum = block.function, block.momenta[block.names[0]]
-    yield simplified(subtract(multiply(rate, differentiate(function, rate)), function))
-    yield subtract(multiply(momentum, rate), function)
+    yield simplified(rate * differentiate(function, rate) - function)
+    yield momentum * rate - function
     logs = _log_of_quotient(collect(differentiate(function, rate)), rate, momentum)
     if logs is not None:
         over, under, value = logs
-        yield simplified(subtract(multiply(momentum, rate), substitute(function, {over: add(under, value)})))
+        yield simplified(momentum * rate - substitute(function, {over: under + value}))
     terms = function.terms if isinstance(function, Sum) else (function,)
     for place, term in enumerate(terms[:_MOST_TERMS]):
         others = add(*terms[:place], *terms[place + 1 :])
-        ratio = quotient(divide(term, differentiate(term, rate)))
-        rest = multiply(subtract(momentum, differentiate(others, rate)), ratio)
-        yield subtract(multiply(momentum, rate), add(others, rest))
+        ratio = quotient(term / differentiate(term, rate))
+        rest = (momentum - differentiate(others, rate)) * ratio
+        yield momentum * rate - (others + rest)
 
 
 def roots_for(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:
@@ -145,8 +140,8 @@ def _cleared(slope: Expression, rate: Velocity, momentum: Expression) -> Iterato
     for f in slope.factors if isinstance(slope, Product) else (slope,):
         (below if _is_below(f) and occurrences(f, rate) else above).append(f)
     if below:
-        inverse = multiply(*(power(f, -1) for f in below))
-        yield from polynomial_roots(subtract(multiply(*above), multiply(momentum, inverse)), rate, ZERO)
+        inverse = multiply(*(f**-1 for f in below))
+        yield from polynomial_roots(multiply(*above) - momentum * inverse, rate, ZERO)
 
 
 def _of_two_logarithms(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:
@@ -155,7 +150,7 @@ def _of_two_logarithms(slope: Expression, rate: Velocity, momentum: Expression) 
     if found is not None:
         ratio = apply("exp", found[2])
         (a, b), (e, f) = (_linear_parts(node.argument, rate) for node in found[:2])
-        yield Root(divide(subtract(multiply(ratio, f), b), subtract(a, multiply(ratio, e))))
+        yield Root((ratio * f - b) / (a - ratio * e))
 
 
 def _log_of_quotient(slope: Expression, rate: Velocity, momentum: Expression) -> tuple[Apply, Apply, Expression] | None:
@@ -168,12 +163,12 @@ def _log_of_quotient(slope: Expression, rate: Velocity, momentum: Expression) ->
     rest = add(*parts.pop(None, ()))
     if len(parts) != 2:
         return None
-    (over, c), (under, d) = ((node, simplified(divide(add(*terms), node))) for node, terms in parts.items() if node)
-    if simplified(add(c, d)) != ZERO:
+    (over, c), (under, d) = ((node, simplified(add(*terms) / node)) for node, terms in parts.items() if node)
+    if simplified(c + d) != ZERO:
         return None
     if vanishes_at(rest, sample_points([rest])):
-        return over, under, divide(momentum, c)
-    return over, under, divide(subtract(momentum, simplified(substitute(rest, {rate: ZERO}))), c)
+        return over, under, momentum / c
+    return over, under, (momentum - simplified(substitute(rest, {rate: ZERO}))) / c
 
 
 def _of_one_arctangent(slope: Expression, rate: Velocity, momentum: Expression) -> Iterator[Root]:
@@ -188,10 +183,10 @@ def _of_one_arctangent(slope: Expression, rate: Velocity, momentum: Expression) 
     rest = exact_quotient(add(*(term for term in terms if term not in held)))
     if not occurrences(rest, rate):
         (arc,) = arcs
-        factor, (a, b) = simplified(divide(add(*held), arc)), _linear_parts(arc.argument, rate)
+        factor, (a, b) = simplified(add(*held) / arc), _linear_parts(arc.argument, rate)
         if not occurrences(factor, rate) and not occurrences(a, rate):
-            angle = divide(subtract(momentum, rest), factor)
-            yield Root(divide(subtract(apply("tan", angle), b), a))
+            angle = (momentum - rest) / factor
+            yield Root((apply("tan", angle) - b) / a)
 
 
 def _linear_parts(tree: Expression, rate: Velocity) -> tuple[Expression, Expression]:
@@ -204,7 +199,7 @@ def _with_a_root(tree: Expression, rate: Velocity, known: Root) -> Iterator[Root
         for inner, root in peeled(tree, rate, known):
             yield from _with_a_root(inner, rate, root)
         return
-    squared = _without_root(multiply(*_numerator(subtract(tree, known.value), rate)), rate)
+    squared = _without_root(multiply(*_numerator(tree - known.value, rate)), rate)
     for factor in _numerator(squared, rate):
         for root in polynomial_roots(factor, rate, ZERO):
             yield Root(root.value, known.conditions + root.conditions)
@@ -230,11 +225,11 @@ def _without_root(tree: Expression, rate: Velocity) -> Expression:
     for term in expand(tree).terms:
         factor = to_tree(Expansion((term,)))
         roots = [node for node in walk(factor) if _is_root(node) and occurrences(node, rate)]
-        (rooted.setdefault(roots[0], []) if roots else plain).append(divide(factor, roots[0]) if roots else factor)
+        (rooted.setdefault(roots[0], []) if roots else plain).append(factor / roots[0] if roots else factor)
     if len(rooted) != 1:
         return ZERO
     ((root, terms),) = rooted.items()
-    return subtract(power(add(*plain), 2), multiply(power(add(*terms), 2), power(root, 2)))
+    return add(*plain) ** 2 - add(*terms) ** 2 * root**2
 
 
 def _is_root(node: Expression) -> bool:
@@ -247,7 +242,7 @@ def _balanced(slope: Expression, rate: Velocity, momentum: Expression) -> Iterat
     fixed = [term for term in terms if not occurrences(term, rate)]
     rest = quotient(add(*(term for term in terms if occurrences(term, rate))))
     if fixed and occurrences(rest, rate) == 1:
-        yield from isolate(rest, rate, add(momentum, negate(add(*fixed))))
+        yield from isolate(rest, rate, momentum - add(*fixed))
 
 
 LARGEST_BLOCK = 3
@@ -260,8 +255,8 @@ def elimination_branches(block: Block) -> Iterator[Branch]:
     if not 1 < len(block.names) <= LARGEST_BLOCK:
         return
     functions = [simplified(differentiate(block.function, Velocity(name))) for name in block.names]
-    works = [multiply(Velocity(name), p) for name, p in zip(block.names, functions, strict=True)]
-    energy = simplified(subtract(add(*works), block.function))
+    works = [Velocity(name) * p for name, p in zip(block.names, functions, strict=True)]
+    energy = simplified(add(*works) - block.function)
     equations = [(block.momenta[name], p) for name, p in zip(block.names, functions, strict=True)]
     for rates, conditions in _solutions(equations, block.names):
         table: dict[Expression, Expression] = {Velocity(name): tree for name, tree in rates.items()}

@@ -9,14 +9,7 @@ from itertools import islice, product
 
 from inverse_service.deadline import now
 from inverse_service.expressions.collecting import expand
-from inverse_service.expressions.tree import (
-    Expression,
-    Symbol,
-    add,
-    negate,
-    substitute,
-    subtract,
-)
+from inverse_service.expressions.tree import Expression, Symbol, add, substitute
 from inverse_service.mechanics.legendre.blocks import Block, Branch, resolved, split
 from inverse_service.mechanics.legendre.quadratic import form_matrix, quadratic_branches
 
@@ -77,7 +70,7 @@ def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symb
         energies = [substitute(branch.hamiltonian, table) for branch in choice]
         conditions = tuple(substitute(condition, table) for branch in choice for condition in branch.conditions)
         velocities = tuple(rates[name] for name in names)
-        yield Branch(velocities, add(*energies, negate(parts.free)), conditions)
+        yield Branch(velocities, add(*energies, -parts.free), conditions)
 
 
 def _up_to_certain(block: Block, reach: Reach) -> list[Branch]:
@@ -92,4 +85,4 @@ def _up_to_certain(block: Block, reach: Reach) -> list[Branch]:
 
 def momentum_shifts(linear: Mapping[str, Expression], momenta: Mapping[str, Symbol]) -> dict[Expression, Expression]:
     """p -> p - A for the terms A v of a Lagrangian."""
-    return {momenta[name]: subtract(momenta[name], a) for name, a in linear.items()}
+    return {momenta[name]: momenta[name] - a for name, a in linear.items()}

@@ -16,19 +16,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import merge_powers, minus_inside
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    ZERO,
-    Arbitrary,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    negate,
-    substitute,
-    subtract,
-    walk,
-)
+from inverse_service.expressions.tree import ZERO, Arbitrary, Expression, Symbol, Velocity, add, substitute, walk
 from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.forms import (
@@ -157,11 +145,11 @@ def momentum_symbols(lagrangian: Expression, names: Sequence[str]) -> tuple[tupl
 
 def _energy(parts: Parts) -> Expression:
     """sum v dL/dv - L block by block, in the velocities; linear terms drop out."""
-    terms = [negate(parts.free)]
+    terms = [-parts.free]
     for block in parts.blocks:
         slopes = gradient(block.function, map(Velocity, block.names))
-        works = [multiply(rate, slope) for rate, slope in slopes.items()]
-        terms.append(inside(related(simplified(subtract(add(*works), block.function)))))
+        works = [rate * slope for rate, slope in slopes.items()]
+        terms.append(inside(related(simplified(add(*works) - block.function))))
     return add(*terms[1:], terms[0])
 
 
@@ -313,6 +301,6 @@ def _degenerate(implicit: LegendreTransform, parts: Parts, names: Sequence[str],
     lost = [name for name in names if not any(velocities_in(p, [name]) for p in implicit.momenta)]
     if lost:
         detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
-    elif vanishes_at(add(implicit.hamiltonian, parts.free), points):
+    elif vanishes_at(implicit.hamiltonian + parts.free, points):
         detail += " (up to a potential L is homogeneous of degree 1 in the velocities)"
     return InputError(f"{detail}: give one whose momenta determine the velocities.")

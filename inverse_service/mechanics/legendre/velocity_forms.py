@@ -15,21 +15,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import terms_tree
 from inverse_service.expressions.evaluation import Real
-from inverse_service.expressions.tree import (
-    ONE,
-    ZERO,
-    Expression,
-    Number,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    divide,
-    multiply,
-    negate,
-    substitute,
-    walk,
-)
+from inverse_service.expressions.tree import ONE, ZERO, Expression, Number, Sum, Symbol, Velocity, add, substitute, walk
 from inverse_service.mechanics.legendre.forms import simplified, size
 from inverse_service.mechanics.legendre.points import DIGITS, Claim, Point, judge, sample_points, value
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre, on_branch
@@ -140,12 +126,12 @@ def _inverse(matrix: Sequence[Row], point: Point) -> list[Row] | None:
         best = min(usable, key=lambda k: size(rows[k][column]))
         rows[column], rows[best] = rows[best], rows[column]
         pivot = rows[column][column]
-        rows[column] = [simplified(divide(entry, pivot)) for entry in rows[column]]
+        rows[column] = [simplified(entry / pivot) for entry in rows[column]]
         for k in range(n):
             factor = rows[k][column]
             if k != column and factor != ZERO:
                 pairs = zip(rows[k], rows[column], strict=True)
-                rows[k] = [simplified(add(a, negate(multiply(factor, b)))) if b != ZERO else a for a, b in pairs]
+                rows[k] = [simplified(a - factor * b) if b != ZERO else a for a, b in pairs]
     return [row[n:] for row in rows]
 
 
@@ -163,7 +149,7 @@ def _fresh(count: int, taken: set[str]) -> list[str]:
 
 
 def _combined(row: Row, factors: Sequence[Expression]) -> Expression:
-    return add(ZERO, *(multiply(entry, factor) for entry, factor in zip(row, factors, strict=True) if entry != ZERO))
+    return add(ZERO, *(entry * factor for entry, factor in zip(row, factors, strict=True) if entry != ZERO))
 
 
 def _carried_back(other: LegendreTransform, implicit: LegendreTransform, inverse: Sequence[Row]) -> LegendreTransform:

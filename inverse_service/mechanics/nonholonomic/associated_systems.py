@@ -14,7 +14,7 @@ from typing import Literal
 
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.expressions.tree import Expression, Number, add
+from inverse_service.expressions.tree import Expression, Number
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
 from inverse_service.mechanics.nonholonomic.writing import velocity_parts
@@ -49,7 +49,7 @@ def with_multiples(base: AssociatedSystem, multiples: Sequence[Expression], name
     if base.system is None:
         return base
     system = base.system
-    summed = tuple(add(f, extra) for f, extra in zip(system.accelerations, multiples, strict=True))
+    summed = tuple(f + extra for f, extra in zip(system.accelerations, multiples, strict=True))
     title = f"{system.name}, with multiples of the constraints"
     changed = SecondOrderSystem(system.coordinates, summed, system.parameters, system.functions, title)
     return AssociatedSystem(name, changed, f"{base.explanation} The given multiples of the constraints are added.")
@@ -115,7 +115,7 @@ def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
         text = "The third system is not defined: with three and more turning velocities all masses have to be positive."
         return AssociatedSystem("third", None, text)
     for place, row in zip(member.moving, turned.terms(), strict=True):
-        trees[place] = add(row, forces[place])
+        trees[place] = row + forces[place]
     return AssociatedSystem("third", _system(motion, "third", tuple(trees)), turned.explanation)
 
 

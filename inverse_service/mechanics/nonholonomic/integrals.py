@@ -22,7 +22,7 @@ from typing import Literal
 
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.expressions.tree import ONE, Expression, Velocity, multiply
+from inverse_service.expressions.tree import ONE, Expression, Velocity
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.potential import Potential, constant_null_vectors, factors_of, potential
@@ -330,7 +330,7 @@ def _scaled_velocities(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral
         factor = found.exponential(parts.ring)
         plain = parts.velocity(place) if factor == ONE else None
         kind = "velocity" if factor == ONE else "scaled velocity"
-        yield FirstIntegral(f"{kind} of {name}", multiply(factor, Velocity(name))), plain
+        yield FirstIntegral(f"{kind} of {name}", factor * Velocity(name)), plain
 
 
 def _still_divides(motion: EliminatedMotion, ratio: Quotient) -> bool:

@@ -32,19 +32,7 @@ from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    ZERO,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    divide,
-    multiply,
-    negate,
-    power,
-    square_root,
-    subtract,
-)
+from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, add, square_root
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry, frames
 from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.potential import potential
@@ -89,7 +77,7 @@ class PaperClass:
         """N up to a constant factor, in its simplest form: 1 where it is constant, cos(phi) for A = tan(phi)."""
         ring, square = self.geometry.ring, self.inverse_square_density
         found = potential(ring, [1 + self.r1], [-(self.slope_of_density / square)])
-        return power(self.geometry.tree(square), Fraction(-1, 2)) if found is None else found.exponential(ring)
+        return self.geometry.tree(square) ** Fraction(-1, 2) if found is None else found.exponential(ring)
 
     @property
     def slope_of_density(self) -> Quotient:
@@ -178,7 +166,7 @@ class Rotation:
         """r1' M w, one tree for each name."""
         rate = Velocity(self.driver)
         return [
-            add(*(tidied(multiply(entry, rate, Velocity(name))) for entry, name in zip(row, self.names, strict=True)))
+            add(*(tidied(entry * rate * Velocity(name)) for entry, name in zip(row, self.names, strict=True)))
             for row in self.generator
         ]
 
@@ -221,7 +209,7 @@ def _constant_entries(member: PaperClass) -> list[int]:
 def _unit(member: PaperClass) -> list[Expression]:
     """u up to a constant factor: N (1, -A)."""
     density = member.density
-    return [tidied(multiply(density, member.geometry.tree(entry))) for entry in member.directions]
+    return [tidied(density * member.geometry.tree(entry)) for entry in member.directions]
 
 
 def _fill_space(
@@ -230,23 +218,23 @@ def _fill_space(
 ) -> None:  # fmt: skip
     """M and S on the places J: a reflection that takes u to a multiple of the first unit vector of J."""
     first, others = turning[0], turning[1:]
-    rho = tidied(add(*(multiply(masses[k], power(u[k], 2)) for k in turning)))
+    rho = tidied(add(*(masses[k] * u[k] ** 2 for k in turning)))
     norm, root = collect(square_root(rho)), collect(square_root(masses[first]))
-    height = multiply(root, u[first])
-    below = add(norm, height)
+    height = root * u[first]
+    below = norm + height
     for k in others:
-        form[first][k] = form[k][first] = tidied(multiply(root, masses[k], u[k]))
+        form[first][k] = form[k][first] = tidied(root * masses[k] * u[k])
         for m in others:
-            square = divide(multiply(masses[k], masses[m], u[k], u[m]), below)
-            form[k][m] = tidied(subtract(square, multiply(norm, masses[k])) if k == m else square)
-    form[first][first] = tidied(multiply(root, masses[first], u[first]))
+            square = masses[k] * masses[m] * u[k] * u[m] / below
+            form[k][m] = tidied(square - norm * masses[k] if k == m else square)
+    form[first][first] = tidied(root * masses[first] * u[first])
     slopes = [differentiate(entry, r1) for entry in u]
-    lifted = {k: u[k] for k in others} | {first: add(u[first], divide(norm, root))}
-    scale = power(multiply(norm, below), -1)
+    lifted = {k: u[k] for k in others} | {first: u[first] + norm / root}
+    scale = (norm * below) ** -1
     for k in turning:
         for m in turning:
-            wedge = subtract(multiply(slopes[k], lifted[m]), multiply(lifted[k], slopes[m]))
-            generator[k][m] = ZERO if k == m else tidied(multiply(masses[m], wedge, scale))
+            wedge = slopes[k] * lifted[m] - lifted[k] * slopes[m]
+            generator[k][m] = ZERO if k == m else tidied(masses[m] * wedge * scale)
 
 
 def _fill_plane(
@@ -254,14 +242,14 @@ def _fill_plane(
     r1: Symbol,
 ) -> None:  # fmt: skip
     i, j = turning
-    rho = add(multiply(masses[i], power(u[i], 2)), multiply(masses[j], power(u[j], 2)))
-    wedge = subtract(multiply(differentiate(u[i], r1), u[j]), multiply(differentiate(u[j], r1), u[i]))
-    speed = divide(wedge, rho)
-    generator[i][j] = tidied(multiply(masses[j], speed))
-    generator[j][i] = tidied(negate(multiply(masses[i], speed)))
-    form[i][i] = tidied(multiply(masses[i], u[i]))
-    form[i][j] = form[j][i] = tidied(multiply(masses[j], u[j]))
-    form[j][j] = tidied(negate(multiply(masses[j], u[i])))
+    rho = masses[i] * u[i] ** 2 + masses[j] * u[j] ** 2
+    wedge = differentiate(u[i], r1) * u[j] - differentiate(u[j], r1) * u[i]
+    speed = wedge / rho
+    generator[i][j] = tidied(masses[j] * speed)
+    generator[j][i] = tidied(-(masses[i] * speed))
+    form[i][i] = tidied(masses[i] * u[i])
+    form[i][j] = form[j][i] = tidied(masses[j] * u[j])
+    form[j][j] = tidied(-(masses[j] * u[i]))
 
 
 def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression]) -> Matrix:
@@ -272,11 +260,11 @@ def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression])
         return found
     first = turning[0]
     # (S D^-1 S)_ee = S_ee / c
-    square = add(*(divide(power(form[first][k], 2), masses[k]) for k in turning))
-    scale = tidied(divide(masses[first], square))
+    square = add(*(form[first][k] ** 2 / masses[k] for k in turning))
+    scale = tidied(masses[first] / square)
     for i in turning:
         for j in turning:
-            found[i][j] = tidied(divide(multiply(scale, form[i][j]), multiply(masses[i], masses[j])))
+            found[i][j] = tidied(scale * form[i][j] / (masses[i] * masses[j]))
     return found
 
 

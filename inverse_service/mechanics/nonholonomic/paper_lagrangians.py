@@ -16,18 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from inverse_service.algebra.rational_functions import TooLarge
-from inverse_service.expressions.tree import (
-    HALF,
-    ZERO,
-    Expression,
-    Velocity,
-    add,
-    divide,
-    multiply,
-    number,
-    power,
-    subtract,
-)
+from inverse_service.expressions.tree import HALF, ZERO, Expression, Velocity, add, number
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import LegendreTransform, momentum_symbols
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
@@ -73,8 +62,8 @@ def _of_second(member: PaperClass) -> tuple[PaperLagrangian, ...]:
     inverse: list[list[Expression]] = [[ZERO] * size for _ in range(size)]
     for place, tree in enumerate(trees):
         sign = number(1 if place == 0 else -1)
-        form[place][place] = tidied(divide(sign, multiply(density, tree)))
-        inverse[place][place] = tidied(multiply(sign, density, tree))
+        form[place][place] = tidied(sign / (density * tree))
+        inverse[place][place] = tidied(sign * density * tree)
     everything = tuple(range(size))
     first = _proposal(member, "first Lagrangian of Proposition 1", form, inverse, everything)
     if not member.density_is_constant:
@@ -93,9 +82,9 @@ def _proposal(member: PaperClass, label: str, form: Matrix, inverse: Matrix, cou
     masses = [member.geometry.tree(mass) for mass in member.masses]
     free = [place for place in range(len(moving)) if place not in coupled]
     rate = Velocity(names[member.r1])
-    kinetic = [multiply(HALF, member.geometry.tree(member.mass_of_r1), power(rate, 2))]
-    kinetic += [multiply(HALF, masses[place], power(moving[place], 2)) for place in free]
-    terms = [tidied(divide(term, rate)) for term in _quadratic(form, moving, coupled)]
+    kinetic = [HALF * member.geometry.tree(member.mass_of_r1) * rate**2]
+    kinetic += [HALF * masses[place] * moving[place] ** 2 for place in free]
+    terms = [tidied(term / rate) for term in _quadratic(form, moving, coupled)]
     lagrangian = add(*kinetic, *terms)
     transform = _transform(member, lagrangian, inverse, coupled)
     return PaperLagrangian(label, lagrangian, transform, _images(member, form, coupled, transform))
@@ -105,8 +94,8 @@ def _quadratic(matrix: Matrix, vector: Sequence[Expression], places: Sequence[in
     """The terms of x^T M x / 2 over some places."""
     terms = []
     for position, i in enumerate(places):
-        terms.append(multiply(HALF, matrix[i][i], power(vector[i], 2)))
-        terms += [multiply(matrix[i][j], vector[i], vector[j]) for j in places[position + 1 :]]
+        terms.append(HALF * matrix[i][i] * vector[i] ** 2)
+        terms += [matrix[i][j] * vector[i] * vector[j] for j in places[position + 1 :]]
     return [term for term in terms if term != ZERO]
 
 
@@ -120,16 +109,16 @@ def _transform(
     mass = member.geometry.tree(member.mass_of_r1)
     masses = [member.geometry.tree(each) for each in member.masses]
     inner = add(symbols[member.r1], *(tidied(term) for term in _quadratic(inverse, p, coupled)))
-    rate = divide(inner, mass)
+    rate = inner / mass
     velocities: dict[int, Expression] = {member.r1: rate}
-    energies = [divide(multiply(HALF, power(inner, 2)), mass)]
+    energies = [HALF * inner**2 / mass]
     for i, place in enumerate(member.moving):
         if i in coupled:
-            turned = add(*(tidied(multiply(inverse[i][j], p[j])) for j in coupled if inverse[i][j] != ZERO))
-            velocities[place] = multiply(turned, rate)
+            turned = add(*(tidied(inverse[i][j] * p[j]) for j in coupled if inverse[i][j] != ZERO))
+            velocities[place] = turned * rate
         else:
-            velocities[place] = divide(p[i], masses[i])
-            energies.append(divide(multiply(HALF, power(p[i], 2)), masses[i]))
+            velocities[place] = p[i] / masses[i]
+            energies.append(HALF * p[i] ** 2 / masses[i])
     found = tuple(velocities[place] for place in range(len(names)))
     functions = tuple(tidied(momentum) for momentum in momenta(lagrangian, names))
     return LegendreTransform(lagrangian, symbols, add(*energies), functions, found, False, note, found)
@@ -149,15 +138,15 @@ def _images(
     directions = [member.geometry.tree(entry) for entry in member.directions]
     constants = [_row(form, directions, coupled, i) if i in coupled else ZERO for i in range(len(p))]
     first = coupled[0]
-    ratios = [tidied(divide(constants[i], constants[first])) for i in coupled[1:]]
-    found = [subtract(p[i], multiply(ratio, p[first])) for i, ratio in zip(coupled[1:], ratios, strict=True)]
+    ratios = [tidied(constants[i] / constants[first]) for i in coupled[1:]]
+    found = [p[i] - ratio * p[first] for i, ratio in zip(coupled[1:], ratios, strict=True)]
     rate = transform.velocities[member.r1]
     for i in range(len(p)):
         if i not in coupled:
-            factor = tidied(divide(multiply(member.geometry.tree(member.masses[i]), directions[i]), constants[first]))
-            found.append(subtract(p[i], multiply(factor, p[first], rate)))
+            factor = tidied(member.geometry.tree(member.masses[i]) * directions[i] / constants[first])
+            found.append(p[i] - factor * p[first] * rate)
     return tuple(found)
 
 
 def _row(matrix: Matrix, vector: Sequence[Expression], places: Sequence[int], row: int) -> Expression:
-    return add(*(multiply(matrix[row][j], vector[j]) for j in places if matrix[row][j] != ZERO))
+    return add(*(matrix[row][j] * vector[j] for j in places if matrix[row][j] != ZERO))

@@ -9,7 +9,7 @@ from inverse_service.expressions.equations import read_equation
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula, split_equations
 from inverse_service.expressions.tokens import LIMITS
-from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Velocity, substitute, subtract, walk
+from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Velocity, substitute, walk
 from inverse_service.mechanics.document_names import Declared, Parameters, known_names, parameter_values, with_values
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, motion_on
@@ -109,7 +109,7 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
         except InputError as error:
             raise error.at(pointer) from None
         for left, right in pairs:
-            found.append(substitute(subtract(left, right), dict(names.definitions)))
+            found.append(substitute(left - right, dict(names.definitions)))
             _refuse_accelerations(found[-1], f"constraint {len(found)}", pointer)
     if not found:
         raise InputError(

@@ -20,7 +20,6 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
-    power,
     rebuild,
     walk,
 )
@@ -70,9 +69,9 @@ def _joined(product: Product) -> Expression:
         for base in [base for base in table if isinstance(base, Apply) and base.function == above]:
             other = Apply(below, base.argument)
             if other in table and table[base] == -table[other] and table[base] > 0:
-                rest.append(power(Apply(name, base.argument), table.pop(base)))
+                rest.append(Apply(name, base.argument) ** table.pop(base))
                 del table[other]
-    rest += [power(base, exponent) for base, exponent in table.items() if exponent]
+    rest += [base**exponent for base, exponent in table.items() if exponent]
     return multiply(*sorted(rest, key=_place))
 
 
