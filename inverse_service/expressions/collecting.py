@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeGuard
 
 from flint import fmpz
 
-from inverse_service.expressions.collecting_trees import Monomial, monomial_tree, order, place, terms_tree
+from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, order, place, terms_tree
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.tree import (
     Apply,
@@ -47,24 +46,20 @@ _ROOTS = {("cos", "asin"): (1, -1), ("sin", "acos"): (1, -1), ("cosh", "asinh"):
 Terms = dict[Monomial, Fraction]
 
 
-@dataclass(frozen=True, slots=True)
-class Expansion:
-    """A sum of coefficient * monomial in a fixed order; a monomial is ((atom, exponent), …)."""
-
-    terms: tuple[tuple[Monomial, Fraction], ...]
-
-
 class _TooLarge(ArithmeticError):
     """The expansion would have more than MOST_TERMS terms, or a huge number."""
 
 
-def expand(tree: Expression) -> Expansion:
-    """The expansion of a tree; a tree that cannot be expanded is one opaque atom."""
+def expand(tree: Expression) -> tuple[Term, ...]:
+    """The terms of a tree in a fixed order, (monomial, coefficient), a monomial being ((atom, exponent), …).
+
+    A tree that cannot be expanded is one opaque atom.
+    """
     try:
         terms = _expand(tree)
     except _TooLarge:
         terms = {((tree, Fraction(1)),): Fraction(1)}
-    return Expansion(tuple(sorted(terms.items(), key=lambda item: order(item[0]))))
+    return tuple(sorted(terms.items(), key=lambda item: order(item[0])))
 
 
 def forget_expansions() -> None:
@@ -72,14 +67,9 @@ def forget_expansions() -> None:
     _KEPT.clear()
 
 
-def to_tree(expansion: Expansion) -> Expression:
-    """The sum as a tree, in the order of its terms."""
-    return terms_tree(expansion.terms)
-
-
 def collect(tree: Expression) -> Expression:
-    """The tree with like terms collected: to_tree(expand(tree))."""
-    return to_tree(expand(tree))
+    """The tree with like terms collected: terms_tree(expand(tree))."""
+    return terms_tree(expand(tree))
 
 
 # The same parts are expanded again and again while one system is worked on; large results are not kept.

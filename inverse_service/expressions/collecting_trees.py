@@ -28,6 +28,7 @@ from inverse_service.expressions.tree import (
 )
 
 Monomial = tuple[tuple[Expression, Fraction], ...]
+Term = tuple[Monomial, Fraction]
 Place = tuple[int, str]
 
 
@@ -43,7 +44,7 @@ def place(base: Expression) -> Place:
     return ranks.get(type(base), 3), to_text(base)
 
 
-def terms_tree(terms: Iterable[tuple[Monomial, Fraction]]) -> Expression:
+def terms_tree(terms: Iterable[Term]) -> Expression:
     """The sum of coefficient * monomial."""
     return add(*(value * monomial_tree(monomial) for monomial, value in terms))
 

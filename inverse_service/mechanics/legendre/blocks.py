@@ -9,12 +9,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.collecting import Expansion, expand, to_tree
-from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
+from inverse_service.expressions.collecting import expand
+from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, terms_tree
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Symbol, Velocity, add, substitute
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
-
-Term = tuple[Monomial, Fraction]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +44,7 @@ def split(function: Expression, names: Sequence[str], momenta: Mapping[str, Symb
     free: list[Term] = []
     linear: dict[str, list[Term]] = {}
     coupled: list[tuple[set[str], Term]] = []
-    for monomial, value in moving.terms:
+    for monomial, value in moving:
         found = velocities_in(monomial_tree(monomial), names)
         only = next(iter(found)) if len(found) == 1 else ""
         if not found:
@@ -56,7 +54,7 @@ def split(function: Expression, names: Sequence[str], momenta: Mapping[str, Symb
         else:
             coupled.append((found, (monomial, value)))
     groups = _components([found for found, _ in coupled], names)
-    blocks = tuple(Block(_sum(t for found, t in coupled if found <= set(g)), g, momenta) for g in groups)
+    blocks = tuple(Block(terms_tree(t for found, t in coupled if found <= set(g)), g, momenta) for g in groups)
     return Parts(add(*plain, _short(free)), {name: _short(found) for name, found in linear.items()}, blocks)
 
 
@@ -79,12 +77,8 @@ def _rest_moves(monomial: Monomial, name: str) -> bool:
     return bool(velocities_in(monomial_tree(without(monomial, [name])), [name]))
 
 
-def _sum(terms: Iterable[Term]) -> Expression:
-    return to_tree(Expansion(tuple(terms)))
-
-
 def _short(terms: list[Term]) -> Expression:
-    return simplified(_sum(terms)) if terms else ZERO
+    return simplified(terms_tree(terms)) if terms else ZERO
 
 
 def _components(links: Iterable[set[str]], names: Sequence[str]) -> list[tuple[str, ...]]:

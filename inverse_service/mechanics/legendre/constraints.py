@@ -70,7 +70,7 @@ def _phase_space(
 
 def _divisors(lagrangian: Expression) -> Iterator[Expression]:
     """What L divides by or takes roots and logarithms of."""
-    for monomial, _ in expand(lagrangian).terms:
+    for monomial, _ in expand(lagrangian):
         for base, exponent in monomial:
             if exponent < 0 or exponent.denominator != 1:
                 yield base
@@ -110,7 +110,7 @@ def _is_harmless(factor: Expression, place: _PhaseSpace) -> bool:
 
 def _key(factor: Expression) -> Expression:
     """The tree in a form that is the same for trees that differ by a number."""
-    terms = expand(factor).terms
+    terms = expand(factor)
     if not terms:
         return ZERO
     return terms_tree([(monomial, value / terms[0][1]) for monomial, value in terms])

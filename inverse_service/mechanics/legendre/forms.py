@@ -52,7 +52,7 @@ def velocities_in(tree: Expression, names: Collection[str]) -> set[str]:
 
 def separated(tree: Expression) -> Expression:
     """The tree expanded, exponentials as powers of atoms so that quotients of them cancel."""
-    return add(*(value * separate_tree(monomial) for monomial, value in expand(tree).terms))
+    return add(*(value * separate_tree(monomial) for monomial, value in expand(tree)))
 
 
 @lru_cache(maxsize=512)

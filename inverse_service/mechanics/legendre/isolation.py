@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.collecting import Expansion, expand, to_tree
-from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
+from inverse_service.expressions.collecting import expand
+from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, terms_tree
 from inverse_service.expressions.tree import (
     HALF,
     PI,
@@ -173,8 +173,8 @@ def _common_step(exponents: Sequence[Fraction]) -> Fraction:
 def laurent_polynomial(tree: Expression, leaf: Velocity) -> Laurent | None:
     """The tree in powers of one generator; None where the leaf occurs in another way."""
     generators: set[Expression] = set()
-    table: dict[Fraction, list[tuple[Monomial, Fraction]]] = {}
-    for monomial, value in expand(tree).terms:
+    table: dict[Fraction, list[Term]] = {}
+    for monomial, value in expand(tree):
         moving = [(base, e) for base, e in monomial if velocities_in(base, [leaf.coordinate])]
         rest = tuple(pair for pair in monomial if pair not in moving)
         if len(moving) > 1 or (moving and not _is_generator(moving[0][0], leaf)):
@@ -183,14 +183,14 @@ def laurent_polynomial(tree: Expression, leaf: Velocity) -> Laurent | None:
         table.setdefault(moving[0][1] if moving else Fraction(0), []).append((rest, value))
     if len(generators) != 1:
         return None
-    coefficients = {e: to_tree(Expansion(tuple(terms))) for e, terms in table.items()}
+    coefficients = {e: terms_tree(terms) for e, terms in table.items()}
     return Laurent(generators.pop(), coefficients)
 
 
 def _is_generator(base: Expression, leaf: Velocity) -> bool:
     match base:
         case Apply("exp", argument):
-            terms = expand(argument).terms
+            terms = expand(argument)
             return len(terms) == 1 and monomial_tree(terms[0][0]) == argument and _is_linear(terms[0][0], leaf)
         case Apply("log" | "atan" | "asinh" | "atanh"):
             return occurrences(base, leaf) == 1

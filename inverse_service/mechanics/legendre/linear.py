@@ -5,18 +5,19 @@ p_v = M^T p_y, so a transform in y with p_y = M^-T p_v gives H and v = M^-1 y.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations
 
 from inverse_service.expressions.collecting import expand
-from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
+from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree
 from inverse_service.expressions.tree import ONE, ZERO, Apply, Expression, Symbol, Velocity, add, number, substitute
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
 from inverse_service.mechanics.legendre.forms import simplified, velocities_in
 from inverse_service.mechanics.legendre.quadratic import Inverse, invert
 
 Form = tuple[Expression, ...]
+Table = dict[Expression, Expression]
 
 
 def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
@@ -28,26 +29,30 @@ def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     for chosen in combinations(units, len(block.names) - len(found)):
         inverse = invert((*found, *chosen))
         if inverse is not None:
-            yield from _after_change(block, (*found, *chosen), inverse, solve)
+            yield from after_change(block, (*found, *chosen), inverse, solve)
 
 
-def _after_change(block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver) -> Iterator[Branch]:
+def after_change(
+    block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver, written: Table | None = None
+) -> Iterator[Branch]:
+    """The branches with the forms in the place of velocities; `written` replaces forms that stand there as they are."""
     velocities = [Velocity(name) for name in block.names]
     symbols = [block.momenta[name] for name in block.names]
-    changed = substitute(block.function, _table(velocities, [_product(row, velocities) for row in inverse.entries]))
+    rates = _table(velocities, [_product(row, velocities) for row in inverse.entries])
+    changed = substitute(block.function, rates | (written or {}))
     columns = zip(*inverse.entries, strict=True)
-    momenta = _table(symbols, [_product(column, symbols) for column in columns])
+    momenta = _table(symbols, [simplified(_product(column, symbols)) for column in columns])
     new = _table(velocities, [_product(row, velocities) for row in forms])
     for branch in solve(changed, block.names, block.momenta):
-        rates = [substitute(tree, momenta) for tree in branch.velocities]
+        found = [substitute(tree, momenta) for tree in branch.velocities]
         yield Branch(
-            tuple(simplified(_product(row, rates)) for row in inverse.entries),
+            tuple(simplified(_product(row, found)) for row in inverse.entries),
             substitute(branch.hamiltonian, momenta),
             tuple(substitute(condition, {**new, **momenta}) for condition in branch.conditions),
         )
 
 
-def _table(keys: Sequence[Symbol | Velocity], values: Sequence[Expression]) -> dict[Expression, Expression]:
+def _table(keys: Sequence[Symbol | Velocity], values: Sequence[Expression]) -> Table:
     return dict(zip(keys, values, strict=True))
 
 
@@ -62,7 +67,7 @@ def _units(names: Sequence[str]) -> tuple[Form, ...]:
 def _forms(block: Block) -> tuple[Form, ...]:
     """The linear forms on which functions and powers depend; none where there are too many, or others."""
     found: dict[Form, None] = {}
-    for monomial, _ in expand(block.function).terms:
+    for monomial, _ in expand(block.function):
         forms = _forms_of(monomial, block.names)
         if forms is None:
             return ()
@@ -89,7 +94,7 @@ def _forms_of(monomial: Monomial, names: Sequence[str]) -> list[Form] | None:
 
 
 def _inside(base: Expression, names: Sequence[str]) -> Mapping[str, Expression] | None:
-    return linear_coefficients(base.argument if isinstance(base, Apply) else base, names)
+    return linear_coefficients(expand(base.argument if isinstance(base, Apply) else base), names)
 
 
 def _monic(coefficients: Mapping[str, Expression] | None, names: Sequence[str]) -> Form | None:
@@ -99,10 +104,10 @@ def _monic(coefficients: Mapping[str, Expression] | None, names: Sequence[str]) 
     return tuple(simplified(coefficients.get(name, ZERO) / first) for name in names)
 
 
-def linear_coefficients(tree: Expression, names: Sequence[str]) -> Mapping[str, Expression] | None:
-    """The coefficients of the velocities in a tree that is linear in them (free terms allowed), else None."""
+def linear_coefficients(terms: Iterable[Term], names: Sequence[str]) -> Mapping[str, Expression] | None:
+    """The coefficients of the velocities in terms that are linear in them (free terms allowed), else None."""
     found: dict[str, Expression] = {}
-    for monomial, value in expand(tree).terms:
+    for monomial, value in terms:
         inside = velocities_in(monomial_tree(monomial), names)
         if not inside:
             continue

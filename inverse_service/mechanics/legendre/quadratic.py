@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from inverse_service.errors import LimitError
-from inverse_service.expressions.collecting import Expansion, expand, to_tree
-from inverse_service.expressions.collecting_trees import Monomial, merge_powers
+from inverse_service.expressions.collecting import expand
+from inverse_service.expressions.collecting_trees import Term, merge_powers, terms_tree
 from inverse_service.expressions.tree import HALF, ONE, ZERO, Expression, Number, Product, Sum, Symbol, add
 from inverse_service.mechanics.legendre.blocks import Block, Branch, degrees, without
 from inverse_service.mechanics.legendre.forms import separated, shortest, trigonometric
@@ -48,10 +47,10 @@ def quadratic_branches(block: Block) -> Iterator[Branch]:
         yield Branch(velocities, multiply_out(HALF, quadratic_form(inverse, momenta)))
 
 
-def form_matrix(expansion: Expansion, names: Sequence[str]) -> Matrix | None:
-    """The symmetric G with expansion = v^T G v / 2; None where there are other terms."""
-    table: dict[tuple[str, str], list[tuple[Monomial, Fraction]]] = {}
-    for monomial, value in expansion.terms:
+def form_matrix(terms: Sequence[Term], names: Sequence[str]) -> Matrix | None:
+    """The symmetric G with terms v^T G v / 2; None where there are others."""
+    table: dict[tuple[str, str], list[Term]] = {}
+    for monomial, value in terms:
         found = degrees(monomial, names)
         if found is None or sum(found.values()) != 2 or any(e not in (1, 2) for e in found.values()):
             return None
@@ -59,7 +58,7 @@ def form_matrix(expansion: Expansion, names: Sequence[str]) -> Matrix | None:
         scale = 2 if pair[0] == pair[1] else 1
         for key in {(pair[0], pair[1]), (pair[1], pair[0])}:
             table.setdefault(key, []).append((without(monomial, names), value * scale))
-    return tuple(tuple(to_tree(Expansion(tuple(table.get((i, j), ())))) for j in names) for i in names)
+    return tuple(tuple(terms_tree(table.get((i, j), ())) for j in names) for i in names)
 
 
 def invert(matrix: Sequence[Sequence[Expression]]) -> Inverse | None:

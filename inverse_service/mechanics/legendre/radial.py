@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 
-from inverse_service.expressions.collecting import Expansion, expand, to_tree
-from inverse_service.expressions.collecting_trees import Monomial, monomial_tree
+from inverse_service.expressions.collecting import expand
+from inverse_service.expressions.collecting_trees import Term, monomial_tree, terms_tree
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     HALF,
@@ -71,10 +71,10 @@ def radial_branches(block: Block, solve: Solver) -> Iterator[Branch]:
 
 def _candidates(block: Block) -> Iterator[Expression]:
     """Trees quadratic in the velocities: what stands under powers, and the part of degree 2."""
-    expansion = expand(block.function)
+    terms = expand(block.function)
     second = []
     seen: set[Expression] = set()
-    for monomial, value in expansion.terms:
+    for monomial, value in terms:
         found = degrees(monomial, block.names)
         if found is not None and sum(found.values()) == 2:
             second.append((monomial, value))
@@ -82,8 +82,8 @@ def _candidates(block: Block) -> Iterator[Expression]:
             if isinstance(base, Sum) and base not in seen and velocities_in(base, block.names):
                 seen.add(base)
                 yield base
-    if second and len(second) < len(expansion.terms):
-        yield to_tree(Expansion(tuple(second)))
+    if second and len(second) < len(terms):
+        yield terms_tree(second)
 
 
 def _recognised(block: Block, form: Expression) -> _Radial | None:
@@ -106,16 +106,16 @@ def _recognised(block: Block, form: Expression) -> _Radial | None:
 
 def _quadratic_parts(form: Expression, names: Sequence[str]) -> tuple[Matrix, list[Expression]] | None:
     """(G, b) of c + b v + v^T G v/2."""
-    quadratic: list[tuple[Monomial, Fraction]] = []
-    linear: list[tuple[Monomial, Fraction]] = []
-    for monomial, value in expand(form).terms:
+    quadratic: list[Term] = []
+    linear: list[Term] = []
+    for monomial, value in expand(form):
         found = degrees(monomial, names)
         if found is None or sum(found.values()) not in (0, 1, 2):
             return None
         if sum(found.values()):
             (linear if sum(found.values()) == 1 else quadratic).append((monomial, value))
-    matrix = form_matrix(Expansion(tuple(quadratic)), names) if quadratic else None
-    slopes = linear_coefficients(to_tree(Expansion(tuple(linear))), names)
+    matrix = form_matrix(quadratic, names) if quadratic else None
+    slopes = linear_coefficients(linear, names)
     if matrix is None or slopes is None:
         return None
     return matrix, [slopes.get(name, ZERO) for name in names]
@@ -149,7 +149,7 @@ def _form_of_velocities(matrix: Matrix, names: Sequence[str]) -> Expression:
 
 def _root_parts(function: Expression) -> tuple[Expression, Expression, Expression] | None:
     """(k, b, s) of k sqrt(b + s S), else None."""
-    terms = expand(function).terms
+    terms = expand(function)
     if len(terms) != 1:
         return None
     monomial, value = terms[0]
@@ -242,9 +242,9 @@ def _parts(block: Block, pivot: str) -> tuple[Expression, Expression] | None:
     rate = Velocity(pivot)
     others = [name for name in block.names if name != pivot]
     table: dict[Expression, Expression] = {Velocity(name): rate * Velocity(name) for name in others}
-    alone: list[tuple[Monomial, Fraction]] = []
-    homogeneous: list[tuple[Monomial, Fraction]] = []
-    for monomial, value in expand(substitute(block.function, table)).terms:
+    alone: list[Term] = []
+    homogeneous: list[Term] = []
+    for monomial, value in expand(substitute(block.function, table)):
         rest = without(monomial, [pivot])
         if not velocities_in(monomial_tree(monomial), others):
             alone.append((monomial, value))
@@ -254,7 +254,7 @@ def _parts(block: Block, pivot: str) -> tuple[Expression, Expression] | None:
             return None
     if not alone or not homogeneous:
         return None
-    return to_tree(Expansion(tuple(alone))), to_tree(Expansion(tuple(homogeneous)))
+    return terms_tree(alone), terms_tree(homogeneous)
 
 
 def _joined(block: Block, pivot: str, inner: Branch, outer: Branch) -> Branch:

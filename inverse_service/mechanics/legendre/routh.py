@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
 
-from inverse_service.expressions.collecting import Expansion, expand, to_tree
-from inverse_service.expressions.collecting_trees import Monomial
+from inverse_service.expressions.collecting import expand
+from inverse_service.expressions.collecting_trees import Monomial, Term, terms_tree
 from inverse_service.expressions.tree import HALF, ZERO, Expression, Symbol, add, substitute
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, degrees
 from inverse_service.mechanics.legendre.forms import simplified
@@ -21,7 +21,6 @@ from inverse_service.mechanics.legendre.linear import linear_coefficients
 from inverse_service.mechanics.legendre.quadratic import Inverse, form_matrix, invert, quadratic_form
 
 _MOST_CHOICES = 12
-Terms = list[tuple[Monomial, Fraction]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +59,8 @@ def _choices(block: Block) -> Iterator[tuple[str, ...]]:
                 yield chosen
 
 
-def _terms(block: Block) -> tuple[tuple[Monomial, Fraction], ...]:
-    return expand(block.function).terms
+def _terms(block: Block) -> tuple[Term, ...]:
+    return expand(block.function)
 
 
 def _degree(monomial: Monomial, names: Sequence[str]) -> Fraction:
@@ -70,16 +69,16 @@ def _degree(monomial: Monomial, names: Sequence[str]) -> Fraction:
 
 
 def _parts(block: Block, ignored: Sequence[str]) -> _Parts | None:
-    groups: tuple[Terms, Terms, Terms] = ([], [], [])
+    groups: tuple[list[Term], list[Term], list[Term]] = ([], [], [])
     for monomial, value in _terms(block):
         groups[int(_degree(monomial, ignored))].append((monomial, value))
-    rest, linear, quadratic = (Expansion(tuple(group)) for group in groups)
-    matrix = form_matrix(quadratic, ignored) if quadratic.terms else None
+    rest, linear, quadratic = groups
+    matrix = form_matrix(quadratic, ignored) if quadratic else None
     inverse = invert(matrix) if matrix else None
-    slopes = linear_coefficients(to_tree(linear), ignored)
+    slopes = linear_coefficients(linear, ignored)
     if inverse is None or slopes is None:
         return None
-    return _Parts(to_tree(rest), tuple(slopes.get(name, ZERO) for name in ignored), inverse)
+    return _Parts(terms_tree(rest), tuple(slopes.get(name, ZERO) for name in ignored), inverse)
 
 
 def _shifted(momenta: Sequence[Symbol], parts: _Parts) -> dict[Expression, Expression]:

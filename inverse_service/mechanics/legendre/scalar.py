@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
-from inverse_service.expressions.collecting import Expansion, collect, expand, to_tree
+from inverse_service.expressions.collecting import collect, expand
+from inverse_service.expressions.collecting_trees import terms_tree
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     HALF,
@@ -222,8 +223,8 @@ def _without_root(tree: Expression, rate: Velocity) -> Expression:
     """A^2 - B^2 S for A + B sqrt(S), A, B and S polynomials in v; 0 where the tree is not of this kind."""
     plain: list[Expression] = []
     rooted: dict[Expression, list[Expression]] = {}
-    for term in expand(tree).terms:
-        factor = to_tree(Expansion((term,)))
+    for term in expand(tree):
+        factor = terms_tree([term])
         roots = [node for node in walk(factor) if _is_root(node) and occurrences(node, rate)]
         (rooted.setdefault(roots[0], []) if roots else plain).append(factor / roots[0] if roots else factor)
     if len(rooted) != 1:

@@ -121,11 +121,11 @@ def legendre(
     closed = _closed(implicit, names, parts, branches)
     table = _shifts(implicit, names, parts)
     conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgement.conditions]
-    if judge(_claim(closed, names), conditions, points) is None:
+    if judge(claim_of(closed, names), conditions, points) is None:
         return _noted(implicit, _implicit(_no_closed_form(list(found))))
     # Each block needs its own; few points would not show that of one in the presence of another.
     every = [substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
-    every += signs_of_momenta(_claim(closed, names), table, positive, points)
+    every += signs_of_momenta(claim_of(closed, names), table, positive, points)
     return replace(on_branch(closed, tuple(dict.fromkeys(conditions)), names), conditions=tuple(every))
 
 
@@ -260,7 +260,7 @@ def _collected_if_shorter(tree: Expression) -> Expression:
     return shortest([tree, collect(tree)])
 
 
-def _claim(closed: LegendreTransform, names: tuple[str, ...]) -> Claim:
+def claim_of(closed: LegendreTransform, names: tuple[str, ...]) -> Claim:
     known = dict(zip(closed.symbols, closed.momenta, strict=True))
     return Claim(closed.lagrangian, names, known, closed.velocities or (), closed.hamiltonian)
 
