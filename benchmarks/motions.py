@@ -18,7 +18,7 @@ from benchmarks.measured import conditions, put
 from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.linear_pde.deciding import Finding
-from inverse_service.mechanics.nonholonomic.motion import constrained_motion, equations_of_motion
+from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents.nonholonomic import solve_nonholonomic
 from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 
@@ -57,7 +57,7 @@ def documents(chosen: str = "") -> Iterator[dict[str, Any]]:
 def measure(document: Mapping[str, Any], limit: float) -> Row:
     """Both, one after the other, each with a limit in processor seconds."""
     began = time.process_time()
-    motion = constrained_motion(equations_of_motion(to_nonholonomic(to_nonholonomic_schema(document))))
+    motion = equations_of_motion(to_nonholonomic(to_nonholonomic_schema(document)))
     found = decide_motion(analyse_motion(motion), False, 1, time.thread_time() + limit, lambda _: None)
     decided = time.process_time()
     options = SolveOptions(time_limit=limit)

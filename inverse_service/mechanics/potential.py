@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -147,72 +147,35 @@ def _combination(
     ring: ExactRing, columns: Sequence[Sequence[Quotient]], target: Sequence[Quotient]
 ) -> list[Quotient] | None:
     """Constant c with sum c_k columns[k] = target, rational where that will do; None if there is none."""
-    rational = _rational_combination(ring, columns, target)
-    if rational is not None:
-        return [ring.constant(value) for value in rational]
+    vector = next(rational_null_vectors(ring, [*columns, target]), None)
+    if vector is not None and vector[-1]:
+        return [ring.constant(-value) for value in vector[:-1]]
     return solution(ring, columns, target) if len(columns) <= _MOST_SYMBOLIC else None
 
 
-def _rational_combination(
-    ring: ExactRing, columns: Sequence[Sequence[Quotient]], target: Sequence[Quotient]
-) -> list[Fraction] | None:
-    common = common_multiple(ring, [entry for column in [*columns, target] for entry in column])
-    whole = [[entry * common for entry in column] for column in [*columns, target]]
-    if any(entry.exponents for column in whole for entry in column):
-        return None
+def rational_null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> Iterator[list[Fraction]]:
+    """A basis of the rational c with sum_k c_k columns[k] = 0, entry by entry.
+
+    Each has a 1 in a column that depends on those before it, the last such column first, and 0 in the others of them.
+    """
+    common = common_multiple(ring, [entry for column in columns for entry in column])
     rows: dict[tuple[int, tuple[int, ...]], dict[int, flint.fmpq]] = {}
-    for k, column in enumerate(whole):
+    for k, column in enumerate(columns):
         for place, entry in enumerate(column):
-            for exponents, coefficient in entry.numerator.terms():
-                rows.setdefault((place, tuple(int(e) for e in exponents)), {})[k] = coefficient
-    return _solved(list(rows.values()), len(columns))
-
-
-def _solved(rows: Sequence[dict[int, flint.fmpq]], unknowns: int) -> list[Fraction] | None:
-    """One solution of the rows, whose entry `unknowns` is the right side; free unknowns are 0."""
-    table = flint.fmpq_mat(len(rows), unknowns + 1, [row.get(k, 0) for row in rows for k in range(unknowns + 1)])
-    reduced, rank = table.rref()
-    found = [Fraction(0)] * unknowns
-    for place in range(rank):
-        pivot = next(k for k in range(unknowns + 1) if reduced[place, k] != 0)
-        if pivot == unknowns:
-            return None
-        found[pivot] = as_fraction(reduced[place, unknowns])
-    return found
-
-
-def constant_null_vectors(ring: ExactRing, rows: Sequence[Sequence[Quotient]]) -> list[list[Fraction]]:
-    """A basis of the rational vectors c with sum_i c_i rows[a][i] = 0 identically, for each a."""
-    if not rows or not rows[0]:
-        return []
-    size = len(rows[0])
-    common = common_multiple(ring, [entry for row in rows for entry in row])
-    equations: dict[tuple[int, tuple[int, ...]], dict[int, flint.fmpq]] = {}
-    for place, row in enumerate(rows):
-        for k, entry in enumerate(row):
             whole = entry * common
             if whole.exponents:
-                return []
+                return
             for exponents, coefficient in whole.numerator.terms():
-                equations.setdefault((place, tuple(int(e) for e in exponents)), {})[k] = coefficient
-    return _null_space(list(equations.values()), size)
-
-
-def _null_space(rows: Sequence[dict[int, flint.fmpq]], size: int) -> list[list[Fraction]]:
-    if not rows:
-        return [[Fraction(int(i == k)) for i in range(size)] for k in range(size)]
-    table = flint.fmpq_mat(len(rows), size, [row.get(k, 0) for row in rows for k in range(size)])
-    reduced, rank = table.rref()
+                rows.setdefault((place, tuple(int(e) for e in exponents)), {})[k] = coefficient
+    size = len(columns)
+    entries = [row.get(k, 0) for row in rows.values() for k in range(size)]
+    reduced, rank = flint.fmpq_mat(len(rows), size, entries).rref()
     pivots = [next(k for k in range(size) if reduced[place, k] != 0) for place in range(rank)]
-    found = []
-    for free in range(size):
-        if free in pivots:
-            continue
+    for free in sorted({*range(size)} - {*pivots}, reverse=True):
         vector = [Fraction(int(k == free)) for k in range(size)]
         for place, pivot in enumerate(pivots):
             vector[pivot] = -as_fraction(reduced[place, free])
-        found.append(vector)
-    return found
+        yield vector
 
 
 def factors_of(ring: ExactRing, element: Quotient) -> list[tuple[Fraction, Quotient]]:

@@ -22,7 +22,6 @@ from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import OutOfTime, check, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     TIME,
     ZERO,
@@ -32,7 +31,6 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
-    add,
     substitute,
     walk,
 )
@@ -64,14 +62,8 @@ _WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1
 
 def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
     """The accelerations of all coordinates, by the free velocities."""
-    rates = motion.on_constraints
     table = dict(zip(motion.free, motion.free_accelerations, strict=True))
-    for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True):
-        terms = [differentiate(w, TIME)]
-        terms += [differentiate(w, Velocity(u)) * table[u] for u in motion.free]
-        for q in motion.coordinates:
-            terms.append(differentiate(w, Symbol(q)) * rates.get(Velocity(q), Velocity(q)))
-        table[name] = add(*terms)
+    table |= {name: motion.rate(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)}
     accelerations = tuple(table[name] for name in motion.coordinates)
     return SecondOrderSystem(motion.coordinates, accelerations, motion.parameters, motion.functions)
 

@@ -81,7 +81,6 @@ class MotionAnswer:
 @dataclass(slots=True)
 class _Work:
     motion: ConstrainedMotion
-    equations: EquationsOfMotion | None
     known: Sequence[KnownLagrangian]
     seed: int
     deadline: float
@@ -93,15 +92,14 @@ class _Work:
 
 def answer_motion(
     motion: ConstrainedMotion,
-    equations: EquationsOfMotion | None,
     known: Sequence[KnownLagrangian] = (),
     time_dependent: bool | None = None,
     seed: int = 1,
     deadline: float = float("inf"),
     progress: Callable[[str], None] = lambda _: None,
 ) -> MotionAnswer:
-    """Both questions; `known` are Lagrangians of associated systems, `equations` serve for the report on H."""
-    work = _Work(motion, equations, known, seed, deadline, progress)
+    """Both questions; `known` are Lagrangians of associated systems. There is a report on H for EquationsOfMotion."""
+    work = _Work(motion, known, seed, deadline, progress)
     try:
         analysed = analyse_motion(motion)
     except IrreducibleAtoms as problem:
@@ -202,7 +200,7 @@ def _carried_on(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
     """To its own equations, H, and the constraints in phase space."""
     tree, report = lagrangian.expression, None
     system = own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
-    if system is not None and work.equations is not None and work.left() > 0:
+    if system is not None and isinstance(work.motion, EquationsOfMotion) and work.left() > 0:
         known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
-        report = hamiltonise(work.equations, system, tree, work.seed, known)
+        report = hamiltonise(work.motion, system, tree, work.seed, known)
     return MotionLagrangian(lagrangian, jet_of(tree, work.motion), "own", system, report)

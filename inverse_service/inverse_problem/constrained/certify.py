@@ -90,10 +90,8 @@ def _conditions(analysed: AnalysedMotion, more: Sequence[Expression]) -> list[st
     motion, table = analysed.motion, analysed.real_point
     if table is None:
         return []
-    on: dict[Expression, Expression] = {
-        Velocity(name): w for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)
-    }
-    formulas = [*motion.dependent_velocities, *motion.free_accelerations, *(substitute(tree, on) for tree in more)]
+    placed = (substitute(tree, motion.on_constraints) for tree in more)
+    formulas = [*motion.dependent_velocities, *motion.free_accelerations, *placed]
     try:
         positive = component(requirements(formulas, table), table, [Symbol(name) for name in motion.parameters])
     except IrreducibleAtoms:

@@ -138,14 +138,6 @@ def _solved_for(tree: Expression, names: Sequence[str]) -> str | None:
     return None
 
 
-def _rate(motion: ConstrainedMotion, tree: Expression) -> Expression:
-    """The derivative along the motion of a function of t, q and the free velocities."""
-    rates = motion.on_constraints
-    speeds = [differentiate(tree, Symbol(q)) * rates.get(Velocity(q), Velocity(q)) for q in motion.coordinates]
-    pushes = zip(motion.free, motion.free_accelerations, strict=True)
-    return add(differentiate(tree, TIME), *speeds, *(differentiate(tree, Velocity(u)) * f for u, f in pushes))
-
-
 def _system_of(
     motion: ConstrainedMotion, functions: Mapping[str, Expression], budget: Budget
 ) -> SecondOrderSystem | None:
@@ -160,11 +152,11 @@ def _system_of(
             others.remove(solved)
             rest = substitute(tree, {Symbol(solved): ZERO})
             table[Symbol(solved)] = (Symbol(name) - rest) / differentiate(tree, Symbol(solved))
-    rates = [_rate(motion, tree) for tree in functions.values()]
+    rates = [motion.rate(tree) for tree in functions.values()]
     speeds = _free_velocities(motion, rates, list(functions), budget)
     if speeds is None:
         return None
-    forces = [substitute(substitute(_rate(motion, rate), speeds), table) for rate in rates]
+    forces = [substitute(substitute(motion.rate(rate), speeds), table) for rate in rates]
     return _without(motion, others, list(functions), forces, budget)
 
 

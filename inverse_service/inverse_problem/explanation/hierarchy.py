@@ -261,17 +261,8 @@ def kernel(rows: Sequence[Row], columns: int, prime: int) -> list[Row]:
     """A basis of the vectors orthogonal to the rows modulo the prime."""
     if not rows:
         return [tuple(int(i == j) for j in range(columns)) for i in range(columns)]
-    flat = [entry for row in rows for entry in row]
-    reduced, rank = nmod_mat(len(rows), columns, flat, prime).rref()
-    pivots = [next(k for k in range(columns) if int(reduced[i, k])) for i in range(rank)]
-    basis = []
-    for free in sorted(set(range(columns)) - set(pivots)):
-        vector = [0] * columns
-        vector[free] = 1
-        for i, pivot in enumerate(pivots):
-            vector[pivot] = -int(reduced[i, free]) % prime
-        basis.append(tuple(vector))
-    return basis
+    basis, nullity = nmod_mat(len(rows), columns, [entry for row in rows for entry in row], prime).nullspace()
+    return [tuple(int(basis[i, k]) for i in range(columns)) for k in range(nullity)]
 
 
 def all_singular(basis: Sequence[Row], n: int, prime: int) -> bool:

@@ -181,12 +181,6 @@ class _Work:
         return [*found, *map(Symbol, self.associated.parameters)]
 
     @property
-    def on_constraints(self) -> dict[Expression, Expression]:
-        """The dependent velocities by the free ones."""
-        pairs = zip(self.motion.dependent, self.motion.dependent_velocities, strict=True)
-        return {Velocity(name): rate for name, rate in pairs}
-
-    @property
     def lifted(self) -> dict[Expression, Expression]:
         """Each momentum as a function of (q, v)."""
         return dict(zip(self.transform.symbols, self.transform.momenta, strict=True))
@@ -198,7 +192,7 @@ class _Work:
     def restriction(self) -> Statement:
         """f on the constraints is the nonholonomic acceleration."""
         pairs = zip(self.associated.accelerations, self.motion.accelerations, strict=True)
-        trees = [substitute(f, self.on_constraints) - a for f, a in pairs]
+        trees = [substitute(f, self.motion.on_constraints) - a for f, a in pairs]
         return self._tested("On the constraints the associated system has the accelerations of the motion.", trees)
 
     def euler_lagrange(self) -> Statement:
@@ -230,7 +224,7 @@ class _Work:
 
     def _restricted(self, tree: Expression) -> Expression:
         """A function of (q, p) at p = dL/dv on the constraints, over (q, u)."""
-        return substitute(substitute(tree, self.lifted), self.on_constraints)
+        return substitute(substitute(tree, self.lifted), self.motion.on_constraints)
 
     def invariance(self) -> Statement:
         """{P, H} = 0 on the submanifold."""
@@ -250,13 +244,13 @@ class _Work:
         if any(node == TIME for f in (*self.motion.accelerations, self.lagrangian) for node in walk(f)):
             return None
         positions = tuple(map(Symbol, self.names))
-        rates = [self.on_constraints.get(Velocity(name), Velocity(name)) for name in self.names]
+        rates = [self.motion.on_constraints.get(Velocity(name), Velocity(name)) for name in self.names]
         speeds = tuple(map(Velocity, self.motion.free))
         first = Flow((*positions, *speeds), (*rates, *self.motion.free_accelerations))
         h, symbols = self.transform.hamiltonian, self.transform.symbols
         forward = [differentiate(h, p) for p in symbols]
         backward = [-differentiate(h, q) for q in positions]
         second = Flow((*positions, *symbols), (*forward, *backward))
-        momenta = [substitute(p, self.on_constraints) for p in self.transform.momenta]
+        momenta = [substitute(p, self.motion.on_constraints) for p in self.transform.momenta]
         constants = [Symbol(name) for name in self.associated.parameters]
         return compare(first, second, momenta, [h, *self.images], constants, self.seed)

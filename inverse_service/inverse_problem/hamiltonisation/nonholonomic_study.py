@@ -38,7 +38,6 @@ from inverse_service.mechanics.nonholonomic.integrals import (
 from inverse_service.mechanics.nonholonomic.motion import (
     EliminatedMotion,
     EquationsOfMotion,
-    constrained_motion,
     eliminate_multipliers,
     written,
 )
@@ -159,14 +158,11 @@ def _associated(report: MotionReport, kind: Kind) -> AssociatedSystem:
 def _vanishing(motion: EquationsOfMotion, family: Sequence[Expression], place: int, count: int) -> Sequence[Expression]:
     """The family, each member zero on the constraints; InputError where one is not, or where that is not settled."""
     system = motion.system
-    table: dict[Expression, Expression] = {
-        Velocity(name): rate for name, rate in zip(motion.dependent, motion.dependent_velocities, strict=True)
-    }
     for name, tree in zip(system.coordinates, family, strict=True):
         pointer = "/multiples" + (f"/{place}" if count > 1 else "") + f"/{name}"
         names: list[Symbol | Velocity] = [*map(Velocity, system.coordinates)]
         names += map(Symbol, (*system.coordinates, *system.parameters, "t"))
-        found = tree == ZERO or vanish([substitute(tree, table)], names)
+        found = tree == ZERO or vanish([substitute(tree, motion.on_constraints)], names)
         if not found:
             what = "does not vanish" if found is False else "could not be shown to vanish"
             raise InputError(
@@ -202,7 +198,6 @@ def answer_about(found: Study, options: SolveOptions, deadline: float, progress:
     """Whether any associated system has a Lagrangian; those found for the known ones are answers."""
     motion = found.report.motion
     return answer_motion(
-        constrained_motion(motion),
         motion,
         tuple(_known_lagrangians(found)),
         options.time_dependent,

@@ -25,7 +25,7 @@ from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import ONE, Expression, Velocity
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
-from inverse_service.mechanics.potential import Potential, constant_null_vectors, factors_of, potential
+from inverse_service.mechanics.potential import Potential, factors_of, potential, rational_null_vectors
 from inverse_service.mechanics.quotient_matrices import determinant, dot, reduced_rows
 
 Partial = Callable[[Quotient], Quotient]
@@ -298,8 +298,8 @@ def _momenta(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral, Quotient
     parts = motion.geometry
     elements = [*(entry for row in parts.mass for entry in row), *parts.linear, parts.potential]
     cyclic = [k for k in range(parts.size) if all(parts.by_coordinate(k, e).is_zero for e in elements)]
-    rows = [[row[k] for k in cyclic] for row in parts.rows]
-    for vector in constant_null_vectors(parts.ring, rows):
+    columns = [[row[k] for row in parts.rows] for k in cyclic] if parts.rows else []
+    for vector in reversed(list(rational_null_vectors(parts.ring, columns))):
         weights = [(value, k) for value, k in zip(vector, cyclic, strict=True) if value]
         total = sum_of(parts.zero, [_momentum(motion, k).scaled(value) for value, k in weights])
         if motion.rate(total).is_zero and not total.is_zero:

@@ -11,13 +11,14 @@ A motion on a manifold of constraints, however it was given.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import TIME, Expression, Velocity, substitute, walk
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, substitute, walk
 from inverse_service.mechanics.nonholonomic.geometry import (
     Frame,
     Geometry,
@@ -31,20 +32,47 @@ from inverse_service.mechanics.second_order_system import FunctionDeclaration
 
 
 @dataclass(frozen=True, slots=True)
-class EquationsOfMotion:
-    """The reduced equations over (t, q, u), u the velocities of the coordinates `free`.
+class ConstrainedMotion:
+    """The equations over (t, q, u): s' = w for the `dependent` coordinates, u' = F for the velocities u of the `free`.
 
     `dependent_velocities[i]` is the velocity of coordinate dependent[i] (first-order equations),
-    `free_accelerations[i]` the acceleration of free[i] (second-order equations). `accelerations` are
-    those of all coordinates, in the order of the system, and `multipliers` the lambda_a, one for each
-    constraint; both hold free velocities only.
+    `free_accelerations[i]` the acceleration of free[i] (second-order equations).
     """
 
-    system: NonholonomicSystem
+    coordinates: tuple[str, ...]
     free: tuple[str, ...]
     dependent: tuple[str, ...]
     dependent_velocities: tuple[Expression, ...]
     free_accelerations: tuple[Expression, ...]
+    parameters: tuple[str, ...] = ()
+    functions: tuple[FunctionDeclaration, ...] = ()
+
+    @property
+    def depends_on_time(self) -> bool:
+        trees = (*self.dependent_velocities, *self.free_accelerations)
+        return any(node == TIME for tree in trees for node in walk(tree))
+
+    @property
+    def on_constraints(self) -> dict[Expression, Expression]:
+        """The dependent velocities by the free ones."""
+        return {Velocity(name): w for name, w in zip(self.dependent, self.dependent_velocities, strict=True)}
+
+    def rate(self, tree: Expression) -> Expression:
+        """The derivative along the motion of a function of t, q and the free velocities."""
+        rates, forces = self.on_constraints, zip(self.free, self.free_accelerations, strict=True)
+        speeds = [differentiate(tree, Symbol(q)) * rates.get(Velocity(q), Velocity(q)) for q in self.coordinates]
+        return add(differentiate(tree, TIME), *speeds, *(differentiate(tree, Velocity(u)) * f for u, f in forces))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EquationsOfMotion(ConstrainedMotion):
+    """The motion of a Lagrangian, with what is known of it.
+
+    `accelerations` are those of all coordinates, in the order of the system, and `multipliers` the lambda_a, one for
+    each constraint; both hold free velocities only.
+    """
+
+    system: NonholonomicSystem
     accelerations: tuple[Expression, ...]
     multipliers: tuple[Expression, ...]
 
@@ -91,13 +119,16 @@ def written(motion: EliminatedMotion) -> EquationsOfMotion:
     names = parts.system.coordinates
     accelerations = tuple(parts.tree(element) for element in motion.accelerations)
     return EquationsOfMotion(
-        parts.system,
+        names,
         tuple(names[k] for k in choice.free),
         tuple(names[k] for k in choice.dependent),
         tuple(parts.tree(motion.velocities[k]) for k in choice.dependent),
         tuple(accelerations[k] for k in choice.free),
-        accelerations,
-        tuple(parts.tree(element) for element in motion.multipliers),
+        parts.system.parameters,
+        parts.system.functions,
+        system=parts.system,
+        accelerations=accelerations,
+        multipliers=tuple(parts.tree(element) for element in motion.multipliers),
     )
 
 
@@ -164,29 +195,6 @@ def _multipliers(
     return solved
 
 
-@dataclass(frozen=True, slots=True)
-class ConstrainedMotion:
-    """s' = w(t, q, u) for the `dependent` coordinates, u' = F(t, q, u) for the velocities u of the `free` ones."""
-
-    coordinates: tuple[str, ...]
-    free: tuple[str, ...]
-    dependent: tuple[str, ...]
-    dependent_velocities: tuple[Expression, ...]
-    free_accelerations: tuple[Expression, ...]
-    parameters: tuple[str, ...] = ()
-    functions: tuple[FunctionDeclaration, ...] = ()
-
-    @property
-    def depends_on_time(self) -> bool:
-        trees = (*self.dependent_velocities, *self.free_accelerations)
-        return any(node == TIME for tree in trees for node in walk(tree))
-
-    @property
-    def on_constraints(self) -> dict[Expression, Expression]:
-        """The dependent velocities by the free ones."""
-        return {Velocity(name): w for name, w in zip(self.dependent, self.dependent_velocities, strict=True)}
-
-
 def motion_on(system: NonholonomicSystem, accelerations: Mapping[str, Expression]) -> ConstrainedMotion:
     """The motion with these accelerations of the free coordinates on the constraints of a system.
 
@@ -202,19 +210,7 @@ def motion_on(system: NonholonomicSystem, accelerations: Mapping[str, Expression
     speeds = [parts.velocity(place) for place in choice.free]
     rates = [dot(parts.zero, choice.basis[place], speeds) + choice.drift[place] for place in dependent]
     velocities = tuple(parts.tree(rate) for rate in rates)
-    on: dict[Expression, Expression] = {
-        Velocity(names[place]): rate for place, rate in zip(dependent, velocities, strict=True)
-    }
-    free = tuple(names[place] for place in choice.free)
-    forces = tuple(substitute(accelerations[name], on) for name in free)
-    bound = tuple(names[place] for place in dependent)
-    return ConstrainedMotion(names, free, bound, velocities, forces, system.parameters, system.functions)
-
-
-def constrained_motion(motion: EquationsOfMotion) -> ConstrainedMotion:
-    """The motion without the Lagrangian that it came from."""
-    system = motion.system
-    return ConstrainedMotion(
-        system.coordinates, motion.free, motion.dependent, motion.dependent_velocities, motion.free_accelerations,
-        system.parameters, system.functions,
-    )  # fmt: skip
+    free, bound = (tuple(names[place] for place in places) for places in (choice.free, dependent))
+    forces = tuple(accelerations[name] for name in free)
+    found = ConstrainedMotion(names, free, bound, velocities, forces, system.parameters, system.functions)
+    return replace(found, free_accelerations=tuple(substitute(force, found.on_constraints) for force in forces))

@@ -21,7 +21,7 @@ from inverse_service.inverse_problem.hamiltonisation.reduced import (
 )
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, constrained_motion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.reading import read_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import solving, translate
@@ -59,7 +59,7 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
         )
     motion = read(schema)
     question = schema.time_dependent_lagrangian
-    answer = answer_motion(motion, None, (), question, options.seed, end, progress or (lambda _: None))
+    answer = answer_motion(motion, (), question, options.seed, end, progress or (lambda _: None))
 
     reduced = reduced_of_motion(motion, options.seed, end - now())
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
@@ -95,7 +95,7 @@ _WRONG = CheckResult("invalid", ("reduced is not the reduced system of the docum
 
 def reduced_of_report(report: MotionReport, seed: int, time_limit: float) -> ReducedPart | None:
     """For a Lagrangian with constraints."""
-    motion = constrained_motion(report.motion)
+    motion = report.motion
     options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
     return _part(answer_reduced(motion, report.motion.system.lagrangian, report.density, options))
 
@@ -144,4 +144,4 @@ def _of_document(document: Any) -> SecondOrderSystem | None:
     if is_motion(document):
         return reduced_system(read(look_motion(document)))
     report = motion_report(to_nonholonomic(to_nonholonomic_schema(document)))
-    return reduced_system(constrained_motion(report.motion))
+    return reduced_system(report.motion)

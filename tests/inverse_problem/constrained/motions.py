@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, analyse_motion
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, constrained_motion, equations_of_motion
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, equations_of_motion
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 
@@ -36,7 +36,7 @@ def disk(potential: str, **more: Any) -> dict[str, Any]:
 
 
 def motion_of(document: dict[str, Any]) -> ConstrainedMotion:
-    return constrained_motion(equations_of_motion(read_nonholonomic(**document)))
+    return equations_of_motion(read_nonholonomic(**document))
 
 
 def analysed(document: dict[str, Any]) -> AnalysedMotion:
