@@ -19,7 +19,7 @@ from inverse_service.service.documents.reading import read_document
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.identity import JobOptions, read_options, split_options
 from inverse_service.service.jobs.isolation import run_alone
-from inverse_service.service.jobs.warming import PATIENCE, warm_first, warm_task
+from inverse_service.service.jobs.warming import PATIENCE, warm_first, warm_up
 from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0
@@ -86,7 +86,7 @@ def _is_open(result: dict[str, Any]) -> bool:
 def warm_alone(memory_limit: int) -> ExitCode:
     """Compile what is missing in a process of its own, before any clock starts; said on standard error."""
     say = functools.partial(print, file=sys.stderr, flush=True)
-    warm_first(say, lambda: run_alone(warm_task, (), PATIENCE, memory_limit))
+    warm_first(say, lambda: run_alone(warm_up, (), PATIENCE, memory_limit))
     return ExitCode.DONE
 
 

@@ -15,7 +15,6 @@ from inverse_service import __version__
 from inverse_service.service.documents.answers import value_of
 from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.batch_files import BatchTerms
 from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.identity import JobOptions, Viewer, batch_id
 from inverse_service.service.jobs.metrics import Counters
@@ -235,22 +234,32 @@ class Engine:
             self.supervisor.cancel(job)
         return len(dismissed)
 
-    async def read_batch(self, client: str, body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
-        """The lines of a batch; raises DocumentRefused or Refusal."""
-        found = await self.read_body(client, tasks.batch_task, body, is_array, terms, seconds=LONG_DEADLINE)
-        lines: list[BatchLine] = found
-        return lines
-
     async def read_body(
-        self, client: str, task: Callable[..., Outcome], body: bytes, *more: Any, seconds: float = QUICK_DEADLINE
-    ) -> Any:
+        self, client: str, task: Callable[..., T], body: bytes, *more: Any, seconds: float = QUICK_DEADLINE
+    ) -> T:
         """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at a limit."""
         outcome = await self.run_quick(client, task, body, *more, seconds=seconds)
         if outcome.status in LIMITS:
             raise Refusal(422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller.")
-        return value_of(outcome)
+        found: T = value_of(outcome)
+        return found
 
-    async def run_quick(self, client: str, task: Callable[..., Outcome], *arguments: Any, seconds: float) -> Outcome:
+    async def made(
+        self,
+        client: str,
+        task: Callable[..., T],
+        *arguments: Any,
+        late: str = "This takes longer than a page may; take the result as JSON, or try again later.",
+        seconds: float = LONG_DEADLINE,
+    ) -> T:
+        """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a limit."""
+        outcome = await self.run_quick(client, task, *arguments, seconds=seconds)
+        if outcome.status in LIMITS:
+            raise Refusal(503, "busy", late)
+        found: T = value_of(outcome)
+        return found
+
+    async def run_quick(self, client: str, task: Callable[..., Any], *arguments: Any, seconds: float) -> Outcome:
         """Run a task in one of the quick processes, for `seconds` and more where much is given."""
         size = sum(len(argument) for argument in arguments if isinstance(argument, bytes))
         call = Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)

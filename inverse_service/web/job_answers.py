@@ -5,7 +5,6 @@ As text, LaTeX or a SymPy program, for those who ask by `Accept`, workers write 
 
 from __future__ import annotations
 
-import importlib
 import json
 import re
 from collections.abc import AsyncIterator, Mapping
@@ -14,16 +13,13 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from inverse_service.service.documents.answers import as_bytes, problem_document, value_of
+from inverse_service.service.documents.answers import as_bytes, problem_document
 from inverse_service.service.jobs.batch_output import answer_line, line_head
-from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.model import Batch, BatchAnswer, Job, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer
-from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.tasks import guard
 from inverse_service.web.clients import client_of
-from inverse_service.web.engine import LONG_DEADLINE, Engine
-from inverse_service.web.problems import MEDIA_TYPE, Refusal
+from inverse_service.web.engine import Engine
+from inverse_service.web.problems import MEDIA_TYPE
 
 PART = 256 * 1024
 # Answers of a batch that come with their lines: at most so large, and so many at once.
@@ -228,23 +224,18 @@ async def written_response(
 ) -> Response:
     """A solved job in this form; raises Refusal where writing it takes too long."""
     form, place = MEDIA_TYPES[media_type], f"{str(request.base_url).rstrip('/')}/results/{job.id}"
-    outcome = await engine.run_quick(
-        client_of(request), written_task, engine.store.address, job.id, form, place, seconds=LONG_DEADLINE
-    )
-    if outcome.status in LIMITS:
-        raise Refusal(503, "busy", "To write this takes too long; take the result as JSON, or try again later.")
-    return Response(value_of(outcome), 200, dict(headers), media_type)
+    about = (engine.store.address, job.id, form, place)
+    text = await engine.made(client_of(request), written_task, *about)
+    return Response(text, 200, dict(headers), media_type)
 
 
-def written_task(store: str, id: str, form: str, address: str) -> Outcome:
+def written_task(store: str, id: str, form: str, address: str) -> str:
     """A stored result as text, LaTeX or a SymPy program; SymPy is imported in workers only."""
-    return guard(_written, json.loads(stored_answer(store, id)[1]), form, address)
-
-
-def _written(result: dict[str, object], form: str, address: str) -> str:
+    result = json.loads(stored_answer(store, id)[1])
     if form == "sympy":
-        text: str = importlib.import_module("inverse_service.sympy").from_result(result).to_code(form)
-        return text
+        from inverse_service.sympy import from_result
+
+        return from_result(result).to_code(form)
     from inverse_service.service.documents.latex_page import latex_page
     from inverse_service.service.documents.text_page import text_page
 

@@ -16,6 +16,7 @@ from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch_files import BatchTerms
 from inverse_service.service.jobs.model import Batch, StoreUnavailable
+from inverse_service.service.jobs.tasks import batch_task
 from inverse_service.web.asking import (
     ANY,
     FACTORS,
@@ -28,7 +29,7 @@ from inverse_service.web.asking import (
     wants_fresh,
 )
 from inverse_service.web.clients import client_of, require_client, viewer_of
-from inverse_service.web.engine import Engine
+from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import AT_ONCE, RETRY_AFTER, SMALL, batch_fields, lines_of
 from inverse_service.web.openapi import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.problems import Refusal
@@ -83,7 +84,8 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     terms = BatchTerms(kind, options, server, client, engine.settings.max_lines, wants_fresh(request))
     try:
         async with body_of(request, FACTORS["batch"] * engine.settings.max_body) as body:
-            lines = await engine.read_batch(client, body, is_json(media_type), terms)
+            form = (body, is_json(media_type), terms)
+            lines = await engine.read_body(client, batch_task, *form, seconds=LONG_DEADLINE)
             stored = await engine.create_batch(kind, viewer_of(request), lines, key)
     except InputError as error:
         status = 413 if error.code == "limit" else 422

@@ -60,7 +60,7 @@ def outcome(cluster: Cluster, task: Any, arguments: tuple[Any, ...] = (), deadli
 
 
 def test_a_task_is_answered_from_another_process(cluster: Cluster) -> None:
-    found = outcome(cluster, tasks.guard, (os.getpid,))
+    found = outcome(cluster, os.getpid)
     assert found.status == "done"
     assert found.value != os.getpid()
     assert cluster.capacity == 2
@@ -68,17 +68,17 @@ def test_a_task_is_answered_from_another_process(cluster: Cluster) -> None:
 
 
 def test_the_deadline_holds_in_c_and_memory_is_bounded(cluster: Cluster) -> None:
-    outcome(cluster, tasks.ping_task)
+    outcome(cluster, tasks.load_engine)
     begin = time.monotonic()
     assert outcome(cluster, pow, (3, 10**9), 0.5).status == "deadline"
     assert time.monotonic() - begin < 30
     assert outcome(cluster, bytearray, (MEMORY * 2**20,)).status == "memory"
     assert outcome(cluster, signal.raise_signal, (signal.SIGSEGV,)).status == "crash"
-    assert outcome(cluster, tasks.ping_task).status == "done"
+    assert outcome(cluster, tasks.load_engine).status == "done"
 
 
 def test_a_cancelled_task_stops_there_too(cluster: Cluster, machines: processes.Cluster) -> None:
-    outcome(cluster, tasks.ping_task)
+    outcome(cluster, tasks.load_engine)
     running = cluster.submit(Call(pow, (3, 10**9), 600.0))
     session, end = machines.workers[0].pid, time.monotonic() + 120
     while not (busy := _busy(session)) and time.monotonic() < end:
@@ -166,7 +166,7 @@ def test_a_cluster_with_another_program_is_refused(
     stranger = Cluster(machines.address, MEMORY)
     with pytest.raises(InputError, match=r"another program: engine .* instead of 9\.9; install the same"):
         stranger.start()
-    answer = remote.perform(Order("k", Call(tasks.ping_task, (), 1.0)), Terms(other, MEMORY, "t"))
+    answer = remote.perform(Order("k", Call(tasks.load_engine, (), 1.0)), Terms(other, MEMORY, "t"))
     assert isinstance(answer, str), "a worker that joins later must refuse too"
     assert "engine" in answer
 

@@ -21,7 +21,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
 from inverse_service.service.documents.documents import parse_document
 from inverse_service.service.documents.reading import read_json, read_toml, read_yaml
-from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.outcome import guard
 
 SETTINGS = settings(
     max_examples=60, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
@@ -92,7 +92,7 @@ def assert_told(sentence: str, column: int | None = None, last: int = 10**9) -> 
 @given(SYSTEMS | NONHOLONOMIC | VALUES)
 def documents(document: Any) -> None:
     """A document is understood or refused with places."""
-    outcome = tasks.guard(parse_document, document)
+    outcome = guard(parse_document, document)
     assert outcome.status in ("done", "refused"), outcome.detail
     assert (outcome.status == "refused") == bool(outcome.places)
     for place in outcome.places:

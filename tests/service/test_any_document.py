@@ -15,6 +15,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.service.documents.reading import read_json, read_toml, read_yaml
 from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.outcome import guard
 
 SETTINGS = settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 WORDS = (
@@ -41,7 +42,7 @@ DOCUMENTS = st.fixed_dictionaries(
 
 
 def understood_or_refused(document: Any) -> None:
-    outcome = tasks.guard(documents.parse_document, document)
+    outcome = guard(documents.parse_document, document)
     assert outcome.status in ("done", "refused"), outcome.detail
     for place in outcome.places:
         assert place.detail
@@ -85,4 +86,4 @@ def refusal(read: Callable[[bytes], Any], data: bytes) -> str | None:
 )
 def test_a_root_of_zero_is_no_fault(text: str) -> None:
     document = {"coordinates": ["x", "y"], "equations": {"x": text, "y": "0"}}
-    assert tasks.solve_task(document, SolveOptions(time_limit=20.0)).status == "done"
+    assert guard(tasks.solve_task, document, SolveOptions(time_limit=20.0)).status == "done"

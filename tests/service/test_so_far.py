@@ -81,7 +81,7 @@ def test_the_page_says_no_more_than_is_known() -> None:
     texts = []
     for part in told(DAMPED)[0]:
         job = {"id": "a", "status": "running", "progress": {"stage": "search", "so_far": json.loads(json.dumps(part))}}
-        texts.append(bytes(so_far_task(job, Visitor(), 3).value.body).decode())
+        texts.append(bytes(so_far_task(job, Visitor(), 3).body).decode())
     assert "A regular Lagrangian L(q, q\u2032) exists." in texts[0]
     assert "none was found" not in texts[0]
     assert "These equations come from a regular Lagrangian L(q, q\u2032)." in texts[1]

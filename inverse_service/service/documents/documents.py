@@ -149,20 +149,6 @@ def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -
         raise ready.error(error) from None
 
 
-def check_document(text: str) -> dict[str, Any]:
-    """The verdict on the text of a result; see `checking.check_document`."""
-    from inverse_service.service.documents import checking
-
-    return checking.check_document(text)
-
-
-def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
-    """The verdict of a result for another prover; see `proofs.proof_document`."""
-    from inverse_service.service.documents import proofs
-
-    return proofs.proof_document(result, form, seed)
-
-
 def look(document: Any) -> None:
     """Raise DocumentRefused where a document has not the shape of one that is solved."""
     plain = prepared(document).document

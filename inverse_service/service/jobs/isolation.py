@@ -20,7 +20,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
-from inverse_service.service.jobs.outcome import Outcome, Usage, outcome_of_exit
+from inverse_service.service.jobs.outcome import Outcome, Usage, guard, outcome_of_exit
 
 PR_SET_PDEATHSIG = 1
 # The wall clock ends a task first; the bound on processor time is for tasks that start threads.
@@ -146,7 +146,7 @@ _BETWEEN_COLLECTIONS = 250_000
 
 
 def run_alone(
-    task: Callable[..., Outcome],
+    task: Callable[..., Any],
     arguments: tuple[Any, ...],
     deadline: float,
     memory_limit: int,
@@ -192,7 +192,7 @@ def _receive(receiver: Connection, process: Any, deadline: float, report: Report
 
 
 def _child(
-    sender: Connection, task: Callable[..., Outcome], arguments: tuple[Any, ...], memory_limit: int, reports: bool
+    sender: Connection, task: Callable[..., Any], arguments: tuple[Any, ...], memory_limit: int, reports: bool
 ) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     silence_standard_error()
@@ -207,8 +207,4 @@ def _child(
             last = time.monotonic()
             sender.send(text)
 
-    try:
-        outcome = task(*arguments, report) if reports else task(*arguments)
-    except MemoryError:
-        outcome = Outcome("memory")
-    sender.send(outcome)
+    sender.send(guard(task, *arguments, *([report] if reports else [])))

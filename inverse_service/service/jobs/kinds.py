@@ -10,6 +10,7 @@ from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.jobs.identity import JobOptions, job_id, write_json
 from inverse_service.service.jobs.model import INTERACTIVE, JobRequest
+from inverse_service.service.jobs.tasks import check_task, solve_task, work_precision_task
 
 Report = Callable[[Any], None]
 Work = Callable[[Any, JobOptions, Report], Any]
@@ -24,23 +25,17 @@ class Kind:
     the process that only stores jobs has no engine.
     """
 
-    name: str
     work: Work
     look: Look
     limit_is_answer: bool = False
 
 
 def _solve(document: Any, options: JobOptions, report: Report) -> Any:
-    from inverse_service.service.documents.documents import solve_document
-
-    return solve_document(document, solve_options(options), report)
+    return solve_task(document, solve_options(options), report)
 
 
 def _check(document: Any, options: JobOptions, report: Report) -> Any:
-    from inverse_service.service.documents.documents import check_document
-    from inverse_service.service.jobs.identity import write_json
-
-    return check_document(write_json(document))
+    return check_task(write_json(document))
 
 
 def _simulate(document: Any, options: JobOptions, report: Report) -> Any:
@@ -50,9 +45,7 @@ def _simulate(document: Any, options: JobOptions, report: Report) -> Any:
 
 
 def _work_precision(document: Any, options: JobOptions, report: Report) -> Any:
-    from inverse_service.service.scenes.work_precision import work_precision
-
-    return work_precision(document, report, options.time_limit)
+    return work_precision_task(document, options.time_limit, report)
 
 
 def _look_at_scene(document: Any) -> None:
@@ -84,10 +77,10 @@ def label_of(result: Any) -> str:
 
 
 KINDS: Final[dict[str, Kind]] = {
-    "solve": Kind("solve", _solve, _look_at_system, limit_is_answer=True),
-    "check": Kind("check", _check, _look_at_object),
-    "simulate": Kind("simulate", _simulate, _look_at_scene),
-    "work-precision": Kind("work-precision", _work_precision, _look_at_scene),
+    "solve": Kind(_solve, _look_at_system, limit_is_answer=True),
+    "check": Kind(_check, _look_at_object),
+    "simulate": Kind(_simulate, _look_at_scene),
+    "work-precision": Kind(_work_precision, _look_at_scene),
 }
 
 

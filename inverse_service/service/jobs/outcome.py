@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -67,13 +68,30 @@ class Call:
     that nobody waits for the many of another. `priority`: the smaller one of a client goes first.
     """
 
-    task: Callable[..., Outcome]
+    task: Callable[..., Any]
     arguments: tuple[Any, ...]
     deadline: float
     memory_limit: int | None = None
     reports: bool = False
     priority: int = 0
     client: str = ""
+
+
+def guard(task: Callable[..., Any], *arguments: Any, **named: Any) -> Outcome:
+    """Run it and say as data how it ended; nothing but process death gets past."""
+    try:
+        found = task(*arguments, **named)
+    except InputError as error:
+        return Outcome("refused", places=faults_of(error))
+    except MemoryError:
+        return Outcome("memory")
+    except OverflowError:
+        detail = "A number of this document leaves the range that can be computed with; write smaller numbers."
+        return Outcome("refused", places=(Place(detail, code="limit"),))
+    except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log
+        trace = "".join(traceback.format_exception(error))[-8000:]
+        return Outcome("fault", value=f"{type(error).__name__}", detail=trace)
+    return found if isinstance(found, Outcome) else Outcome("done", found)
 
 
 def outcome_of_exit(exitcode: int | None) -> Outcome:

@@ -1,13 +1,14 @@
-"""The tasks that worker processes run. Light to import: the engine is loaded inside the process."""
+"""The tasks that worker processes run: plain functions, whose end `outcome.guard` says as data.
+
+Light to import: the engine is loaded inside the process.
+"""
 
 from __future__ import annotations
 
 import importlib
 import json
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.errors import InputError
@@ -15,7 +16,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.reading import decode, read_json
 from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.identity import JobOptions, read_options, split_options, stored_options
-from inverse_service.service.jobs.outcome import Outcome, Place, faults_of
+from inverse_service.service.jobs.outcome import Place
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.batch_files import BatchTerms
@@ -55,47 +56,8 @@ class Answer:
     fault: str = ""
 
 
-def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Outcome:
+def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
     """A stored job to its Answer; JSON is read and written here, so that the web process is never blocked."""
-    return guard(_job, kind, document, options, report)
-
-
-def understand_job_task(document: str) -> Outcome:
-    """The document of a stored solve job to the `system` part of a result."""
-    return guard(lambda: use_cases().understand_document(read_json(document)))
-
-
-def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> Outcome:
-    """A System document to its result document; `report` receives the stages."""
-    return guard(lambda: use_cases().solve_document(document, options, report))
-
-
-def look_ahead_task(document: str) -> Outcome:
-    """Whether the document of a solve job, which is JSON, can be read to its last formula."""
-    return guard(lambda: use_cases().parse_document(read_json(document)) and None)
-
-
-def understand_task(document: Any) -> Outcome:
-    """A System document to the `system` part of a result."""
-    return guard(lambda: use_cases().understand_document(document))
-
-
-def proof_task(result: dict[str, Any], form: str, seed: int) -> Outcome:
-    """The verdict of a result as theorems for another prover."""
-    return guard(lambda: use_cases().proof_document(result, form, seed))
-
-
-def check_task(text: str) -> Outcome:
-    """The text of a result to the checker's verdict."""
-    return guard(lambda: use_cases().check_document(text))
-
-
-def ping_task() -> Outcome:
-    """Shows that a worker process answers and has the engine loaded."""
-    return guard(load_engine)
-
-
-def _job(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
     from inverse_service.service.jobs.kinds import KINDS, label_of
 
     result = KINDS[kind].work(read_json(document), stored_options(options), report)
@@ -103,27 +65,44 @@ def _job(kind: str, document: str, options: str, report: Callable[[Any], None]) 
     return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result), fault)
 
 
-def use_cases() -> ModuleType:
-    """The use cases, imported in the worker only."""
-    from inverse_service.service.documents import documents
-
-    return documents
+def understand_job_task(document: str) -> dict[str, Any]:
+    """The document of a stored solve job to the `system` part of a result."""
+    return understand_task(read_json(document))
 
 
-def guard(function: Callable[..., Any], *arguments: Any) -> Outcome:
-    """Run it and say as data how it ended; nothing but process death gets past."""
-    try:
-        return Outcome("done", function(*arguments))
-    except InputError as error:
-        return Outcome("refused", places=faults_of(error))
-    except MemoryError:
-        return Outcome("memory")
-    except OverflowError:
-        detail = "A number of this document leaves the range that can be computed with; write smaller numbers."
-        return Outcome("refused", places=(Place(detail, code="limit"),))
-    except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log
-        trace = "".join(traceback.format_exception(error))[-8000:]
-        return Outcome("fault", value=f"{type(error).__name__}", detail=trace)
+def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """A System document to its result document; `report` receives the stages."""
+    from inverse_service.service.documents.documents import solve_document
+
+    return solve_document(document, options, report)
+
+
+def look_ahead_task(document: str) -> None:
+    """Whether the document of a solve job, which is JSON, can be read to its last formula."""
+    from inverse_service.service.documents.documents import parse_document
+
+    parse_document(read_json(document))
+
+
+def understand_task(document: Any) -> dict[str, Any]:
+    """A System document to the `system` part of a result."""
+    from inverse_service.service.documents.documents import understand_document
+
+    return understand_document(document)
+
+
+def proof_task(result: dict[str, Any], form: str, seed: int) -> str:
+    """The verdict of a result as theorems for another prover."""
+    from inverse_service.service.documents.proofs import proof_document
+
+    return proof_document(result, form, seed)
+
+
+def check_task(text: str) -> dict[str, Any]:
+    """The text of a result to the checker's verdict."""
+    from inverse_service.service.documents.checking import check_document
+
+    return check_document(text)
 
 
 # The code of a place in a body that cannot be read at all; HTTP answers it with 400 and all others with 422.
@@ -142,27 +121,8 @@ class AskingTerms:
     fresh: bool
 
 
-def ask_task(body: bytes, terms: AskingTerms) -> Outcome:
+def ask_task(body: bytes, terms: AskingTerms) -> JobRequest:
     """A question to its JobRequest."""
-    return guard(_asked, body, terms)
-
-
-def parse_task(body: bytes) -> Outcome:
-    """A System document to the JSON of what was understood."""
-    return guard(_parsed, body)
-
-
-def check_body_task(body: bytes) -> Outcome:
-    """A result or a certificate to the checker's verdict."""
-    return guard(_checked, body)
-
-
-def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> Outcome:
-    """A batch to its lines."""
-    return guard(_lines, body, is_array, terms)
-
-
-def _asked(body: bytes, terms: AskingTerms) -> JobRequest:
     from inverse_service.service.jobs.kinds import request_of
 
     document, given = split_options(_read(body))
@@ -172,18 +132,23 @@ def _asked(body: bytes, terms: AskingTerms) -> JobRequest:
     return request_of(terms.kind, document, options, terms.client, fresh=terms.fresh)
 
 
-def _parsed(body: bytes) -> bytes:
-    understood = use_cases().parse_document(split_options(_read(body))[0])
+def parse_task(body: bytes) -> bytes:
+    """A System document to the JSON of what was understood."""
+    from inverse_service.service.documents.documents import parse_document
+
+    understood = parse_document(split_options(_read(body))[0])
     return json.dumps(understood, ensure_ascii=False, allow_nan=False).encode()
 
 
-def _checked(body: bytes) -> Any:
+def check_body_task(body: bytes) -> dict[str, Any]:
+    """A result or a certificate to the checker's verdict."""
     if not isinstance(_read(body), dict):
         raise InputError(NO_RESULT)
-    return use_cases().check_document(decode(body))
+    return check_task(decode(body))
 
 
-def _lines(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
+def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
+    """A batch to its lines."""
     from inverse_service.service.jobs.batch_files import batch_lines, lines_of_array, lines_of_ndjson
 
     return batch_lines(lines_of_array(body) if is_array else lines_of_ndjson(body), terms)
@@ -197,15 +162,17 @@ def _read(body: bytes) -> Any:
         raise DocumentRefused((place,)) from None
 
 
-MODULE = "inverse_service.service.scenes.simulating"
-PRECISION = "inverse_service.service.scenes.work_precision"
-
-
-def simulate_task(document: Any, time_limit: float) -> Outcome:
+def simulate_task(document: Any, time_limit: float) -> dict[str, Any]:
     """A scene to its result document and the tables of all recorded points."""
-    return guard(lambda: importlib.import_module(MODULE).simulate_tables(document, None, time_limit))
+    from inverse_service.service.scenes.simulating import simulate_tables
+
+    return simulate_tables(document, None, time_limit)
 
 
-def work_precision_task(document: Any, time_limit: float) -> Outcome:
+def work_precision_task(
+    document: Any, time_limit: float, report: Callable[[Any], None] | None = None
+) -> dict[str, Any]:
     """A scene to its work-precision document."""
-    return guard(lambda: importlib.import_module(PRECISION).work_precision(document, None, time_limit))
+    from inverse_service.service.scenes.work_precision import work_precision
+
+    return work_precision(document, report, time_limit)

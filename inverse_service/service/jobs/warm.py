@@ -14,16 +14,17 @@ import importlib
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.jobs import tasks, warming
 from inverse_service.service.jobs.isolation import die_with_parent
+from inverse_service.service.jobs.outcome import guard
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
 die_with_parent()
-tasks.guard(tasks.load_engine)
+guard(tasks.load_engine)
 # Kernels and formulas of simulation take a second to import.
-tasks.guard(importlib.import_module, "inverse_service.service.scenes.simulating")
+guard(importlib.import_module, "inverse_service.service.scenes.simulating")
 if not warming.is_warm():  # who starts the pool has said so
     warming.warm_up()
-tasks.solve_task(SMALL, SolveOptions(time_limit=10.0))
+guard(tasks.solve_task, SMALL, SolveOptions(time_limit=10.0))
 # What is loaded stays: workers need not look through it for garbage, which takes a tenth of a small solve, nor copy it.
 gc.collect()
 gc.freeze()

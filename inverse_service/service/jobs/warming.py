@@ -13,8 +13,6 @@ from pathlib import Path
 
 from inverse_service import __version__, catalogue
 from inverse_service.machine_code import store
-from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.tasks import guard
 
 # Together these systems need all kernels.
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
@@ -44,11 +42,6 @@ def warm_up() -> None:
     for name in SYSTEMS:
         solve_document(catalogue.document(name), SolveOptions(time_limit=PATIENCE))
     store.write(_stamp(), {"done": True}, b"", KIND, with_program=True)
-
-
-def warm_task() -> Outcome:
-    """The same in a process of its own."""
-    return guard(warm_up)
 
 
 def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:

@@ -25,7 +25,7 @@ from inverse_service.service.jobs.isolation import (
     silence_standard_error,
 )
 from inverse_service.service.jobs.locks import hold
-from inverse_service.service.jobs.outcome import Call, Outcome, Usage, outcome_of_exit
+from inverse_service.service.jobs.outcome import Call, Outcome, Usage, guard, outcome_of_exit
 
 WARM = "inverse_service.service.jobs.warm"
 STARTED, REPORT, DONE = "started", "report", "done"
@@ -131,7 +131,7 @@ def serve(connection: Connection, memory_limit: int) -> None:
     """The life of a worker process: tasks until the parent closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     silence_standard_error()
-    tasks.guard(tasks.load_engine)
+    guard(tasks.load_engine)
     isolate(memory_limit)
     while True:
         try:
@@ -151,12 +151,4 @@ def _bound(call: Call, memory_limit: int) -> None:
 def _run(call: Call, connection: Connection) -> Outcome:
     meter = Meter()
     extra = {"report": lambda value: connection.send((REPORT, value))} if call.reports else {}
-    try:
-        outcome = call.task(*call.arguments, **extra)
-    except MemoryError:
-        outcome = Outcome("memory")
-    except Exception as error:  # a task returns its faults as outcomes; what gets here is a broken task
-        outcome = Outcome("crash", detail=f"{type(error).__name__}: {error}")
-    if not isinstance(outcome, Outcome):
-        outcome = Outcome("crash", detail="the task did not return an outcome")
-    return replace(outcome, spent=meter.spent())
+    return replace(guard(call.task, *call.arguments, **extra), spent=meter.spent())

@@ -216,7 +216,7 @@ class Workers:
             ]
         for thread in self._threads:
             thread.start()
-        self.submit(Call(tasks.ping_task, (), PING_DEADLINE, priority=FIRST)).outcome.add_done_callback(self._prove)
+        self.submit(Call(tasks.load_engine, (), PING_DEADLINE, priority=FIRST)).outcome.add_done_callback(self._prove)
 
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call in one of the processes: the clients in turn, the urgent calls of each first."""

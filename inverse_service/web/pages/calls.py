@@ -9,20 +9,19 @@ import json
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import httpx
 from starlette.requests import Request
 
-from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.web.asking import body_of
 from inverse_service.web.clients import client_of, is_of_own_page
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.journal import REQUEST
-from inverse_service.web.pages.form_tasks import form_task
 from inverse_service.web.pages.forms import Form, form_of
 from inverse_service.web.problems import Refusal
 
+T = TypeVar("T")
 # What says who asks; everything else of the browser's request is the page's own business.
 PASSED_ON = ("authorization", "x-api-key", "cookie", "host")
 ORIGIN = "http://pages.invalid"
@@ -78,13 +77,12 @@ SMALL_FORM = 10_000
 
 async def read_form(request: Request, limit: int) -> Form:
     """The sent form; refuses one of another site (403), too large (413), not written by a browser (400)."""
-    form: Form = await read_sent(request, limit, form_task)
-    return form
+    return await read_sent(request, limit, form_of)
 
 
 async def read_sent(
-    request: Request, limit: int, task: Callable[[bytes, str], Outcome], seconds: float = QUICK_DEADLINE
-) -> Any:
+    request: Request, limit: int, task: Callable[[bytes, str], T], seconds: float = QUICK_DEADLINE
+) -> T:
     """What a task of `form_tasks` makes of the sent form; refuses as `read_form` does."""
     if not is_of_own_page(request):
         raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
@@ -92,5 +90,5 @@ async def read_sent(
     content_type = request.headers.get("content-type", "")
     async with body_of(request, limit) as body:
         if limit <= SMALL_FORM:
-            return form_of(body, content_type)
+            return task(body, content_type)
         return await engine.read_body(client_of(request), task, body, content_type, seconds=seconds)

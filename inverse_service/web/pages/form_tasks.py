@@ -11,8 +11,8 @@ from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.jobs.identity import split_options, write_json
-from inverse_service.service.jobs.outcome import Outcome, faults_of
-from inverse_service.service.jobs.tasks import guard, use_cases
+from inverse_service.service.jobs.outcome import faults_of
+from inverse_service.service.jobs.tasks import check_task, solve_task, understand_task
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.answers import OWN, OwnLagrangian, glance_of, own_of
 from inverse_service.web.pages.documents import document_of, document_of_fields, fields_from, fields_of, right_side
@@ -36,56 +36,28 @@ class Sent:
     problem: reading_back.Problem | None = None
 
 
-def form_task(body: bytes, content_type: str) -> Outcome:
-    """A sent form to its fields and files."""
-    return guard(form_of, body, content_type)
-
-
-def sent_task(body: bytes, content_type: str) -> Outcome:
-    """The sent solve form to what it says."""
-    return guard(_sent, body, content_type)
-
-
-def echo_sent_task(body: bytes, content_type: str) -> Outcome:
-    """The sent solve form to its fields and how it is understood."""
-    return guard(_echo_sent, body, content_type)
-
-
-def echo_task(fields: Fields) -> Outcome:
-    """The fields of the solve form to how they are understood."""
-    return guard(_echo, fields)
-
-
-def glance_task(body: bytes, content_type: str) -> Outcome:
-    """The sent solve form to a short answer, which nobody stores; None where it takes longer than a glance."""
-    return guard(_glance, body, content_type)
-
-
-def own_task(fields: Fields, text: str) -> Outcome:
+def own_task(fields: Fields, text: str) -> OwnLagrangian:
     """The fields of the solve form and an L of the visitor to what is said of that L."""
-    return guard(_own, fields, text)
-
-
-def _own(fields: Fields, text: str) -> OwnLagrangian:
     try:
         document = split_options(document_of_fields(fields))[0]
-        found = use_cases().check_document(write_json({"system": document, "lagrangian": right_side(text)}))
-        names = names_of(use_cases().understand_document(document))
+        found = check_task(write_json({"system": document, "lagrangian": right_side(text)}))
+        names = names_of(understand_task(document))
     except InputError as error:
         reasons = [reading_back.without_keys(one.detail) for one in faults_of(error)]
         return OwnLagrangian(text, OWN["unread"], [], reasons)
     return own_of({**found, "lagrangian": text}, names)
 
 
-def _glance(body: bytes, content_type: str) -> dict[str, Any] | None:
-    document = _sent(body, content_type).document
+def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:
+    """The sent solve form to a short answer, which nobody stores; None where it takes longer than a glance."""
+    document = sent_task(body, content_type).document
     if document is None:
         return None
-    found = use_cases().solve_document(split_options(document)[0], SolveOptions(time_limit=GLANCE))
-    return glance_of(found)
+    return glance_of(solve_task(split_options(document)[0], SolveOptions(time_limit=GLANCE)))
 
 
-def _sent(body: bytes, content_type: str) -> Sent:
+def sent_task(body: bytes, content_type: str) -> Sent:
+    """The sent solve form to what it says."""
     form = form_of(body, content_type)
     fields, example = fields_of(form), form.text("example")
     try:
@@ -103,14 +75,16 @@ def _example(name: str) -> dict[str, Any]:
         raise InputError("The catalogue has no system of this name; /gallery shows them.") from None
 
 
-def _echo_sent(body: bytes, content_type: str) -> tuple[Fields, dict[str, Any]]:
-    sent = _sent(body, content_type)
+def echo_sent_task(body: bytes, content_type: str) -> tuple[Fields, dict[str, Any]]:
+    """The sent solve form to its fields and how it is understood."""
+    sent = sent_task(body, content_type)
     if sent.document is None:
         return sent.fields, {"problem": sent.problem}
     return sent.fields, _understood(sent.fields, sent.document)
 
 
-def _echo(fields: Fields) -> dict[str, Any]:
+def echo_task(fields: Fields) -> dict[str, Any]:
+    """The fields of the solve form to how they are understood."""
     try:
         document = document_of(Form({name: (value,) for name, value in fields.items()}))
     except InputError as error:
@@ -123,9 +97,11 @@ def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
     typed = any(fields[name] for name in ("equations", "lagrangian", "constraints"))
     if not (typed or document):
         return {}
+    from inverse_service.service.documents.documents import parse_document
+
     began = now()
     try:
-        answer = use_cases().parse_document(split_options(document)[0])
+        answer = parse_document(split_options(document)[0])
     except InputError as error:
         return {"problem": reading_back.problem_of_error(error, fields)} if typed else {}
     return {"understood": reading_back.understood(answer, _associated(document) if now() - began < QUICKLY else None)}
@@ -133,8 +109,9 @@ def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
 
 def _associated(document: Mapping[str, Any]) -> dict[str, Any] | None:
     """The associated system of the form, which decides the verdict; None where there is none to be shown."""
+    from inverse_service.service.documents.documents import parse_associated
+
     try:
-        found: dict[str, Any] | None = use_cases().parse_associated(split_options(document)[0])
+        return parse_associated(split_options(document)[0])
     except InputError:
         return None
-    return found

@@ -14,9 +14,8 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
 from inverse_service import catalogue
-from inverse_service.service.documents.answers import value_of
 from inverse_service.web.clients import client_of
-from inverse_service.web.engine import LONG_DEADLINE, Engine
+from inverse_service.web.engine import Engine
 from inverse_service.web.pages.calls import call
 from inverse_service.web.pages.rendering import can_simulate, sent
 from inverse_service.web.pages.result_tasks import sketch_task, small_picture_task
@@ -124,8 +123,7 @@ async def sketch(request: Request, name: str) -> Response:
     if name not in catalogue.names():
         return missing()
     engine: Engine = request.app.state.engine
-    outcome = await engine.run_quick(client_of(request), sketch_task, name, seconds=LONG_DEADLINE)
-    drawn = value_of(outcome)
+    drawn = await engine.made(client_of(request), sketch_task, name)
     return missing() if drawn is None else sent(drawn, "image/svg+xml", KEPT)
 
 

@@ -21,8 +21,6 @@ from inverse_service.expressions.tree import (
     distinct_nodes,
     walk,
 )
-from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.tasks import guard
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene import Scene
@@ -31,11 +29,6 @@ if TYPE_CHECKING:
 MOST_NODES = 4_000
 PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 LONG = "These equations cannot be played with in the browser; Run computes them."
-
-
-def preview_task(scene: Mapping[str, Any]) -> Outcome:
-    """A Scene document to what the script needs, or {"reason": a sentence}."""
-    return guard(_preview, scene)
 
 
 def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[Expression, ...] | None]:
@@ -53,7 +46,8 @@ def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[Expressi
     return scene, found if isinstance(found, tuple) else None
 
 
-def _preview(document: Mapping[str, Any]) -> dict[str, Any]:
+def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A Scene document to what the script needs, or {"reason": a sentence}."""
     scene, found = accelerations_of(document)
     formulas = (*(found or ()), *scene.constraints)
     if found is None or sum(1 for formula in formulas for _ in walk(formula)) > MOST_NODES:

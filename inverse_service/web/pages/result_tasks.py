@@ -6,12 +6,11 @@ With them: what to try next where an answer stayed open, the tree of special cas
 from __future__ import annotations
 
 import gzip
-import importlib
 import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
@@ -22,13 +21,13 @@ from inverse_service.expressions.names import Names
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.opening import stored_answer
-from inverse_service.service.jobs.outcome import Outcome
-from inverse_service.service.jobs.tasks import guard, use_cases
+from inverse_service.service.jobs.tasks import check_task
 from inverse_service.web.pages import answers, constrained, figures, reading_back, simulations, typesetting
 from inverse_service.web.pages.documents import lean_fields, question_address, right_side
 from inverse_service.web.pages.glossary import TERMS
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
 
+T = TypeVar("T")
 OFFER_TERMS = (
     "Offer terms that L may contain: \u201cChange the system\u201d, then \u201cTerms to try first in L\u201d under "
     "\u201cNames and questions\u201d, for example {}."
@@ -104,82 +103,8 @@ class Look:
     time_limit: float
 
 
-def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None) -> Outcome:
+def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None) -> HTMLResponse:
     """The page of a successful job, with the verdict of the checker, or that on a visitor's own L."""
-    return guard(_page, store, id, job, look, check)
-
-
-def so_far_task(job: Mapping[str, Any], visitor: Visitor, waited: int) -> Outcome:
-    """The page of a job that has a confirmed answer while more is sought."""
-    return guard(_so_far, job, visitor, waited)
-
-
-def embed_task(store: str, id: str, visitor: Visitor) -> Outcome:
-    """The short page of a solved system that other pages show in a frame."""
-    return guard(_embedded, store, id, visitor)
-
-
-def own_lagrangian_task(store: str, id: str, text: str) -> Outcome:
-    """The verdict on a visitor's Lagrangian for the equations of a stored result, with the `lagrangian` itself."""
-    return guard(_own_lagrangian, store, id, text)
-
-
-def figure_data_task(store: str, id: str) -> Outcome:
-    """The data of all figures of a simulation, as JSON, which shrinks to a fifth."""
-    return guard(lambda: gzip.compress(_figure_data(store, id), 5, mtime=0))
-
-
-def _figure_data(store: str, id: str) -> bytes:
-    return json.dumps(figures.figure_data(_result(store, id)), allow_nan=False).encode()
-
-
-def picture_task(store: str, id: str, name: str, ending: str) -> Outcome:
-    """A figure as a file; None where the result does not have it."""
-    return guard(lambda: figures.picture(_result(store, id), name, ending))
-
-
-def small_picture_task(store: str, id: str, name: str, pair: Sequence[str], equal: bool) -> Outcome:
-    """A picture of the gallery; None where there are no points."""
-    return guard(lambda: figures.small_picture(_result(store, id), name, pair, equal))
-
-
-def sketch_task(name: str) -> Outcome:
-    """The sketch of a system of the catalogue; None where there is none."""
-    return guard(lambda: importlib.import_module("inverse_service.web.pages.starts").sketch(name))
-
-
-def file_task(store: str, id: str, label: str, ending: str) -> Outcome:
-    """Every recorded point of a method as a file; None where there are none."""
-    return guard(_file, store, id, label, ending)
-
-
-def code_task(store: str, id: str, language: str) -> Outcome:
-    """A result as a program; SymPy is imported by the first one in a worker, never in the web process."""
-    return guard(
-        lambda: importlib.import_module("inverse_service.sympy").from_result(_result(store, id)).to_code(language)
-    )
-
-
-def check_stored_task(store: str, id: str) -> Outcome:
-    """The checker's verdict on a stored result."""
-    return guard(lambda: use_cases().check_document(stored_answer(store, id)[1].decode()))
-
-
-def fields_task(store: str, id: str) -> Outcome:
-    """The solve form filled with the document of a result; None where it has none."""
-    return guard(_fields, store, id)
-
-
-def part_task(store: str, id: str, choose: Callable[[Any], Any]) -> Outcome:
-    """What a function finds in a result."""
-    return guard(lambda: choose(_result(store, id)))
-
-
-def _result(store: str, id: str) -> Any:
-    return json.loads(stored_answer(store, id)[1])
-
-
-def _page(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None) -> HTMLResponse:
     VISITOR.set(look.visitor)
     document, body = stored_answer(store, id)
     whole = {**job, "result": json.loads(body)}
@@ -189,10 +114,20 @@ def _page(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mappin
         return simulations.simulation_result(look.address, whole, simulations.pretty(document))
     if job["kind"] == "work-precision":
         return simulations.precision_result(whole, simulations.pretty(document))
-    return other_result(whole)
+    # A job whose result has no page of its own: its JSON.
+    return page("plain.html", active="", job=whole, text=simulations.pretty(body))
 
 
-def _embedded(store: str, id: str, visitor: Visitor) -> HTMLResponse:
+def so_far_task(job: Mapping[str, Any], visitor: Visitor, waited: int) -> HTMLResponse:
+    """The page of a job that has a confirmed answer while more is sought."""
+    VISITOR.set(visitor)
+    found = job["progress"]["so_far"]
+    lines, (answer, _) = answers.equations_of(found["system"]), answers.shown_of(found, found)
+    return page("working.html", active="", job=job, asked=[], waited=waited, equations=lines, main=answer)
+
+
+def embed_task(store: str, id: str, visitor: Visitor) -> HTMLResponse:
+    """The short page of a solved system that other pages show in a frame."""
     VISITOR.set(visitor)
     found = _result(store, id)
     lines = answers.equations_of(found["system"]) if found.get("system") else []
@@ -200,40 +135,77 @@ def _embedded(store: str, id: str, visitor: Visitor) -> HTMLResponse:
     return page("embed.html", active="", equations=lines, glance=answers.glance_of(found), title=title, id=id)
 
 
-def _so_far(job: Mapping[str, Any], visitor: Visitor, waited: int) -> HTMLResponse:
-    VISITOR.set(visitor)
-    found = job["progress"]["so_far"]
-    lines, (answer, _) = answers.equations_of(found["system"]), answers.shown_of(found, found)
-    return page("working.html", active="", job=job, asked=[], waited=waited, equations=lines, main=answer)
-
-
-def _file(store: str, id: str, label: str, ending: str) -> bytes | None:
-    simulating = importlib.import_module("inverse_service.service.scenes.simulating")
-    text, body = stored_answer(store, id)
-    document, found = json.loads(text), json.loads(body)
-    columns = simulating.every_point(document, found, label)
-    if columns is None:
-        return None
-    if ending == "csv":
-        written: bytes = simulating.csv_bytes(columns)
-        return written
-    archive: bytes = simulating.npz_bytes(columns, document, label, found["provenance"])[0]
-    return archive
-
-
-def _own_lagrangian(store: str, id: str, text: str) -> dict[str, Any]:
+def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
+    """The verdict on a visitor's Lagrangian for the equations of a stored result, with the `lagrangian` itself."""
     given = _result(store, id)["system"]["given"]
     try:
-        found = use_cases().check_document(write_json({"system": given, "lagrangian": right_side(text)}))
+        found = check_task(write_json({"system": given, "lagrangian": right_side(text)}))
     except InputError as error:
         reason = reading_back.without_keys(error.detail)
         found = {"verdict": "unread", "reasons": [reason], "residual": None, "equations": None}
     return {**found, "lagrangian": text}
 
 
-def _fields(store: str, id: str) -> dict[str, str] | None:
+def figure_data_task(store: str, id: str) -> bytes:
+    """The data of all figures of a simulation, as JSON, which shrinks to a fifth."""
+    data = json.dumps(figures.figure_data(_result(store, id)), allow_nan=False)
+    return gzip.compress(data.encode(), 5, mtime=0)
+
+
+def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
+    """A figure as a file; None where the result does not have it."""
+    return figures.picture(_result(store, id), name, ending)
+
+
+def small_picture_task(store: str, id: str, name: str, pair: Sequence[str], equal: bool) -> str | None:
+    """A picture of the gallery; None where there are no points."""
+    return figures.small_picture(_result(store, id), name, pair, equal)
+
+
+def sketch_task(name: str) -> str | None:
+    """The sketch of a system of the catalogue; None where there is none."""
+    from inverse_service.web.pages.starts import sketch
+
+    return sketch(name)
+
+
+def file_task(store: str, id: str, label: str, ending: str) -> bytes | None:
+    """Every recorded point of a method as a file; None where there are none."""
+    from inverse_service.service.scenes.simulating import csv_bytes, every_point, npz_bytes
+
+    text, body = stored_answer(store, id)
+    document, found = json.loads(text), json.loads(body)
+    columns = every_point(document, found, label)
+    if columns is None:
+        return None
+    return csv_bytes(columns) if ending == "csv" else npz_bytes(columns, document, label, found["provenance"])[0]
+
+
+def code_task(store: str, id: str, language: str) -> str:
+    """A result as a program; SymPy is imported by the first one in a worker, never in the web process."""
+    from inverse_service.sympy import from_result
+
+    return from_result(_result(store, id)).to_code(language)
+
+
+def check_stored_task(store: str, id: str) -> dict[str, Any]:
+    """The checker's verdict on a stored result."""
+    return check_task(stored_answer(store, id)[1].decode())
+
+
+def fields_task(store: str, id: str) -> dict[str, str] | None:
+    """The solve form filled with the document of a result; None where it has none."""
     given = (_result(store, id).get("system") or {}).get("given")
     return lean_fields(given) if isinstance(given, dict) else None
+
+
+def part_task(store: str, id: str, choose: Callable[[Any], T]) -> T:
+    """What a function finds in a result."""
+    return choose(_result(store, id))
+
+
+def _result(store: str, id: str) -> Any:
+    return json.loads(stored_answer(store, id)[1])
 
 
 def _forward_result(job: Mapping[str, Any]) -> HTMLResponse:
@@ -286,12 +258,6 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         timing=answers.timing(found["provenance"]),
         can_simulate=can_simulate() and system is not None,
     )
-
-
-def other_result(job: Mapping[str, Any]) -> HTMLResponse:
-    """A job whose result has no page of its own: its JSON."""
-    text = json.dumps(job["result"], indent=1, ensure_ascii=False)
-    return page("plain.html", active="", job=job, text=text)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,16 +6,13 @@ import json
 import re
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service.service.documents.answers import value_of
-from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.model import Job
-from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
@@ -37,6 +34,7 @@ from inverse_service.web.pages.result_tasks import (
 )
 from inverse_service.web.problems import Refusal
 
+T = TypeVar("T")
 router = APIRouter()
 IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 # A short job's result comes with its first page; a longer one's page shows its progress.
@@ -61,15 +59,12 @@ async def result(request: Request, identifier: str) -> Response:
 
 async def _judged(request: Request, identifier: str) -> dict[str, Any] | None:
     query = request.query_params
-    found: dict[str, Any] | None
     if query.get("lagrangian"):
-        found = await made(request, identifier, own_lagrangian_task, query["lagrangian"])
-        return found
+        return await made(request, identifier, own_lagrangian_task, query["lagrangian"])
     try:
-        found = await made(request, identifier, check_stored_task) if "check" in query else None
+        return await made(request, identifier, check_stored_task) if "check" in query else None
     except Refusal as refusal:
         return {"verdict": "incomplete", "reasons": [refusal.detail]}
-    return found
 
 
 @router.get("/results/{identifier}/embed")
@@ -78,7 +73,7 @@ async def embedded(request: Request, identifier: str) -> Response:
     answer = await successful(request, identifier)
     if answer is None or answer.value["kind"] != "solve":
         return missing()
-    found: HTMLResponse = await made(request, identifier, embed_task, VISITOR.get())
+    found = await made(request, identifier, embed_task, VISITOR.get())
     origins = " ".join(("'self'", *request.app.state.engine.settings.frame_origins))
     found.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {origins}")
     # The older header knows no list; whoever reads the policy does not read it.
@@ -178,7 +173,7 @@ async def code(request: Request, identifier: str, language: str) -> Response:
 
 
 async def _file(
-    request: Request, identifier: str, media_type: str, what: str, task: Callable[..., Outcome], *arguments: str
+    request: Request, identifier: str, media_type: str, what: str, task: Callable[..., bytes | None], *arguments: str
 ) -> Response:
     """A file that a worker makes of the result of a simulation; nothing is made for who has it already."""
     answer = await successful(request, identifier)
@@ -200,14 +195,10 @@ def kept(answer: Answer, what: str = "result") -> dict[str, str]:
     return {"ETag": f'"{tag}-{what}"', "Cache-Control": REVALIDATE}
 
 
-async def made(request: Request, identifier: str, task: Callable[..., Outcome], *arguments: Any) -> Any:
+async def made(request: Request, identifier: str, task: Callable[..., T], *arguments: Any) -> T:
     """What a worker makes of a stored result; raises Refusal where that takes too long."""
     engine: Engine = request.app.state.engine
-    place = (engine.store.address, identifier)
-    outcome = await engine.run_quick(client_of(request), task, *place, *arguments, seconds=LONG_DEADLINE)
-    if outcome.status in LIMITS:
-        raise Refusal(503, "busy", "This takes longer than a page may; take the result as JSON, or try again later.")
-    return value_of(outcome)
+    return await engine.made(client_of(request), task, engine.store.address, identifier, *arguments)
 
 
 async def successful(request: Request, identifier: str) -> Answer | None:
@@ -280,8 +271,7 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
         engine: Engine = request.app.state.engine
         told = await engine.run_quick(client_of(request), so_far_task, *about, seconds=LONG_DEADLINE)
         if told.status == "done":
-            early: HTMLResponse = told.value
-            return early
+            return cast(HTMLResponse, told.value)
     if job["status"] in OPEN:
         stored = await stored_job(request, job["id"])
         asked = asked_of(json.loads(stored.document)) if stored is not None else []
@@ -291,5 +281,4 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
         return page("ended.html", 200, active="", job=job, problem=problem)
     engine = request.app.state.engine
     look = Look(VISITOR.get(), str(request.base_url).rstrip("/"), engine.settings.time_limit)
-    found: HTMLResponse = await made(request, job["id"], page_task, job, look, check)
-    return found
+    return await made(request, job["id"], page_task, job, look, check)

@@ -193,6 +193,6 @@ def _price(part: Mapping[str, Any]) -> str:
     return "nothing" if not part["operations"] and part.get("note") else f"{part['step_ns']:.1f} ns"
 
 
-def pretty(document: str) -> str:
+def pretty(document: str | bytes) -> str:
     """A JSON text with indents."""
     return json.dumps(json.loads(document), indent=1, ensure_ascii=False)

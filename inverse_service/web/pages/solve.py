@@ -13,8 +13,6 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from api_schemas import system as system_schema
 from api_schemas.base import MAX_COORDINATES
 from inverse_service import catalogue
-from inverse_service.service.documents.answers import value_of
-from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import reading_back
@@ -33,7 +31,6 @@ from inverse_service.web.pages.documents import (
 )
 from inverse_service.web.pages.form_tasks import (
     GLANCE,
-    Sent,
     echo_sent_task,
     echo_task,
     glance_task,
@@ -120,18 +117,15 @@ async def own(request: Request) -> Response:
 async def own_judged(request: Request, fields: dict[str, str], text: str) -> OwnLagrangian:
     """What is said of a student's L for the equations of the form."""
     engine: Engine = request.app.state.engine
-    outcome = await engine.run_quick(client_of(request), own_task, fields, text, seconds=2 * GLANCE)
-    if outcome.status in LIMITS:
-        raise Refusal(503, "busy", "Judging this L takes longer than a page may; find the answer, and check it there.")
-    found: OwnLagrangian = value_of(outcome)
-    return found
+    late = "Judging this L takes longer than a page may; find the answer, and check it there."
+    return await engine.made(client_of(request), own_task, fields, text, late=late, seconds=2 * GLANCE)
 
 
 @router.post("/")
 async def submit(request: Request) -> Response:
     """The job of the form; on to its page, or back with what to change."""
     try:
-        sent: Sent = await read_sent(request, request.app.state.engine.settings.max_body, sent_task)
+        sent = await read_sent(request, request.app.state.engine.settings.max_body, sent_task)
     except Refusal as refusal:
         return _not_read(refusal)
     if sent.document is None:

@@ -69,7 +69,7 @@ def test_a_lagrangian_may_begin_with_its_letter_and_places_stay() -> None:
         assert right_side(other) == other
     empty = dict.fromkeys(fields_of(Form({}, {})), "")
     fields = empty | {"kind": "nonholonomic", "lagrangian": "L = x'^2/2 - m*(x"}
-    echo = echo_task(fields).value
+    echo = echo_task(fields)
     assert [(place.column, place.marked) for place in echo["problem"].places] == [(16, "(")]
 
 

@@ -122,15 +122,15 @@ def test_lists_of_names_are_read() -> None:
 )
 def test_each_reading_that_a_button_offers_can_be_read(typed: str) -> None:
     fields = {"kind": "equations", "equations": f"x'' = {typed}"}
-    (place,) = echo_task(fields).value["problem"].places
+    (place,) = echo_task(fields)["problem"].places
     assert place.choices
     for _, sent in place.choices:
         chosen = fields_of(Form({name: (value,) for name, value in (fields | {"instead": sent}).items()}))
-        assert "understood" in echo_task(chosen).value
+        assert "understood" in echo_task(chosen)
 
 
 @pytest.mark.parametrize("typed", ["-k [x", "-k(x + 1", "-k((x - 1)"])
 def test_a_bracket_that_is_not_closed_is_the_fault_that_is_told(typed: str) -> None:
-    (place,) = echo_task({"kind": "equations", "equations": f"x'' = {typed}"}).value["problem"].places
+    (place,) = echo_task({"kind": "equations", "equations": f"x'' = {typed}"})["problem"].places
     assert "never closed" in place.detail
     assert place.choices == ()

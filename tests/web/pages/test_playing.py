@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from inverse_service import catalogue
+from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.inverse_problem.options import SolveOptions
@@ -109,9 +110,7 @@ def test_a_slow_machine_does_not_shorten_what_the_form_offers(monkeypatch: pytes
 
 @pytest.mark.parametrize("name", CONSTRAINED)
 def test_every_constrained_system_can_be_played_with(name: str) -> None:
-    outcome = preview_task(scene_of(name))
-    assert outcome.status == "done"
-    found = outcome.value
+    found = preview_task(scene_of(name))
     assert set(found) == {"coordinates", "values", "equations", "constraints", "angles"}
     assert len(found["equations"]) == len(found["coordinates"])
     assert found["constraints"]
@@ -134,7 +133,8 @@ def test_long_formulas_and_refused_scenes_are_left_to_the_service(monkeypatch: p
     scene = {"system": {"coordinates": ["x"], "equations": {"x": "-sin(x) - x^3"}},
              "initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "step": 0.1, "steps": 2,
              "methods": ["reference"]}  # fmt: skip
-    assert "equations" in preview_task(scene).value
-    assert preview_task({**scene, "initial": {"positions": {"y": 0}}}).status == "refused"
+    assert "equations" in preview_task(scene)
+    with pytest.raises(InputError):
+        preview_task({**scene, "initial": {"positions": {"y": 0}}})
     monkeypatch.setattr(preview, "MOST_NODES", 5)
-    assert "cannot be played with" in preview_task(scene).value["reason"]
+    assert "cannot be played with" in preview_task(scene)["reason"]
