@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 from typing import Any
 
-from inverse_service.service.jobs.outcome import Call, Outcome
+from inverse_service.service.jobs.outcome import Call, Outcome, guard
 from inverse_service.service.jobs.workers import Running
 
 
@@ -27,7 +27,7 @@ class Inline:
 
     def submit(self, call: Call, report: Any = None) -> Running:
         running = Running(call, report)
-        running.end(call.task(*call.arguments))
+        running.end(guard(call.task, *call.arguments))
         return running
 
     def withdraw(self, running: Running) -> None:

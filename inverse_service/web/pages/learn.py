@@ -18,7 +18,6 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import __version__
 from inverse_service.expressions.names import Names
-from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.problems import Refusal
 
@@ -45,6 +44,8 @@ class Screen:
     motion: str = ""
 
 
+# Those of the systems in the lessons.
+NAMES = Names(("x", "y", "phi", "theta"), ("R", "L"))
 SCREENS = (
     Screen(
         "From a Lagrangian to equations",
@@ -126,29 +127,10 @@ SCREENS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """A screen with its formulas typeset."""
-
-    screen: Screen
-    formulas: list[Markup]
-
-
 @router.get("/learn")
 async def learn() -> HTMLResponse:
     """The six screens."""
-    return page("learn.html", active="/learn", screens=_shown(), manual=PAGES, can_simulate=can_simulate())
-
-
-def _typeset(formula: str | Written) -> Markup:
-    if isinstance(formula, Written):
-        return typesetting.formula(formula.text, Names(("x", "y", "phi", "theta"), ("R", "L")))
-    return typesetting.of_theory(formula)
-
-
-@lru_cache(maxsize=1)
-def _shown() -> list[Shown]:
-    return [Shown(screen, [_typeset(formula) for formula in screen.formulas]) for screen in SCREENS]
+    return page("learn.html", active="/learn", screens=SCREENS, names=NAMES, manual=PAGES, can_simulate=can_simulate())
 
 
 # (name in the address, title, file in docs/).

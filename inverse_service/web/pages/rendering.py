@@ -25,6 +25,7 @@ from inverse_service.machine_code import store
 from inverse_service.service.documents.text_page import guessed_words
 from inverse_service.service.jobs.kinds import KINDS
 from inverse_service.web.clients import client_of, require_client
+from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.assets import address, style, style_hash
 from inverse_service.web.problems import Refusal
 
@@ -141,6 +142,8 @@ def environment() -> Environment:
     )
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
     found.globals |= {"address": address, "style": style, "navigation": shown}
+    for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory, typesetting.sentence):
+        found.globals[typeset.__name__] = typeset
     found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: greek_letter(word[0]) or word[0], name)
     found.filters["guessed_words"] = guessed_words
     found.filters["short_number"] = short_number

@@ -12,17 +12,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.equations import equation_line
-from inverse_service.expressions.names import Names
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.tasks import check_task
-from inverse_service.web.pages import answers, constrained, figures, reading_back, simulations, typesetting
+from inverse_service.web.pages import answers, figures, reading_back, simulations, typesetting
 from inverse_service.web.pages.documents import lean_fields, question_address, right_side
 from inverse_service.web.pages.glossary import TERMS
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
@@ -208,27 +206,14 @@ def _result(store: str, id: str) -> Any:
     return json.loads(stored_answer(store, id)[1])
 
 
-def _forward_result(job: Mapping[str, Any]) -> HTMLResponse:
-    """The page of a Lagrangian alone."""
-    found = job["result"]
-    names = typesetting.names_of(found["system"])
-    momenta = [typesetting.equation(f"p_{name}", part["text"], names) for name, part in found["momenta"].items()]
-    groups = [
-        ("Lagrangian", [typesetting.equation("L", found["lagrangian"]["text"], names)]),
-        ("Equations of motion", answers.equations_of(found["system"])),
-        ("Momenta", momenta),
-        ("Hamiltonian", [typesetting.equation("H", found["hamiltonian"]["text"], names)]),
-    ]
-    kept = [(part["name"], typesetting.formula(part["text"], names)) for part in found["conserved"]]
-    return page("forward.html", active="", job=job, result=found, groups=groups, kept=kept)
-
-
 def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None) -> HTMLResponse:
     """The page of a solved system."""
     found, address = job["result"], look.address
+    system, names = found["system"], typesetting.names_of(found["system"])
     if "verdict" not in found:
-        return _forward_result(job)
-    system = found["system"]
+        lines = answers.equations_of(system)
+        return page("forward.html", active="", job=job, result=found, names=names, equations=lines)
+    motion = found.get("any_associated")
     main, other = answers.shown_of(found, found)
     return page(
         "result.html",
@@ -240,68 +225,26 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         job=job,
         result=found,
         check=check,
-        own=answers.own_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None,
+        own=answers.own_of(check, names) if check and "lagrangian" in check else None,
         equations=[] if system is None else answers.equations_of(system),
         texts=[equation_line(*pair) for pair in (system or {"equations": {}})["equations"].items()],
         main=main,
         other=other,
         branches=[answers.shown_of(branch, found) for branch in found.get("branches", ())[1:]],
         further=answers.further_of(found),
-        cases=cases_of(found),
-        motion=constrained.motion_of(found),
-        constrained=constrained.constrained_of(found),
+        names=names,
+        cases=found.get("special_cases"),
+        motion=motion,
+        motion_steps=[answers.step_of(step, names, []) for step in motion["explanation"]] if motion else [],
+        constrained=found.get("nonholonomic"),
         also=answers.other_question(found, main),
         advice=advice_for(found, look.time_limit),
-        matrices=answers.matrices_of(found["conditions"], typesetting.names_of(system)),
+        matrices=answers.matrices_of(found["conditions"], names),
         languages=["sympy"] if system and system["functions"] else LANGUAGES,
         exports=exports(found, address, job["id"]),
         timing=answers.timing(found["provenance"]),
         can_simulate=can_simulate() and system is not None,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """A case with its conditions, verdict and the cases inside it."""
-
-    conditions: list[Markup]
-    verdict: str
-    statement: str
-    children: list[Case]
-
-
-@dataclass(frozen=True, slots=True)
-class Cases:
-    """The tree, and where a Lagrangian exists: conditions with the exceptions inside them."""
-
-    tree: Case
-    variational_when: list[tuple[list[Markup], list[list[Markup]]]]
-    complete: bool
-    examined: int
-    reasons: list[str]
-
-
-def cases_of(result: Mapping[str, Any]) -> Cases | None:
-    """The special cases of a result, None where they were not asked for."""
-    part = result.get("special_cases")
-    if not part:
-        return None
-    names = typesetting.names_of(result["system"])
-    when = [
-        (_conditions(case["conditions"], names), [_conditions(exception, names) for exception in case["exceptions"]])
-        for case in part["variational_when"]
-    ]
-    return Cases(_case(part["tree"], names), when, part["complete"], part["examined"], part["reasons"])
-
-
-def _case(node: Mapping[str, Any], names: Names) -> Case:
-    children = [_case(child, names) for child in node["children"]]
-    statement = node["statement"] or node["reason"]
-    return Case(_conditions(node["conditions"], names), node["verdict"], statement, children)
-
-
-def _conditions(conditions: Sequence[Mapping[str, str]], names: Names) -> list[Markup]:
-    return [typesetting.formula(condition["text"], names) for condition in conditions]
 
 
 # Languages of inverse_service.sympy.code, and the endings of their files.

@@ -12,7 +12,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.solving import solve_document
-from inverse_service.web.pages import answers, constrained, typesetting
+from inverse_service.web.pages import answers, typesetting
 from inverse_service.web.pages.typesetting import low_fences
 
 NAMES = Names(("phi", "x"), ("R", "g_11", "g_12", "p_x"), {"A": ("x",)})
@@ -21,7 +21,7 @@ NAMES = Names(("phi", "x"), ("R", "g_11", "g_12", "p_x"), {"A": ("x",)})
 def test_the_class_of_constraints_is_typeset() -> None:
     """The letters of the paper and the coordinates that stand for them; what is no formula is escaped."""
     sentence = "The system is in the class s' = -A(r1) r2' with r1 = phi, r2 = x, and <b>."
-    shown = constrained.typeset(sentence, NAMES)
+    shown = typesetting.sentence(sentence, NAMES)
     assert (
         text_of(f"<p>{shown}</p>")
         == "The system is in the class s\u2032=\u2212A(r1)r2\u2032 with r1=\u03c6, r2=x, and <b>."
