@@ -13,7 +13,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import Layout, Program, Solve, changing, layout_of
 from inverse_service.integrators.trajectory import Array
 from inverse_service.machine_code import store
-from inverse_service.machine_code.loading import processor_name, target_machine
+from inverse_service.machine_code.loading import engine_of, processor_name, target_machine
 
 _ROOMS = ("codegen", "machine_code", "integrators", "simulation", "expressions")
 
@@ -102,9 +102,7 @@ class Machine:
 
 def load(code: bytes) -> Machine:
     """The kernel of an object file, ready to be called."""
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
+    engine = engine_of(code)
     address = engine.get_function_address("kernel")
     if not address:
         raise OSError("the object file has no kernel")
@@ -194,7 +192,7 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
     code = object_code(text, thorough=lanes > 1)
     optimised = time.perf_counter()
     card = card_of(program, lanes)
-    store.write(digest, _noted(card), code)
+    store.write(digest, asdict(card), code)
     stored = time.perf_counter()
     machine = load(code)
     stages = {"derive": derived - begin, "write": written - derived, "compile": optimised - written}
@@ -216,24 +214,11 @@ def card_of(program: Program, lanes: int = 1) -> Card:
     )
 
 
-def _noted(card: Card) -> dict[str, Any]:
-    return {
-        "persistent": card.layout.persistent, "arguments": card.layout.arguments, "columns": card.layout.columns,
-        "changing": card.changing, "unknowns": card.unknowns, "solves": card.solves, "watches": card.watches,
-        "observed": card.observed, "displacement": card.displacement, "forces": card.forces, "lanes": card.lanes,
-    }  # fmt: skip
-
-
 def _card_from(noted: dict[str, Any]) -> Card:
-    layout = Layout(*(tuple(noted[name]) for name in ("persistent", "arguments", "columns")))
-    return Card(
-        layout=layout,
-        changing=tuple(noted["changing"]),
-        unknowns=tuple(noted["unknowns"]),
-        solves=tuple(tuple(names) for names in noted["solves"]),
-        watches=tuple((kind, quantity, remedy) for kind, quantity, remedy in noted["watches"]),
-        observed=tuple(noted["observed"]),
-        displacement=int(noted["displacement"]),
-        forces=int(noted["forces"]),
-        lanes=int(noted["lanes"]),
-    )
+    """From what `asdict` wrote and JSON gave back."""
+    plain = {name: _tuples(value) for name, value in noted.items()}
+    return Card(**plain | {"layout": Layout(**{name: _tuples(names) for name, names in noted["layout"].items()})})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.bool_] | NDArray[np.int64] | slice
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,3 +58,14 @@ class Trajectory:
     run_seconds: float
     series: Mapping[str, Array] = field(default_factory=dict)
     maxima: Mapping[str, float] = field(default_factory=dict)
+
+    def part(self, rows: Rows) -> Trajectory:
+        """The same run with some of its points."""
+        return replace(
+            self,
+            times=self.times[rows],
+            positions=self.positions[rows],
+            momenta=None if self.momenta is None else self.momenta[rows],
+            velocities=None if self.velocities is None else self.velocities[rows],
+            series={name: column[rows] for name, column in self.series.items()},
+        )

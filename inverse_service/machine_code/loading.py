@@ -51,12 +51,18 @@ def _initialize() -> None:
     llvm.initialize_native_asmprinter()
 
 
-def load(code: bytes, kinds: Kinds, answer: str) -> Callable[..., Any]:
-    """The kernel in the object file as a function of arguments of these kinds; OverflowError for a number too large."""
+def engine_of(code: bytes) -> Any:
+    """The object file loaded; its code lives as long as the engine."""
     # One engine for each, 1 ms: in an engine that has an object already, LLVM finds the data of the next one wrongly.
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
+    return engine
+
+
+def load(code: bytes, kinds: Kinds, answer: str) -> Callable[..., Any]:
+    """The kernel in the object file as a function of arguments of these kinds; OverflowError for a number too large."""
+    engine = engine_of(code)
     address = engine.get_function_address(ENTRY)
     if not address:
         raise OSError("the object file has no entry")

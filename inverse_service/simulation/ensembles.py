@@ -227,14 +227,11 @@ def _gathered(
             place = places.get(f"{kind}{k}")
             table[:, 1:, k] = start[:, None] if place is None else rows[:, place].T
         tables.append(table)
-    steps = [*range(0, grid.steps + 1, max(1, min(grid.record_every, grid.steps)))]
-    steps += [] if steps[-1] == grid.steps else [grid.steps]
     status, stopped_at = (memory[card.layout.place(name)] for name in (STATUS, STOPPED_AT))
-    ended = (status[:, None] != 0) & (np.array(steps)[None, :] > stopped_at[:, None])
+    ended = (status[:, None] != 0) & (grid.recorded[None, :] > stopped_at[:, None])
     for table in tables:
         table[ended] = np.nan
-    times = grid.begin + grid.step * np.array(steps, dtype=float)
-    return Many(times, tables[0], tables[1], letter, card, memory, grid, unknown_names(f), cancelled, iterations)
+    return Many(grid.times, tables[0], tables[1], letter, card, memory, grid, unknown_names(f), cancelled, iterations)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ continued by DOP853 from the point before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,15 +20,14 @@ from inverse_service.expressions.tree import Expression, Sum
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble
-from inverse_service.simulation.observing import mean_velocities, point_velocities
+from inverse_service.simulation.observing import point_velocities
+from inverse_service.simulation.quantities import Observed, velocities_at_points
 from inverse_service.simulation.scene import (
     POINT_METHODS,
     Event,
     Grid,
     MethodChoice,
     Problem,
-    Requested,
-    Scene,
     Unavailable,
 )
 
@@ -65,27 +64,18 @@ class Found:
     note: str = ""
 
 
-def with_events(
-    scene: Scene, requested: Requested, problem: Problem | None, ran: Trajectory, motion: Problem | Unavailable,
-    values: Mapping[str, float],
-) -> tuple[Trajectory, tuple[Found, ...]]:  # fmt: skip
+def with_events(run: Observed, motion: Problem | Unavailable) -> tuple[Trajectory, tuple[Found, ...]]:
     """The run, ended by the first event that stops it, and every event found before."""
-    velocities = _velocities(scene, requested, problem, ran, values)
-    follow = _follower(scene, requested, problem, ran, velocities, motion, values)
-    found = tuple(_located(scene, event, ran, velocities, follow, values) for event in scene.events)
+    ran, velocities = run.trajectory, velocities_at_points(run)
+    follow = _follower(run, velocities, motion)
+    found = tuple(_located(run, event, velocities, follow) for event in run.scene.events)
     ends = [float(one.times[0]) for one in found if one.event.stops and len(one.times)]
     if not ends:
         return ran, found
     end = min(ends)
     kept = ran.times < end
-    cut = replace(
-        ran, times=ran.times[kept], positions=ran.positions[kept],
-        momenta=None if ran.momenta is None else ran.momenta[kept],
-        velocities=None if ran.velocities is None else ran.velocities[kept],
-        series={name: column[kept] for name, column in ran.series.items()},
-        outcome=Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end)),
-    )  # fmt: skip
-    return cut, tuple(_until(one, end) for one in found)
+    outcome = Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end))
+    return replace(ran.part(kept), outcome=outcome), tuple(_until(one, end) for one in found)
 
 
 def where_ended(found: tuple[Found, ...], outcome: Outcome) -> tuple[float, Array, Array] | None:
@@ -99,26 +89,15 @@ def _until(found: Found, end: float) -> Found:
     return Found(found.event, found.times[kept], found.positions[kept], found.velocities[kept], found.note)
 
 
-def _velocities(
-    scene: Scene, requested: Requested, problem: Problem | None, ran: Trajectory, values: Mapping[str, float]
-) -> Array | None:
-    if problem is None or requested.alpha is None:
-        return ran.velocities
-    found = point_velocities(scene, problem, requested.method, ran, dict(values))
-    return mean_velocities(ran.positions, scene.grid) if found is None else found
-
-
 Follow = Callable[[NDArray[np.int64], Array], State]
 
 
-def _follower(
-    scene: Scene, requested: Requested, problem: Problem | None, ran: Trajectory, velocities: Array | None,
-    motion: Problem | Unavailable, values: Mapping[str, float],
-) -> Follow | None:  # fmt: skip
+def _follower(run: Observed, velocities: Array | None, motion: Problem | Unavailable) -> Follow | None:
     """A function of places k and lengths: the motion so long after point k."""
-    choice, what = requested.choice, problem
-    stepped = choice is not None and requested.method not in ("heyoka", "modified")
-    if not stepped or (ran.momenta is None and requested.method not in POINT_METHODS):
+    ran, values, method = run.trajectory, run.values, run.requested.method
+    choice, what = run.requested.choice, run.problem
+    stepped = choice is not None and method not in ("heyoka", "modified")
+    if not stepped or (ran.momenta is None and method not in POINT_METHODS):
         choice, what = CONTINUED, None if isinstance(motion, Unavailable) else motion
     if velocities is None or what is None or choice is None:
         return None
@@ -134,16 +113,14 @@ def _follower(
         if many.carried == "v":
             return begins + lengths, positions, rates
         bare = replace(ran, times=begins + lengths, positions=positions, momenta=rates, velocities=None)
-        found = point_velocities(scene, of, requested.method, bare, dict(values))
+        found = point_velocities(run.scene, of, method, bare, dict(values))
         return begins + lengths, positions, np.full_like(positions, np.nan) if found is None else found
 
     return follow
 
 
-def _located(
-    scene: Scene, event: Event, ran: Trajectory, velocities: Array | None, follow: Follow | None,
-    values: Mapping[str, float],
-) -> Found:  # fmt: skip
+def _located(run: Observed, event: Event, velocities: Array | None, follow: Follow | None) -> Found:
+    scene, ran = run.scene, run.trajectory
     nothing = np.empty((0, len(scene.coordinates)))
 
     def value(state: tuple[Array, Array, Array | None], formula: Expression = event.formula) -> Array:

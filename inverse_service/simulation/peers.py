@@ -64,8 +64,7 @@ def run_heyoka(
         raise InputError("heyoka needs the accelerations of the motion, which this scene does not have.")
     if start.velocities is None:
         raise InputError("heyoka starts from velocities: give velocities instead of momenta.")
-    steps = np.unique([*range(0, grid.steps + 1, grid.record_every), grid.steps])
-    times = grid.begin + steps * grid.step
+    steps, times = grid.recorded, grid.times
     state = np.array([*start.positions, *start.velocities], dtype=float)
     code, rows, seconds = _propagated(problem, state, times, values, tolerance, stop)
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
@@ -230,8 +229,7 @@ def run_scipy(
         return np.concatenate([state[size:], function([*state, t, *numbers]).ravel()])
 
     begin = np.array([*start.positions, *(start.velocities or ())], dtype=float)
-    steps = np.unique([*range(0, grid.steps + 1, grid.record_every), grid.steps])
-    times = grid.begin + grid.step * steps
+    steps, times = grid.recorded, grid.times
     first = time.perf_counter()
     found = solve_ivp(
         rates, (times[0], times[-1]), begin, SCIPY[choice.method], times, rtol=max(choice.tolerance, 3e-14),

@@ -213,12 +213,7 @@ def _compared(
 def last_point(run: Observed) -> tuple[float, Array, Array | None]:
     """(t, q, v) where the run ended, with which another can go on; v is None where the method has none."""
     at = run.trajectory
-    short = replace(
-        at, times=at.times[-3:], positions=at.positions[-3:],
-        momenta=None if at.momenta is None else at.momenta[-3:],
-        velocities=None if at.velocities is None else at.velocities[-3:],
-    )  # fmt: skip
-    velocities = velocities_at_points(replace(run, trajectory=short))
+    velocities = velocities_at_points(replace(run, trajectory=at.part(slice(-3, None))))
     return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
 
 

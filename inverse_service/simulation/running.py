@@ -196,13 +196,13 @@ def run_method(
             hidden = other_motion(whole) or jump_of_energy(whole) or hidden or other_way(whole, motion)
     if requested.method != EXACT and whole_grid(scene) != scene.grid:
         found = thinned(scene, found)
-    events: tuple[Found, ...] = ()
+    observed, events = Observed(scene, requested, found, problem, values, truth), tuple[Found, ...]()
     if scene.events and len(found.times) > 1:
         with timed(seconds, "events"):
-            found, events = with_events(scene, requested, problem, found, motion, values)
+            found, events = with_events(observed, motion)
+            observed = replace(observed, trajectory=found)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
-    observed = Observed(scene, requested, found, problem, values, truth)
     numbers, series = observed_quantities(observed, seconds)
     outcome = found.outcome
     if outcome.completed and hidden and (outcome.time is None or (hidden.time or 0.0) < outcome.time):
@@ -239,13 +239,8 @@ def whole_grid(scene: Scene) -> Grid:
 
 def thinned(scene: Scene, found: Trajectory) -> Trajectory:
     """The points that the grid of the scene records, of a run with all points: every so many, and the end."""
-    rows = np.arange(0, len(found.times), scene.grid.record_every)
-    if found.outcome.completed and rows[-1] != len(found.times) - 1:
-        rows = np.append(rows, len(found.times) - 1)
-    momenta, velocities = (None if table is None else table[rows] for table in (found.momenta, found.velocities))
-    series = {name: column[rows] for name, column in found.series.items()}
-    times, positions = found.times[rows], found.positions[rows]
-    return replace(found, times=times, positions=positions, momenta=momenta, velocities=velocities, series=series)
+    grid = scene.grid
+    return found.part(grid.recorded if found.outcome.completed else np.arange(0, len(found.times), grid.record_every))
 
 
 def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:

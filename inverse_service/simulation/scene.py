@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array
 
@@ -99,6 +102,16 @@ class Grid:
     steps: int
     record_every: int = 1
     begin: float = 0.0
+
+    @property
+    def recorded(self) -> NDArray[np.int64]:
+        """The steps that are recorded, the last one always."""
+        return np.unique([*range(0, self.steps + 1, self.record_every), self.steps])
+
+    @property
+    def times(self) -> Array:
+        """t at the recorded steps."""
+        return np.asarray(self.begin + self.step * self.recorded, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)

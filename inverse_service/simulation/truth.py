@@ -54,15 +54,6 @@ class Truth:
         return float(known[-1]) if len(known) else np.inf
 
 
-def recorded_times(grid: Grid) -> Array:
-    """t = t_0 + k h at the recorded steps, the start first; the last step is always recorded."""
-    steps = list(range(0, grid.steps + 1, grid.record_every))
-    if steps[-1] != grid.steps:
-        steps.append(grid.steps)
-    found: Array = grid.begin + grid.step * np.array(steps, dtype=float)
-    return found
-
-
 def places_of(truth: Truth, times: Array) -> NDArray[np.int64]:
     """The places of the times of a trajectory among those of the truth, which are the same or more."""
     gap = 0.5 * float(np.diff(truth.times).min(initial=np.inf))
@@ -86,7 +77,7 @@ def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable
         reason = derived.exact.reason if derived.exact is not None else "It was not asked for."
         return Unavailable(f"No exact solution is known for this scene. {reason}")
     begun = time.perf_counter()
-    times = recorded_times(scene.grid)
+    times = scene.grid.times
     try:
         rows = positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
     except ValueError as error:
@@ -97,7 +88,7 @@ def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable
 
 def _references(scene: Scene, derived: Derived, stop: Stop | None) -> Truth | Unavailable:
     """heyoka where it is installed, DOP853 with steps of its own, and Gauss-Legendre where these do not agree."""
-    begun, times = time.perf_counter(), recorded_times(scene.grid)
+    begun, times = time.perf_counter(), scene.grid.times
     problem = with_accelerations(scene, derived)
     if isinstance(problem, Unavailable):
         return problem
