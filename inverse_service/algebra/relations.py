@@ -10,7 +10,7 @@ Random points of one prime, and linear relations over Q among the values of tree
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -36,6 +36,7 @@ from inverse_service.algebra.tower import (
 )
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
+    HALF,
     ONE,
     PI,
     Apply,
@@ -45,6 +46,7 @@ from inverse_service.expressions.tree import (
     Product,
     add,
     distinct_nodes,
+    multiply,
     power,
 )
 
@@ -218,6 +220,8 @@ def _admit(atom: Expression, tower: Tower, samples: Samples, turns: Turns) -> No
         samples.points.clear()
     samples.ensure(len(tower.rules) + 4)
     tower.rules.append(rule)
+    if isinstance(rule, AngleRule) and any(a.denominator > 1 for _, a in rule.arctangents):
+        samples.points.clear()  # not every angle has such a part
     for point in samples.points:
         replay(rule, point, tower.scale)
 
@@ -341,13 +345,21 @@ def _angle_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Ru
     by_angle = tuple((u, a) for u, a in zip(angles, solution, strict=False) if a)
     rest = solution[len(angles) :]
     by_atan = tuple((u, a) for u, a in zip(arctangents, rest, strict=False) if a)
-    if any(a.denominator != 1 for _, a in by_atan):
-        raise IrreducibleAtoms("a fraction of an arctangent occurs as an angle")
-    for u, _ in by_atan:
-        samples.require_positive(add(ONE, power(_argument(u), 2)))
+    for u, a in by_atan:
+        for radicand in _radicands(_argument(u), a.denominator):
+            samples.require_positive(radicand)
     turns_of_pi = rest[-1] if PI in tower.variables else Fraction(0)
     _refine_scales(tower, samples, (*by_angle, (RADIAN, rest[len(arctangents)])))
     return AngleRule(atom.argument, False, by_angle, by_atan, rest[len(arctangents)], turns_of_pi)
+
+
+def _radicands(w: Expression, number: int) -> Iterator[Expression]:
+    """What has a root where the number-th part of atan w is an angle: 1 + w^2, and for each half 1 + cos."""
+    yield (square := add(ONE, power(w, 2)))
+    cosine = power(square, Fraction(-1, 2))
+    while number % 2 == 0:
+        yield (half := multiply(HALF, add(ONE, cosine)))
+        cosine, number = power(half, Fraction(1, 2)), number // 2
 
 
 def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[Expression, Fraction]]) -> None:

@@ -15,6 +15,7 @@ dependence found, or that there is none: then the atom is a free generator.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -126,7 +127,8 @@ class AngleRule:
         if self.radians:
             total = circle_product(total, self._scaled(point, RADIAN, self.radians, scale), prime)
         for atom, factor in self.arctangents:
-            total = circle_product(total, circle_power(_arctangent_turn(atom, point), int(factor), prime), prime)
+            part = _circle_part(_arctangent_turn(atom, point), factor.denominator, prime)
+            total = circle_product(total, circle_power(part, factor.numerator, prime), prime)
         return total
 
     @staticmethod
@@ -216,6 +218,26 @@ def _arctangent_turn(atom: Expression, point: Point) -> tuple[int, int]:
     w = evaluate(atom.argument, point)
     factor = positive_power((1 + w * w) % point.prime, Fraction(-1, 2), point.prime)
     return factor, w * factor % point.prime
+
+
+def _circle_part(turn: tuple[int, int], number: int, prime: int) -> tuple[int, int]:
+    """(cos, sin) of phi/number, |phi| < pi/2: halves by cos(phi/2) = sqrt((1 + cos phi)/2).
+
+    Odd parts are in the group of the circle's elements of an order prime to the number, where they exist once.
+    Raises ValueError where there is none.
+    """
+    while number % 2 == 0:
+        square = (1 + turn[0]) * pow(2, -1, prime) % prime
+        if not is_positive(square, prime):
+            return 1, 0  # the point is refused for what is under its roots
+        cosine = positive_power(square, Fraction(1, 2), prime)
+        turn, number = (cosine, turn[1] * pow(2 * cosine, -1, prime) % prime), number // 2
+    order = prime + 1
+    while (common := math.gcd(order, number)) > 1:
+        order //= common
+    if number > 1 and circle_power(turn, order, prime) != (1, 0):
+        raise ValueError("no part of this angle")
+    return circle_power(turn, pow(number, -1, order), prime)
 
 
 @lru_cache(maxsize=1024)
