@@ -44,12 +44,13 @@ from .formulas import (
     read_tokens,
     require,
 )
-from .numbers import Balls, Characters, Number, Place, Residues, Series, Undefined, Unsettled
+from .numbers import Balls, Number, Place, Residues, Series, Undefined, Unsettled, Witnesses
 from .plan import SPARE, Plan
 from .series import Count, Elimination, Expansion, Row, Step, followed, symbol_of, symbol_rows
 
 PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
 MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
+MAX_VISITS = 64  # of a root that is none of a power, before it is taken for dependent
 LOOKS = 64  # for points at which a formula is not defined
 MAX_ATOMS = 40  # between which all linear relations are looked for
 # Of each kind the order of the condition on g, that of the derivatives of f in it, and the places i, j of its rows.
@@ -254,24 +255,22 @@ class Question:
     def independent(self) -> bool:
         """Whether the roots r^N = w of functions are all of full degree: then one choice of them does for all.
 
-        No product of the w is a power in the field before them if, at some of the points, it is none modulo the prime.
+        w is no q-th power in the field before r if it is none modulo the prime at a point with all roots before r.
         """
-        prime, points = self.prime(), list[Characters]()
-        for _ in range(16 + len(self.plan.pairs)):
-            seed = self.generator.getrandbits(64)
-            one, other = Characters(self, prime, seed), Characters(self, prime, seed)
+        degrees = [pair.scale for pair in self.plan.pairs if pair.logarithm and not pair.number and pair.scale > 1]
+        open_ones = {(k, int(q)) for k, degree in enumerate(degrees) for q, _ in fmpz(degree).factor()}
+        met = [0] * (len(degrees) + 1)
+        for _ in range(16 * self.plan.split + 64):
+            ring = Witnesses(self, self.prime(), self.generator.getrandbits(64), {})
             try:
-                self.read(self.expansion(one, 0))
-                self.read(self.expansion(other, 0))
+                self.read(self.expansion(ring, 0))
             except Undefined:
-                continue
-            if one.radicands != other.radicands or any(24 % degree for _, degree in one.radicands):
-                return False  # a root of what holds roots, or arbitrary functions
-            points.append(one)
-            tables = [(q, [point.powers_of(q) for point in points]) for q in (2, 3)]
-            if all(nmod_mat(table, q).rank() == len(table[0]) for q, table in tables):
-                return True
-        return False
+                self.check_time()
+            open_ones -= {(ring.passed, q) for q in ring.found}
+            met = [count + (k <= ring.passed) for k, count in enumerate(met)]
+            if not open_ones or any(met[k] > MAX_VISITS for k, _ in open_ones):
+                break
+        return not open_ones
 
     def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
         """The work in balls at the point, with more digits until they suffice."""

@@ -170,27 +170,18 @@ class Residues:
         return int(nmod_mat([[int(entry % self.prime) for entry in row] for row in matrix], self.prime).det()) != 0
 
 
-class Characters(Residues):
-    """Keeps w of each root r^N = w that is read; numbers that are new each time stand for roots and derivatives."""
+class Witnesses(Residues):
+    """Counts the roots r^N = w that were passed; of the first that is not there, the primes q with w no q-th power."""
 
-    def __init__(self, question: Question, prime: int, seed: int) -> None:
-        super().__init__(question, prime, seed, {})
-        self.radicands = list[tuple[int, int]]()
+    passed, found = 0, ()
 
     def root(self, value: int, degree: int) -> int:
-        self.radicands += [(value, degree)] * (degree > 1)
-        return self.draw() if degree > 1 else value
-
-    def same(self, left: int, right: int) -> None:
-        pass
-
-    def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
-        return self.draw()
-
-    def powers_of(self, q: int) -> list[int]:
-        """The exponents a where w^((p - 1)/q) = z^a, z^q = 1, of each root with N a multiple of q."""
-        powers = [pow(self.roots(1, q)[1], a, self.prime) for a in range(q)]
-        return [powers.index(pow(w, (self.prime - 1) // q, self.prime)) for w, n in self.radicands if n % q == 0]
+        if degree > 1 and value % self.prime:
+            factors = (int(q) for q, _ in fmpz(degree).factor())
+            self.found = tuple(q for q in factors if pow(value, (self.prime - 1) // q, self.prime) != 1)
+        root = super().root(value, degree)
+        self.passed += degree > 1
+        return root
 
 
 @dataclass(slots=True)

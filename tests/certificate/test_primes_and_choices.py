@@ -58,9 +58,15 @@ def test_no_prime_is_drawn_where_fewer_than_one_in_2_to_the_18_has_all_roots() -
         ("(x^3)^(1/3)", 3),
         ("(x^5)^(1/5)", 5),
         ("sqrt(x^2)*sqrt(x'^2)", 4),
-        ("sqrt(x^2 + sqrt(x))", 4),
+        ("sqrt(1 + x + 2*sqrt(x))", 4),
+        ("(9*x^4)^(1/4)", 4),
+        ("sqrt(x*(x'^2 + 1)^2)*sqrt(x)", 4),
+        ("sqrt(x^2 + sqrt(x))", 1),
         ("sqrt(x)*sqrt(x'^2 + 1)", 1),
         ("(x)^(1/3)*sqrt(x)", 1),
+        ("(x)^(1/5)", 1),
+        ("cos(acos(x/8)/3)*sin(atan(x'*x)/2)", 1),
+        ("sin(asin(3*x/8 - 4*x^3/512)/3)", 6),
     ],
 )
 def test_one_choice_of_the_roots_is_enough_only_where_they_are_seen_to_be_independent(
