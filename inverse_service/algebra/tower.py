@@ -23,7 +23,7 @@ from functools import lru_cache
 
 from inverse_service.algebra.kernels import is_root
 from inverse_service.algebra.modular import is_positive, positive_power, prime_factors, safe_prime
-from inverse_service.algebra.point import Point, Variable, constant_value, evaluate, number_value
+from inverse_service.algebra.point import Point, Variable, constant_value, evaluate, number_value, variables_in
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
@@ -397,21 +397,23 @@ def _meet(
     flipped: frozenset[int] = frozenset(),
 ) -> Point | None:
     """A point with these numbers, the variables of each stage drawn, from one salt on, until its requirements hold."""
-    salts = dict(given)
-    point = _replayed(tower, prime, seed, salts, flipped)
+    salts, open_names = dict(given), frozenset().union(*(stage.names for stage in stages))
+    point, missing = _replayed(tower, prime, seed, salts, flipped)
     for stage in stages:
+        open_names -= stage.names
         for salt in stage.draws:
             if salt:
                 salts.update(dict.fromkeys(stage.names, first + salt))
                 bare = Point(prime, seed, tower.real_signs, dict(salts), flipped)
                 if not all(_holds(p, sign, bare) for p, sign in stage.requirements if _has_no_atoms(p)):
                     continue  # the rules are not needed to see that
-                point = _replayed(tower, prime, seed, salts, flipped)
-            if point is not None and all(_holds(p, sign, point) for p, sign in stage.requirements):
+                point, missing = _replayed(tower, prime, seed, salts, flipped)
+            valued = not any(open_names.isdisjoint(names) for names in missing)
+            if valued and all(_holds(p, sign, point) for p, sign in stage.requirements):
                 break
         else:
             return None
-    return point
+    return None if missing else point
 
 
 def moved_point(tower: Tower, place: Point, moving: Sequence[Variable], number: int) -> Point:
@@ -431,15 +433,15 @@ def moved_point(tower: Tower, place: Point, moving: Sequence[Variable], number: 
 
 def _replayed(
     tower: Tower, prime: int, seed: int, salts: Mapping[Variable, int], flipped: frozenset[int]
-) -> Point | None:
-    """The point with all atoms valued, or None where one has no value."""
-    point = Point(prime, seed, tower.real_signs, dict(salts), flipped)
-    try:
-        for rule in tower.rules:
+) -> tuple[Point, list[tuple[Variable, ...]]]:
+    """The point with values of the atoms that have one there, and the variables of each rule that gives none."""
+    point, missing = Point(prime, seed, tower.real_signs, dict(salts), flipped), []
+    for rule in tower.rules:
+        try:
             replay(rule, point, tower.scale)
-    except (SingularPoint, ValueError, ZeroDivisionError):
-        return None
-    return point
+        except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
+            missing.append(variables_in(rule.angle if isinstance(rule, AngleRule) else rule.atom))
+    return point, missing
 
 
 @lru_cache(maxsize=1024)
@@ -450,5 +452,5 @@ def _has_no_atoms(expression: Expression) -> bool:
 def _holds(expression: Expression, sign: int, point: Point) -> bool:
     try:
         return is_positive(evaluate(expression, point), point.prime) == (sign > 0)
-    except (SingularPoint, ValueError, ZeroDivisionError):
+    except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
         return False

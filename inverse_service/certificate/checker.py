@@ -19,7 +19,7 @@ from functools import partial
 from itertools import accumulate
 from typing import Any, Literal
 
-from flint import arb, ctx, fmpz, fmpz_mat, nmod_mat
+from flint import arb, ctx, fmpz, fmpz_mat
 
 from .formulas import (
     CERTIFICATE,
@@ -258,7 +258,7 @@ class Question:
         w is no q-th power in the field before r if it is none modulo the prime at a point with all roots before r.
         """
         degrees = [pair.scale for pair in self.plan.pairs if pair.logarithm and not pair.number and pair.scale > 1]
-        open_ones = {(k, int(q)) for k, degree in enumerate(degrees) for q, _ in fmpz(degree).factor()}
+        open_ones = {(k, int(factor[0])) for k, degree in enumerate(degrees) for factor in fmpz(degree).factor()}
         met = [0] * (len(degrees) + 1)
         for _ in range(16 * self.plan.split + 64):
             ring = Witnesses(self, self.prime(), self.generator.getrandbits(64), {})

@@ -173,12 +173,12 @@ class Residues:
 class Witnesses(Residues):
     """Counts the roots r^N = w that were passed; of the first that is not there, the primes q with w no q-th power."""
 
-    passed, found = 0, ()
+    passed, found = 0, frozenset[int]()
 
     def root(self, value: int, degree: int) -> int:
         if degree > 1 and value % self.prime:
             factors = (int(q) for q, _ in fmpz(degree).factor())
-            self.found = tuple(q for q in factors if pow(value, (self.prime - 1) // q, self.prime) != 1)
+            self.found = frozenset(q for q in factors if pow(value, (self.prime - 1) // q, self.prime) != 1)
         root = super().root(value, degree)
         self.passed += degree > 1
         return root

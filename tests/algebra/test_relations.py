@@ -78,6 +78,13 @@ def test_as_many_generators_are_free_as_atoms_are_independent(texts: list[str], 
         ("sqrt(x^2-y^2)", "sqrt(x-y)*sqrt(x+y)"),
         ("sqrt(5+2*sqrt(6))", "sqrt(2)+sqrt(3)"),
         ("tan(x+y)", "(tan(x)+tan(y))/(1-tan(x)*tan(y))"),
+        ("sin(asin(x)/2)", "x/(2*sqrt((1+sqrt(1-x^2))/2))"),
+        ("tan(atan(x)/2)", "(sqrt(1+x^2)-1)/x"),
+        ("cos(acos(y)/2)", "sqrt((1+y)/2)"),
+        ("4*cos(acos(x)/3)^3-3*cos(acos(x)/3)", "x"),
+        ("cos(acos(x)/3)", "cos(pi/6-asin(x)/3)"),
+        ("sin(asin(x)/2)", "3*sin(asin(x)/6)-4*sin(asin(x)/6)^3"),
+        ("sin(atan(x)/5+atan(y)/2)", "sin(atan(x)/5)*cos(atan(y)/2)+cos(atan(x)/5)*sin(atan(y)/2)"),
     ],
 )
 def test_equal_functions_have_equal_values_at_every_point(left: str, right: str) -> None:
@@ -85,6 +92,14 @@ def test_equal_functions_have_equal_values_at_every_point(left: str, right: str)
     for seed in range(5):
         point = draw_point(tower, seed)
         assert evaluate(first, point) == evaluate(second, point)
+
+
+@pytest.mark.parametrize("angle", ["asin(x)/2", "atan(x*y)/2", "acos(x)/3", "asin(x*y)/9"])
+def test_a_part_of_an_inverse_function_is_on_its_own_branch(angle: str) -> None:
+    values = f"sin({angle})", f"-sin({angle})", f"cos({angle})", f"-cos({angle})", f"cos({angle}+2*pi/3)"
+    tower, trees = tower_of(*values)
+    point = draw_point(tower, 3)
+    assert len({evaluate(found, point) for found in trees}) == len(trees)
 
 
 def test_functions_that_differ_have_different_values() -> None:
@@ -119,7 +134,7 @@ def test_many_roots_of_different_variables_find_a_point_at_once() -> None:
         "sqrt(x-x)",
         "sqrt(-1-x^2)",
         "1/sqrt(x-x)",
-        "sin(atan(x)/2)",
+        "sqrt(2+sin(atan(x)/3))",
     ],
 )
 def test_what_has_no_value_or_no_reduction_is_refused_with_a_sentence(text: str) -> None:

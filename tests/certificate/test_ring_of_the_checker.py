@@ -26,6 +26,9 @@ TRUE = [
     "sin(pi/2)-1",
     "sqrt(x^2)^2-x^2+0*y^(1/3)",
     "cos(5*atan(x)/2)^2+sin(5*atan(x)/2)^2-1",
+    "sin(asin(x/4)/2)-3*sin(asin(x/4)/6)+4*sin(asin(x/4)/6)^3",
+    "cos(acos(x/4)/3)-cos(pi/6-asin(x/4)/3)",
+    "(tan(atan(x)/2)-(sqrt(1+x^2)-1)/x)*sqrt(sqrt(x)+1)*(x)^(1/5)",
 ]
 
 

@@ -70,6 +70,16 @@ FORGED = {
     # numbers and angles
     "an arctangent whose branch a parameter says": times("atan(a)+atan(1/a)-pi/2", parameters=["a"], near={"a": "-3"}),
     "half an arctangent": times("tan(atan(x)/2)-(sqrt(1+x^2)+1)/x", near={"x": "2"}),
+    "half an arcsine as a root, beyond zero": times("sin(asin(x)/2)-sqrt((1-sqrt(1-x^2))/2)", near={"x": "-1/2"}),
+    "half an arcsine with the other sign": times("sin(asin(x)/2)+x/(2*sqrt((1+sqrt(1-x^2))/2))", near={"x": "1/2"}),
+    "half an arcsine said to be another root": times(
+        "cos(asin(x)/2)-sqrt((1-sqrt(1-x^2))/2)",
+        near={"x": "1/2"},
+        roots=[{"root": "sqrt((1-sqrt(1-x^2))/2)", "is": "cos(asin(x)/2)"}],
+    ),
+    "a third of an arccosine on another branch": times("cos(acos(x)/3)-cos(acos(x)/3+2*pi/3)", near={"x": "1/2"}),
+    "a third of an arcsine on another branch": times("cos(acos(x)/3)-cos(pi/6+asin(x)/3)", near={"x": "1/2"}),
+    "a third of a triple beyond its interval": times("sin(asin(3*x-4*x^3)/3)-x", near={"x": "4/5"}),
     "Gudermann with the other sign": times("2*atan(tanh(x/2))+atan(sinh(x))"),
     "the arcsine of the next interval": times("asin(sin(x))-(pi-x)", near={"x": "1/2"}),
     "the arccosine of a negative angle": times("acos(cos(x))-x", near={"x": "-1/2"}),

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import pytest
 
+from inverse_service import check, solve
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.mechanics.reading import read_system
 
@@ -139,6 +140,13 @@ tan(asin(x)) == x/sqrt(1-x^2)
 sin(acos(x)) == sqrt(1-x^2)
 cos(3*acos(x)) == 4*x^3-3*x
 exp(2*atanh(x)) == (1+x)/(1-x)
+sin(acos(x)/2) == sqrt((1-x)/2)
+sin(asin(x)/2) == x/(2*sqrt((1+sqrt(1-x^2))/2))
+sqrt(1-sqrt(1-x^2)) == sqrt(2)*sin(asin(sqrt(x^2))/2)
+tan(atan(x)/2) == (sqrt(1+x^2)-1)/x
+cos(acos(x)/3) == cos(pi/6-asin(x)/3)
+cos(acos(-x)/3-pi/3) == cos(acos(x)/3)
+4*cos(acos(x)/3)^3 == 3*cos(acos(x)/3)+x
 sqrt(1-4*x^2*(1-x^2)) == 1-2*x^2
 sqrt(1-4*x^2*sqrt(1-x^2)^2) == 1-2*x^2
 sqrt(1-(-8*x^3)^(2/3)) == sqrt(1-4*x^2)
@@ -165,7 +173,6 @@ sqrt((x+1+log(6))^2) == x+1+log(2)+log(3)
 UNREACHED = """
 log(2+sqrt(3)) == 2*log((sqrt(3)+1)/sqrt(2))
 cos(pi/8) == sqrt(2+sqrt(2))/2
-sin(acos(x)/2) == sqrt((1-x)/2)
 sqrt(2+sqrt(2))*sqrt(2-sqrt(2)) == sqrt(2)
 """.strip().splitlines()
 
@@ -192,3 +199,30 @@ def test_what_cannot_be_reduced_is_undetermined_with_a_reason(identity: str) -> 
         found = disturbed(difference)
         assert found.verdict == "undetermined"
         assert len(found.reason) > 20
+
+
+# Halves and thirds of inverse functions to the end: the verdict, and the Lagrangian or a part of it (by hand).
+PARTS = [
+    ("x'' = -sin(asin(x)/2)", "variational", "x'^2/2 - 4*x*sin(asin(x)/2)/3 - 2*cos(asin(x)/2)*sqrt(1 - x^2)/3"),
+    ("x'' = -tan(acos(x)/2)", "variational", "x'^2/2 - asin(x) - sqrt(1 - x^2)"),
+    ("x'' = -cos(atan(x)/2)", "variational", "x'^2/2 - F(x)"),
+    ("x'' = -cos(acos(x)/3)", "variational", "x'^2/2 - 9*x*cos(acos(x)/3)/8 - 3*sin(acos(x)/3)*sqrt(1 - x^2)/8"),
+    ("x'' = -cos(acos(x*y)/3)*y; y'' = -cos(acos(x*y)/3)*x", "variational", "9*x*y*cos(acos(x*y)/3)/8"),
+    ("x'' = -y*sin(asin(x)/3); y'' = -x*cos(acos(y)/3)", "not_variational", ""),
+    ("x'' = -x + (cos(acos(x)/3) - cos(pi/6 + asin(x)/3))*y'; y'' = -y", "not_variational", ""),
+]
+
+
+@pytest.mark.parametrize(("equations", "verdict", "part"), PARTS)
+def test_parts_of_inverse_functions_are_decided_and_the_checker_agrees(equations: str, verdict: str, part: str) -> None:
+    result = solve({"equations": equations})
+    assert (result["verdict"], result["verdict_with_time"]) == (verdict, verdict)
+    assert part in (result["lagrangian"] or {"text": ""})["text"]
+    assert check(result)["verdict"] == "valid"
+
+
+def test_the_argument_of_a_half_may_hold_a_parameter() -> None:
+    result = solve({"equations": "x'' = -sin(asin(x/a)/2)", "parameters": ["a"]})
+    potential = "4*x*sin(asin(x/a)/2)/3 - 2*a*cos(asin(x/a)/2)*sqrt(1 - x^2/a^2)/3"
+    assert result["lagrangian"]["text"] == f"x'^2/2 - {potential}"
+    assert check(result)["verdict"] == "valid"
