@@ -20,7 +20,7 @@ from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
-from inverse_service.sympy.trees import expression
+from inverse_service.sympy.names import expression
 
 if TYPE_CHECKING:
     from inverse_service.sympy.names import Table

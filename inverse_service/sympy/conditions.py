@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.sympy_trees import to_sympy
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.preparing import Prepared, prepared
 from inverse_service.service.documents.translate import to_schema, to_system
 from inverse_service.sympy import asked
-from inverse_service.sympy.names import Table, table_of_result
-from inverse_service.sympy.trees import expression, to_sympy
+from inverse_service.sympy.names import Table, expression, table_of_result
 
 if TYPE_CHECKING:
     from inverse_service.sympy.result import Answer, Verification
@@ -47,7 +47,7 @@ def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[
     table, tensors = _inside(names, ready, motion), conditions(motion)
 
     def plain(part: Any) -> Any:
-        return [plain(each) for each in part] if isinstance(part, tuple) else to_sympy(part, table)
+        return [plain(each) for each in part] if isinstance(part, tuple) else to_sympy(part, table.leaf)
 
     def matrix(rows: Any) -> Any:
         return None if rows is None else sympy.ImmutableMatrix(plain(rows))

@@ -1,10 +1,10 @@
-"""Which SymPy object each name of a document stands for."""
+"""Which SymPy object each name of a document stands for, and the formulas of results as SymPy objects."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,9 @@ from sympy.core.function import AppliedUndef
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names as FormulaNames
 from inverse_service.expressions.names import declared_name
+from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.sympy_trees import to_sympy
+from inverse_service.expressions.tree import TIME, Acceleration, Arbitrary, Expression, Symbol, Velocity
 
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 
@@ -43,6 +46,35 @@ class Table:
         if name == self.time_name:
             return self.time
         return sympy.Symbol(name)
+
+    def leaf(self, node: Expression) -> Any:
+        """The object of a name as it stands in a formula, and of an arbitrary function."""
+        match node:
+            case _ if node == TIME and "t" not in self.coordinates and "t" not in self.parameters:
+                return self.time
+            case Symbol(name):
+                return self.symbol(name)
+            case Velocity(name):
+                return self.velocity(name)
+            case Acceleration(name):
+                return self.acceleration(name)
+            case Arbitrary():
+                return self._applied(node)
+        raise TypeError(f"{type(node).__name__} is no leaf")
+
+    def _applied(self, tree: Arbitrary) -> Any:
+        """A(u), its derivatives taken at dummies and then put at the arguments."""
+        function = self.functions.get(tree.name, sympy.Function(tree.name))
+        arguments = [to_sympy(argument, self.leaf) for argument in tree.arguments]
+        if not any(tree.orders):
+            return function(*arguments)
+        plain = all(argument.is_Symbol or isinstance(argument, AppliedUndef) for argument in arguments)
+        if plain and len(set(arguments)) == len(arguments):
+            pairs = [(u, k) for u, k in zip(arguments, tree.orders, strict=True) if k]
+            return sympy.Derivative(function(*arguments), *pairs)
+        dummies = [sympy.Dummy(f"xi_{place}") for place in range(len(arguments))]
+        pairs = [(u, k) for u, k in zip(dummies, tree.orders, strict=True) if k]
+        return sympy.Subs(sympy.Derivative(function(*dummies), *pairs), dummies, arguments)
 
     def velocity(self, name: str) -> Any:
         """x'(t), or the symbol of the velocity."""
@@ -105,3 +137,40 @@ def _wanted(word: str) -> str:
         return declared_name(plain, "") if plain not in ("e", "E", "I") else f"{plain}_0"
     except InputError:
         return f"var_{plain}"[:40]
+
+
+_RELATIONS = ((" >= ", sympy.Ge), (" <= ", sympy.Le), (" != ", sympy.Ne), (" > ", sympy.Gt), (" < ", sympy.Lt))
+
+
+def expression(text: str, table: Table) -> Any:
+    """A formula of a result."""
+    return to_sympy(read_formula(text, table.of_formulas()), table.leaf)
+
+
+def with_integrals(table: Table, integrals: Mapping[str, Any]) -> Table:
+    """The table with a function F(x) for each integral of an answer; SymPy differentiates it to what is known."""
+    arguments = {name: tuple(part["arguments"]) for name, part in integrals.items()}
+    functions = {name: _integral(name, part, arguments[name], table) for name, part in integrals.items()}
+    return replace(table, functions={**table.functions, **functions}, arguments={**table.arguments, **arguments})
+
+
+def _integral(name: str, part: Mapping[str, Any], arguments: tuple[str, ...], table: Table) -> Any:
+    """The class of a function that is known by its derivatives."""
+
+    def fdiff(self: Any, argindex: int = 1) -> Any:
+        slope = part["derivatives"].get(arguments[argindex - 1])
+        if slope is None:
+            return sympy.Function.fdiff(self, argindex)
+        formal = [table.symbol(argument) for argument in arguments]
+        return expression(slope, table).subs(dict(zip(formal, self.args, strict=True)), simultaneous=True)
+
+    return type(name, (sympy.Function,), {"fdiff": fdiff, "nargs": len(arguments)})
+
+
+def relation(text: str, table: Table) -> Any:
+    """A condition such as x' != 0; the whole text as a symbol where it is a sentence."""
+    for sign, kind in _RELATIONS:
+        left, found, right = text.partition(sign)
+        if found:
+            return kind(expression(left, table), expression(right, table))
+    return sympy.Symbol(text)

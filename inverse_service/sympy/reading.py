@@ -11,9 +11,9 @@ from sympy.core.function import AppliedUndef
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.sympy_trees import Leaves, from_sympy
 from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity
 from inverse_service.sympy.names import Table, names_for
-from inverse_service.sympy.trees import Leaves, from_sympy
 
 
 @dataclass(frozen=True)

@@ -101,12 +101,12 @@ class Answer(dict[str, Any]):
         table = self._given or table_of_result({"system": self._system})
         if not self.get("integrals"):
             return table
-        from inverse_service.sympy.trees import with_integrals
+        from inverse_service.sympy.names import with_integrals
 
         return with_integrals(table, self["integrals"])
 
     def _expression(self, text: str) -> Any:
-        from inverse_service.sympy.trees import expression
+        from inverse_service.sympy.names import expression
 
         return expression(text, self._table)
 
@@ -137,7 +137,7 @@ class Answer(dict[str, Any]):
     @cached_property
     def domain(self) -> tuple[Any, ...]:
         """The conditions under which L is one, as relations."""
-        from inverse_service.sympy.trees import relation
+        from inverse_service.sympy.names import relation
 
         found = self.get("lagrangian") or {}
         return tuple(relation(text, self._table) for text in found.get("domain", ()))

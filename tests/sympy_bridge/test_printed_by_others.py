@@ -15,9 +15,9 @@ from sympy.printing.mathematica import mathematica_code
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.sympy_trees import to_sympy
 from inverse_service.expressions.tree import Expression
 from inverse_service.sympy.names import Table
-from inverse_service.sympy.trees import to_sympy
 
 t = sp.Symbol("t")
 x, y, theta = (sp.Function(name)(t) for name in ("x", "y", "theta"))
@@ -87,7 +87,7 @@ def outcome(expression: Any, style: str, expected: complex, values: dict[Express
     except InputError:
         return "refused"
     if read not in values:
-        values[read] = value(to_sympy(read, TABLE))
+        values[read] = value(to_sympy(read, TABLE.leaf))
     found = values[read]
     if found is None:
         return "no value"

@@ -280,6 +280,9 @@ def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]
                 found[raised] = None
             if not any(p == letter for p, _ in raised):
                 found[times(raised, monomial(Apply("log", letter)))] = None
+    roots = [letter for letter, e in key if isinstance(letter, Sum) and e == Fraction(-1, 2)]
+    if len(roots) == 2:  # sqrt(x - 1) sqrt(x + 1), whose slope is x over it
+        found[times(times(key, monomial(*roots)), monomial(variable), -1)] = None
     found.update(dict.fromkeys(quadratic_antiderivatives(key, variable)))
     found.update(dict.fromkeys(_raised_powers(key, variable)))
     found.pop(EMPTY, None)

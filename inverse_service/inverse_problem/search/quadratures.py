@@ -5,20 +5,31 @@ What is left under an integral sign is one function of one variable where that i
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from fractions import Fraction
+from itertools import count
 
 from flint import fmpq, fmpq_mpoly
 
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
-from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.algebra.real_point import RealTable, is_defined, real_sign
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.deadline import end, left, now
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import (
+    HALF,
+    PI,
     TIME,
     Apply,
     Arbitrary,
     Expression,
     Integral,
+    Number,
     Symbol,
     Velocity,
     add,
@@ -28,7 +39,8 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.certify import of_lagrangian
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, shortest
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooManyTerms, monomial_tree, terms_of, tree_of
@@ -93,12 +105,12 @@ def exponential_of_integral(slope: Expression, variable: Expression, analysis: A
 
 def _elementary_factors(slope: Expression, variable: Expression, analysis: Analysis) -> list[Expression] | None:
     """Factors of exp(int slope dx), powers for the logarithms; None where no elementary antiderivative is found."""
-    found = antiderivative(analysis.system, slope, variable)
+    found = antiderivative(analysis.system, slope, variable, analysis.real_point)
     if found is None:
         return None
     powers: dict[Expression, list[Expression]] = {}
     rest: Terms = {}
-    for key, value in found.items():
+    for key, value in terms_of(found).items():
         logarithm = next((p for p, e in key if isinstance(p, Apply) and p.function == "log" and e == 1), None)
         others = key - {(logarithm, Fraction(1))} if logarithm else key
         if logarithm and not any(node == variable for p, _ in others for node in walk(p)):
@@ -113,14 +125,89 @@ def _elementary_factors(slope: Expression, variable: Expression, analysis: Analy
     return [*factors, *([Apply("exp", tree_of(rest))] if rest else [])]
 
 
-def antiderivative(system: SecondOrderSystem, slope: Expression, variable: Expression) -> Terms | None:
-    """An elementary one of a formula in one variable; None where none is found."""
+def antiderivative(
+    system: SecondOrderSystem, slope: Expression, variable: Expression, table: RealTable | None
+) -> Expression | None:
+    """An elementary one of a formula in one variable; None where none is found. SymPy is asked last."""
     letter = Symbol(next(fresh_names(system, slope)))
+    plain = substitute(slope, {variable: letter})
     try:
-        found = completed([letter.name], [terms_of(substitute(slope, {variable: letter}))])
-        return None if found is None else terms_of(negate(substitute(found, {letter: variable})))
+        found = completed([letter.name], [terms_of(plain)])
     except (TooManyTerms, TooLarge, ZeroDivisionError):
+        found = None
+    if found is not None:
+        return negate(substitute(found, {letter: variable}))
+    found = _by_sympy(plain, letter, {**table, letter: table[variable]}) if table and variable in table else None
+    return None if found is None else substitute(found, {letter: variable})
+
+
+class _TimeIsUp(BaseException):
+    """No Exception, so that no handler between catches it."""
+
+
+@contextmanager
+def _at_most(seconds: float) -> Iterator[None]:
+    """Ends the calls within by _TimeIsUp, also those of a library that knows no deadlines."""
+    moment, calls = min(now() + seconds, end()), count()
+
+    def stop(*_: object) -> None:
+        if next(calls) % _CALLS == 0 and now() > moment:
+            raise _TimeIsUp
+
+    before = sys.getprofile()
+    sys.setprofile(stop)
+    try:
+        yield
+    finally:
+        sys.setprofile(before)
+
+
+# For SymPy, in s of processor time: most integrals that it finds take a tenth of that. And what it is not asked for.
+_SECONDS, _LONGEST, _HIGHEST = 2.5, 80, 12
+_CALLS = 500  # between two looks at the time
+
+
+def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expression | None:
+    """SymPy's antiderivative where it is elementary, real at the point, and its derivative is the slope."""
+    nodes = list(walk(slope))
+    high = any(isinstance(node, Number) and abs(node.value) > _HIGHEST for node in nodes)
+    if high or len(nodes) > _LONGEST or any(isinstance(node, Arbitrary | Velocity) for node in nodes):
         return None
+    from inverse_service.expressions.sympy_trees import elementary_antiderivatives
+
+    signs = {node: 1 if table[node] > 0 else -1 for node in nodes if isinstance(node, Symbol)}
+    found: list[Expression] = []
+    with suppress(_TimeIsUp), _at_most(_SECONDS):
+        for tree in elementary_antiderivatives(slope, variable, signs):
+            found = [real for real in (_with_real_logarithms(tree, table),) if is_defined([real], table)]
+            if found:
+                break
+    return next((tree for tree in found if _has_slope(tree, slope, variable, table)), None)
+
+
+def _with_real_logarithms(tree: Expression, table: RealTable) -> Expression:
+    """log(-u) for log(u) where u is negative at the point: their derivatives are the same."""
+    found: dict[Expression, Expression] = {}
+    for node in walk(tree):
+        if isinstance(node, Apply) and node.function == "log":
+            with suppress(NoRealValue, IrreducibleAtoms):
+                if real_sign(node.argument, table) < 0:
+                    found[node] = Apply("log", negated(node.argument))
+    return substitute(tree, found)
+
+
+def _has_slope(tree: Expression, slope: Expression, x: Symbol, table: RealTable) -> bool:
+    """Whether d tree/dx = slope about the point: the checker says that x'^2/2 + tree is a Lagrangian of x'' = slope."""
+    velocity = Velocity(x.name)
+    symbols = dict.fromkeys(node for node in walk(slope) if isinstance(node, Symbol))
+    constants = (node.name for node in symbols if node not in (x, TIME, PI))
+    system = SecondOrderSystem((x.name,), (slope,), tuple(constants))
+    try:
+        analysis = replace(analyse(system), real_point={TIME: table[x], **table, velocity: table[x]})
+        certificate = of_lagrangian(analysis, add(multiply(HALF, power(velocity, 2)), tree), with_time=True)
+    except IrreducibleAtoms:
+        return False
+    return check_certificate(certificate, time_limit=left(end())).verdict == "valid"
 
 
 def _parts(ring: ExactRing, element: Quotient) -> list[Quotient]:
@@ -152,9 +239,11 @@ def _without_constants(ring: ExactRing, element: Quotient) -> tuple[Quotient, Qu
     return constant, element / constant
 
 
-def potential_with_integrals(system: SecondOrderSystem, phi: Expression, wanted: Terms) -> Expression | None:
+def potential_with_integrals(
+    system: SecondOrderSystem, phi: Expression, wanted: Terms, table: RealTable | None
+) -> Expression | None:
     """-V(t, x) with dV/dx = wanted for one coordinate x; None where that holds a velocity."""
-    names, x = system.coordinates, Symbol(system.coordinates[0])
+    x = Symbol(system.coordinates[0])
     if any(isinstance(node, Velocity) for key in wanted for letter, _ in key for node in walk(letter)):
         return None
     fresh = fresh_names(system, phi)
@@ -164,14 +253,14 @@ def potential_with_integrals(system: SecondOrderSystem, phi: Expression, wanted:
         groups.setdefault(own, {})[key - own] = value
     total: list[Expression] = []
     for own, outside in groups.items():
-        rest = completed(names, [{own: Fraction(1)}])
+        rest = antiderivative(system, monomial_tree(own), x, table)
         if rest is None:
-            rest = negate(_integral(monomial_tree(own), x, names, next(fresh)))
-        total.append(multiply(tree_of(outside), rest))
+            rest = _integral(monomial_tree(own), x, next(fresh))
+        total.append(multiply(tree_of(outside), negate(rest)))
     return add(*total)
 
 
-def _integral(slope: Expression, x: Symbol, names: Sequence[str], name: str) -> Integral:
+def _integral(slope: Expression, x: Symbol, name: str) -> Integral:
     """The integral over x of a formula that may also hold t, whose derivative by t is then left open."""
     if any(node == TIME for node in walk(slope)):
         return Integral(name, (TIME, x), (0, 0), (None, slope))

@@ -163,7 +163,7 @@ def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
     setting, system = known.setting, material.analysis.system
     try:
         wanted = _wanted(setting, material.motion.velocities, known.matrices[0][0])
-        rest = potential_with_integrals(system, setting.phi, wanted)
+        rest = potential_with_integrals(system, setting.phi, wanted, material.analysis.real_point)
     except (TooLarge, TooManyTerms, ZeroDivisionError):
         return []
     return [] if rest is None else [add(_kinetic(setting, material.motion.velocities, known.matrices[0]), rest)]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+import time
+
 import pytest
+import sympy
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.tree import Integral, Velocity, walk
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.search.quadratures import _at_most, _TimeIsUp
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents.solving import solve_document
+from inverse_service.sympy.names import expression, table_of_result
 
 # Equations with symbolic exponents (Courant and Hilbert, Methods of Mathematical Physics I, chapter V; Abramowitz and
 # Stegun, chapters 15 and 22): L is M (y'^2 + …)/2 with the weight M of the Sturm-Liouville form.
@@ -49,6 +55,48 @@ def test_an_elementary_antiderivative_takes_the_place_of_an_integral_sign(equati
     assert answer["checked"] == "valid"
     assert not answer["integrals"]
     assert not answer["hamiltonian"]["implicit"]
+
+
+# Integrals of the tables (Gradshteyn and Ryzhik, chapter 2) that are no monomials in the functions of the force.
+BY_SYMPY = [
+    "1/(1 + exp(y))", "y/(a + y)", "1/(y^2*(y - 1))", "1/cos(y)", "1/cosh(y)", "b/cosh(a*y)^2", "sqrt(a^2 - y^2)",
+    "1/(2 + cos(y))", "sin(y)/(1 + cos(y)^2)", "1/(y^4 + 1)", "y*acosh(y)", "y^(1/3)/(1 + y)", "atan(y)/y^2",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("force", BY_SYMPY)
+def test_forces_of_one_coordinate_have_their_potential_of_the_tables(force: str) -> None:
+    result = solve_document({"equations": {"y": force}, "parameters": ["a", "b"]}, SolveOptions(time_limit=20.0))
+    assert result["checked"] == "valid"
+    assert not result["integrals"]
+    parts = table_of_result(result)
+    y, velocity = sympy.Function("y")(sympy.Symbol("t")), sympy.Symbol("v")
+    lagrangian = expression(result["lagrangian"]["text"], parts).subs(y.diff(sympy.Symbol("t")), velocity)
+    u = sympy.Symbol("u")
+    difference = (lagrangian.diff(y) - expression(force, parts)).subs(y, u)
+    near = result["certificate"]["near"]
+    values = {sympy.Symbol(name): sympy.Float(text, 40) for name, text in near.items()}
+    assert abs(sympy.N(difference.subs(values | {u: values[sympy.Symbol("y")], velocity: 1}), 30)) < 1e-20
+
+
+def test_a_wrong_antiderivative_of_a_library_is_not_taken() -> None:
+    """SymPy 1.14 gives 0 for this one: what it finds is asked of the checker."""
+    result = solve_document({"equations": {"y": "y^2/(y^4 + a*y^2 + 1)"}, "parameters": ["a"]}, SolveOptions())
+    assert result["checked"] == "valid"
+    assert "F" in result["integrals"] or "log" in result["lagrangian"]["text"] or "atan" in result["lagrangian"]["text"]
+
+
+def _work_without_end() -> None:
+    while True:
+        sympy.Symbol("y").is_real  # noqa: B018
+
+
+def test_a_library_that_knows_no_deadline_is_ended_at_its_time() -> None:
+    before, began = sys.getprofile(), time.thread_time()
+    with pytest.raises(_TimeIsUp), _at_most(0.05):
+        _work_without_end()
+    assert time.thread_time() - began < 1
+    assert sys.getprofile() is before
 
 
 @pytest.mark.parametrize(("equation", "parameters"), SYMBOLIC)

@@ -278,15 +278,15 @@ def _of_function(material: Material, function: Expression) -> Expression | None:
     names = fresh_names(system, phi)
     integrals = []
     for slope, c in ((divide(ONE, function), in_time), (divide(v, function), along)):
-        known = antiderivative(system, tree_of(terms_of(slope)), v)
+        known = antiderivative(system, tree_of(terms_of(slope)), v, material.analysis.real_point)
         if known is None and c != ZERO:
             return None
-        tree = Integral(next(names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else tree_of(known)
+        tree = Integral(next(names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else known
         integrals.append(tree)
         rest = add(rest, multiply(c, tree)) if c != ZERO else rest
     force = multiply(phi, factored(rest, [x, v]))
     kinetic = multiply(phi, subtract(multiply(v, integrals[0]), integrals[1]))
-    potential_part = potential_with_integrals(system, kinetic, terms_of(negate(force)))
+    potential_part = potential_with_integrals(system, kinetic, terms_of(negate(force)), material.analysis.real_point)
     return None if potential_part is None else add(tree_of(terms_of(kinetic)), potential_part)
 
 

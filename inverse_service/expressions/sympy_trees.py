@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
+from functools import partial, reduce
 from typing import Any
 
 import sympy
 from sympy.core.function import AppliedUndef
+from sympy.integrals.heurisch import heurisch
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.pieces import either, piecewise, step
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
     ELEMENTARY,
     ONE,
     PI,
-    TIME,
-    Acceleration,
     Apply,
     Arbitrary,
     Expression,
@@ -28,56 +27,30 @@ from inverse_service.expressions.tree import (
     Product,
     Sum,
     Symbol,
-    Velocity,
     add,
     multiply,
     square_root,
 )
-from inverse_service.sympy.names import Table
 
 _REFUSED = ((sympy.Integral, "an integral occurs: carry it out, or declare a function of your own"),)
 
 
-def to_sympy(tree: Expression, table: Table) -> Any:
-    """The tree as a SymPy expression over the objects of the table."""
+def to_sympy(tree: Expression, leaf: Callable[[Expression], Any]) -> Any:
+    """The tree as a SymPy expression; `leaf` gives the objects of names and of arbitrary functions."""
     match tree:
         case Number(value):
             return sympy.Rational(value.numerator, value.denominator)
         case _ if tree == PI:
             return sympy.pi
-        case _ if tree == TIME and "t" not in table.coordinates and "t" not in table.parameters:
-            return table.time
-        case Symbol(name):
-            return table.symbol(name)
-        case Velocity(name):
-            return table.velocity(name)
-        case Acceleration(name):
-            return table.acceleration(name)
         case Sum(terms):
-            return sympy.Add(*(to_sympy(term, table) for term in terms))
+            return sympy.Add(*(to_sympy(term, leaf) for term in terms))
         case Product(factors):
-            return sympy.Mul(*(to_sympy(factor, table) for factor in factors))
+            return sympy.Mul(*(to_sympy(factor, leaf) for factor in factors))
         case Power(base, exponent):
-            return sympy.Pow(to_sympy(base, table), to_sympy(exponent, table))
+            return sympy.Pow(to_sympy(base, leaf), to_sympy(exponent, leaf))
         case Apply(function, argument):
-            return getattr(sympy, function)(to_sympy(argument, table))
-        case Arbitrary():
-            return _applied(tree, table)
-
-
-def _applied(tree: Arbitrary, table: Table) -> Any:
-    """A(u), its derivatives taken at dummies and then put at the arguments."""
-    function = table.functions.get(tree.name, sympy.Function(tree.name))
-    arguments = [to_sympy(argument, table) for argument in tree.arguments]
-    if not any(tree.orders):
-        return function(*arguments)
-    plain = all(argument.is_Symbol or isinstance(argument, AppliedUndef) for argument in arguments)
-    if plain and len(set(arguments)) == len(arguments):
-        pairs = [(u, k) for u, k in zip(arguments, tree.orders, strict=True) if k]
-        return sympy.Derivative(function(*arguments), *pairs)
-    dummies = [sympy.Dummy(f"xi_{place}") for place in range(len(arguments))]
-    pairs = [(u, k) for u, k in zip(dummies, tree.orders, strict=True) if k]
-    return sympy.Subs(sympy.Derivative(function(*dummies), *pairs), dummies, arguments)
+            return getattr(sympy, function)(to_sympy(argument, leaf))
+    return leaf(tree)
 
 
 @dataclass(frozen=True)
@@ -194,38 +167,28 @@ def _arbitrary(applied: Any, orders: list[int], arguments: Any, leaves: Leaves) 
     return Arbitrary(name, tuple(from_sympy(argument, leaves) for argument in arguments), tuple(orders))
 
 
-_RELATIONS = ((" >= ", sympy.Ge), (" <= ", sympy.Le), (" != ", sympy.Ne), (" > ", sympy.Gt), (" < ", sympy.Lt))
+def elementary_antiderivatives(
+    slope: Expression, variable: Symbol, signs: Mapping[Symbol, int]
+) -> Iterator[Expression]:
+    """What SymPy finds for the integral of a formula of real symbols with these signs, where that is elementary.
 
-
-def expression(text: str, table: Table) -> Any:
-    """A formula of a result."""
-    return to_sympy(read_formula(text, table.of_formulas()), table)
-
-
-def with_integrals(table: Table, integrals: Mapping[str, Any]) -> Table:
-    """The table with a function F(x) for each integral of an answer; SymPy differentiates it to what is known."""
-    arguments = {name: tuple(part["arguments"]) for name, part in integrals.items()}
-    functions = {name: _integral(name, part, arguments[name], table) for name, part in integrals.items()}
-    return replace(table, functions={**table.functions, **functions}, arguments={**table.arguments, **arguments})
-
-
-def _integral(name: str, part: Mapping[str, Any], arguments: tuple[str, ...], table: Table) -> Any:
-    """The class of a function that is known by its derivatives."""
-
-    def fdiff(self: Any, argindex: int = 1) -> Any:
-        slope = part["derivatives"].get(arguments[argindex - 1])
-        if slope is None:
-            return sympy.Function.fdiff(self, argindex)
-        formal = [table.symbol(argument) for argument in arguments]
-        return expression(slope, table).subs(dict(zip(formal, self.args, strict=True)), simultaneous=True)
-
-    return type(name, (sympy.Function,), {"fdiff": fdiff, "nargs": len(arguments)})
-
-
-def relation(text: str, table: Table) -> Any:
-    """A condition such as x' != 0; the whole text as a symbol where it is a sentence."""
-    for sign, kind in _RELATIONS:
-        left, found, right = text.partition(sign)
-        if found:
-            return kind(expression(left, table), expression(right, table))
-    return sympy.Symbol(text)
+    Nothing here says that it is right, or where: of cases the first is taken, of steps those that are 0.
+    """
+    symbols = {
+        name: sympy.Symbol(name.name, **{"positive" if sign > 0 else "negative": True}) for name, sign in signs.items()
+    }
+    symbols[variable] = x = sympy.Symbol(variable.name, real=True)
+    leaves = Leaves({each: name for name, each in symbols.items()}, {})
+    given = to_sympy(slope, lambda node: symbols[node])  # type: ignore[index]
+    logarithms = {
+        each: sympy.log(each.args[0] + sympy.sqrt(each.args[0] ** 2 - 1)) for each in given.atoms(sympy.acosh)
+    }
+    plain = given.xreplace(logarithms).rewrite((sympy.sinh, sympy.cosh, sympy.tanh), sympy.exp)
+    for integrate in (partial(sympy.integrate, meijerg=False), heurisch):
+        for formula in dict.fromkeys((plain, given)):
+            with suppress(Exception):  # SymPy's are of all kinds
+                found = integrate(formula, x)
+                if found is not None and not found.has(sympy.Integral, sympy.I):
+                    found = found.xreplace({long: u for u, long in logarithms.items()})
+                    found = found.replace(sympy.floor, lambda _: sympy.S.Zero)
+                    yield from_sympy(found.replace(sympy.Piecewise, lambda first, *_: first[0]), leaves)
