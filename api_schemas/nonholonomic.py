@@ -6,17 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from api_schemas import result
 from api_schemas.base import MAX_COORDINATES, MAX_EQUATIONS, Document, ParseAnswer, ParsedFormula
-from api_schemas.result import (
-    Checked,
-    ClockPart,
-    ExplanationStep,
-    Formula,
-    HamiltonianPart,
-    LagrangianPart,
-    ResultDocument,
-    Verdict,
-)
 from api_schemas.system import Formula as FormulaText
 from api_schemas.system import Name, QuestionDocument, Text, shape
 
@@ -81,10 +72,10 @@ class MotionPart(Document):
 
     free: list[str]
     dependent: list[str]
-    first_order: dict[str, Formula]
-    second_order: dict[str, Formula]
-    accelerations: dict[str, Formula]
-    multipliers: list[Formula]
+    first_order: dict[str, result.Formula]
+    second_order: dict[str, result.Formula]
+    accelerations: dict[str, result.Formula]
+    multipliers: list[result.Formula]
 
 
 class IntegrabilityPart(Document):
@@ -94,7 +85,7 @@ class IntegrabilityPart(Document):
     integrable: int
     count: int
     growth: list[int]
-    integrals: list[Formula]
+    integrals: list[result.Formula]
     statement: str
 
 
@@ -102,12 +93,12 @@ class MeasurePart(Document):
     """The invariant measure: `density` N for dq dp, p the momenta of the free velocities; `in_velocities` for dq du."""
 
     status: Literal["found", "does_not_exist", "not_found"]
-    density: Formula | None = None
-    in_velocities: Formula | None = None
+    density: result.Formula | None = None
+    in_velocities: result.Formula | None = None
     statement: str
 
 
-class FirstIntegralPart(Formula):
+class FirstIntegralPart(result.Formula):
     """A function that is constant along the motion."""
 
     name: str
@@ -121,9 +112,9 @@ class ClassPart(Document):
     r1: str | None = None
     r2: str | None = None
     s: list[str] = Field(default_factory=list)
-    A: dict[str, Formula] = Field(default_factory=dict)
-    N: Formula | None = None
-    K: Formula | None = None
+    A: dict[str, result.Formula] = Field(default_factory=dict)
+    N: result.Formula | None = None
+    K: result.Formula | None = None
     potential: bool = False
 
 
@@ -135,15 +126,15 @@ class AssociatedPart(Document):
     explanation: str
     equations: dict[str, str] = Field(default_factory=dict)
     latex: dict[str, str] = Field(default_factory=dict)
-    verdict: Verdict | None = None
-    verdict_with_time: Verdict | None = None
+    verdict: result.Verdict | None = None
+    verdict_with_time: result.Verdict | None = None
     reason: str = ""
-    checked: Checked | None = None
-    lagrangian: LagrangianPart | None = None
-    hamiltonian: HamiltonianPart | None = None
+    checked: result.Checked | None = None
+    lagrangian: result.LagrangianPart | None = None
+    hamiltonian: result.HamiltonianPart | None = None
     certificate: dict[str, Any] | None = None
     domain: list[str] = Field(default_factory=list)
-    steps: list[ExplanationStep] = Field(default_factory=list)
+    steps: list[result.ExplanationStep] = Field(default_factory=list)
 
 
 class StatementPart(Document):
@@ -175,10 +166,10 @@ class HamiltonisationPart(Document):
 
     associated: str
     label: str
-    lagrangian: Formula
-    hamiltonian: HamiltonianPart | None
-    constraints: list[Formula]
-    checked: Checked
+    lagrangian: result.Formula
+    hamiltonian: result.HamiltonianPart | None
+    constraints: list[result.Formula]
+    checked: result.Checked
     statements: list[StatementPart]
     holds: bool
     trajectory: TrajectoryPart | None = None
@@ -187,8 +178,8 @@ class HamiltonisationPart(Document):
 class NonholonomicPart(Document):
     """Everything found out about a nonholonomic system; `main` names the associated system of the main fields."""
 
-    lagrangian: Formula
-    constraints: list[Formula]
+    lagrangian: result.Formula
+    constraints: list[result.Formula]
     main: str
     equations_of_motion: MotionPart
     integrable: IntegrabilityPart
@@ -199,11 +190,11 @@ class NonholonomicPart(Document):
     hamiltonisation: list[HamiltonisationPart]
 
 
-class MotionLagrangianPart(LagrangianPart):
+class MotionLagrangianPart(result.LagrangianPart):
     """L on the tangent bundle; along the constraints it is l, its transverse momenta are lambda_a, one a constraint."""
 
-    on_constraints: Formula
-    transverse_momenta: list[Formula]
+    on_constraints: result.Formula
+    transverse_momenta: list[result.Formula]
 
 
 class BelongsTo(Document):
@@ -221,18 +212,18 @@ class AnyAssociatedPart(Document):
     """
 
     statement: str
-    verdict: Verdict
-    verdict_with_time: Verdict
+    verdict: result.Verdict
+    verdict_with_time: result.Verdict
     reason: str = ""
-    checked: Checked | None = None
+    checked: result.Checked | None = None
     lagrangian: MotionLagrangianPart | None = None
     associated: BelongsTo | None = None
-    hamiltonian: HamiltonianPart | None = None
-    image: list[Formula] = Field(default_factory=list)
+    hamiltonian: result.HamiltonianPart | None = None
+    image: list[result.Formula] = Field(default_factory=list)
     freedom: str = ""
     certificate: dict[str, Any] | None = None
     certificate_with_time: dict[str, Any] | None = None
-    explanation: list[ExplanationStep] = Field(default_factory=list)
+    explanation: list[result.ExplanationStep] = Field(default_factory=list)
 
 
 class ReducedPart(Document):
@@ -244,20 +235,20 @@ class ReducedPart(Document):
 
     coordinates: list[str]
     equations: dict[str, str]
-    verdict: Verdict
-    lagrangian: LagrangianPart | None = None
-    hamiltonian: HamiltonianPart | None = None
+    verdict: result.Verdict
+    lagrangian: result.LagrangianPart | None = None
+    hamiltonian: result.HamiltonianPart | None = None
     certificate: dict[str, Any] | None = None
-    checked: Checked | None = None
+    checked: result.Checked | None = None
     reason: str = ""
     domain: list[str] = Field(default_factory=list)
     reconstruction: dict[str, str]
     statement: str
-    with_clock: ClockPart | None = None
+    with_clock: result.ClockPart | None = None
     without_clock: str = ""
 
 
-class NonholonomicResult(ResultDocument):
+class NonholonomicResult(result.ResultDocument):
     """The result of a Nonholonomic document: its main fields answer the associated system `nonholonomic.main`."""
 
     nonholonomic: NonholonomicPart | None

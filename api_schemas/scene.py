@@ -7,15 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
-from api_schemas.base import (
-    MAX_FORMULA_CHARACTERS,
-    MAX_FUNCTIONS,
-    MAX_NAME_CHARACTERS,
-    MAX_PARAMETERS,
-    MAX_SIMULATED,
-    MAX_TITLE_CHARACTERS,
-    Document,
-)
+from api_schemas import base
 from api_schemas.system import Formula, Name, Value
 
 MAX_STEPS = 100_000_000
@@ -50,9 +42,9 @@ Observed = Literal[
     "lyapunov",
 ]
 Beginning = Literal["momenta", "discrete_constraint"]
-Word = Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)]
-FreeLagrangian = Annotated[str, StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS)]
-Numbers = Annotated[dict[Name, Value], Field(max_length=MAX_PARAMETERS)]
+Word = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_NAME_CHARACTERS)]
+FreeLagrangian = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_FORMULA_CHARACTERS)]
+Numbers = Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)]
 Observable = Annotated[
     Annotated[Observed, Tag("quantity")] | Annotated[dict[Name, Formula], Field(max_length=16), Tag("formulas")],
     Discriminator(lambda value: "formulas" if isinstance(value, dict) else "quantity"),
@@ -84,19 +76,19 @@ def _kind_of_system(value: Any) -> str:
     return next((tag for tag in SYSTEM_TAGS[:3] if tag in keys), "inline")
 
 
-class CatalogueSystem(Document):
+class CatalogueSystem(base.Document):
     """A system by its name in the catalogue."""
 
-    catalogue: Annotated[str, StringConstraints(min_length=1, max_length=MAX_TITLE_CHARACTERS)]
+    catalogue: Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_TITLE_CHARACTERS)]
 
 
-class DocumentSystem(Document):
+class DocumentSystem(base.Document):
     """A system as a document: a nonholonomic system, a Lagrangian, or second-order equations."""
 
     document: dict[str, Any]
 
 
-class ResultSystem(Document):
+class ResultSystem(base.Document):
     """A system with the Lagrangian that `solve` found for it."""
 
     result: dict[str, Any]
@@ -111,24 +103,24 @@ SceneSystem = Annotated[
 ]
 
 
-class LagrangianDocument(Document):
+class LagrangianDocument(base.Document):
     """A system by its Lagrangian, with or without constraints on the velocities."""
 
-    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_SIMULATED)]
+    name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_SIMULATED)]
     lagrangian: Formula
-    constraints: Annotated[list[Formula], Field(max_length=MAX_SIMULATED)] | Formula = Field(default_factory=list)
+    constraints: Annotated[list[Formula], Field(max_length=base.MAX_SIMULATED)] | Formula = Field(default_factory=list)
     parameters: (
-        Annotated[dict[Name, Value | None], Field(max_length=MAX_PARAMETERS)]
-        | Annotated[list[Name], Field(max_length=MAX_PARAMETERS)]
+        Annotated[dict[Name, Value | None], Field(max_length=base.MAX_PARAMETERS)]
+        | Annotated[list[Name], Field(max_length=base.MAX_PARAMETERS)]
     ) = Field(default_factory=list)
-    functions: Annotated[dict[Name, list[Name]], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
-    where: Annotated[dict[Name, Formula], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
+    functions: Annotated[dict[Name, list[Name]], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
+    where: Annotated[dict[Name, Formula], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
     associated: Any = None
     time_dependent_lagrangian: bool | None = None
 
 
-class SceneEvent(Document):
+class SceneEvent(base.Document):
     """What is found along a motion: zeros of `when`, a formula or "formula = 0".
 
     `direction`: rising (1), falling (-1) or both (0); `do`: "record" keeps the point, "stop" ends the run there.
@@ -139,26 +131,26 @@ class SceneEvent(Document):
     do: Literal["record", "stop"] = "record"
 
 
-class SceneInitial(Document):
+class SceneInitial(base.Document):
     """Initial data. Velocities that the constraints determine may be left out.
 
     `project`: put velocities that violate the constraints on them (orthogonally in the kinetic energy).
     """
 
-    positions: Annotated[dict[Name, Value], Field(max_length=MAX_SIMULATED)]
-    velocities: Annotated[dict[Name, Value], Field(max_length=MAX_SIMULATED)] | None = None
-    momenta: Annotated[dict[Name, Value], Field(max_length=MAX_SIMULATED)] | None = None
+    positions: Annotated[dict[Name, Value], Field(max_length=base.MAX_SIMULATED)]
+    velocities: Annotated[dict[Name, Value], Field(max_length=base.MAX_SIMULATED)] | None = None
+    momenta: Annotated[dict[Name, Value], Field(max_length=base.MAX_SIMULATED)] | None = None
     project: bool = False
 
 
 Column = Annotated[list[Value], Field(min_length=1, max_length=MAX_MEMBERS)]
 
 
-class MemberColumns(Document):
+class MemberColumns(base.Document):
     """Starts of an ensemble as columns of one length; what is left out is as in the scene."""
 
-    positions: Annotated[dict[Name, Column], Field(max_length=MAX_SIMULATED)] = Field(default_factory=dict)
-    velocities: Annotated[dict[Name, Column], Field(max_length=MAX_SIMULATED)] = Field(default_factory=dict)
+    positions: Annotated[dict[Name, Column], Field(max_length=base.MAX_SIMULATED)] = Field(default_factory=dict)
+    velocities: Annotated[dict[Name, Column], Field(max_length=base.MAX_SIMULATED)] = Field(default_factory=dict)
 
 
 Starts = Annotated[
@@ -168,14 +160,14 @@ Starts = Annotated[
 ]
 
 
-class SceneEnsemble(Document):
+class SceneEnsemble(base.Document):
     """Many runs at once: starts, and lists of values of parameters, of which all combinations are run."""
 
     initial: Starts | None = None
-    parameters: Annotated[dict[Name, Column], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
+    parameters: Annotated[dict[Name, Column], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
 
 
-class SceneMethod(Document):
+class SceneMethod(base.Document):
     """A method with its settings; those left out have the defaults of the method.
 
     `alpha` in [0, 1], default 1/2; `order` 2, or 4, 6, 8 by composition (runge-kutta: 4, 5 or 8); `form` of the
@@ -193,7 +185,7 @@ class SceneMethod(Document):
     start: Beginning | None = None
     free_lagrangian: FreeLagrangian | None = None
     constants: Numbers | None = None
-    label: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
+    label: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
 
 
 Methods = Annotated[
@@ -202,7 +194,7 @@ Methods = Annotated[
 ]
 
 
-class SceneDocument(Document):
+class SceneDocument(base.Document):
     """What to simulate. What a scene does not name is neither derived, compiled nor computed.
 
     `effects`: the parts of the Lagrangian that act, of "constraints", "potential", "magnetic" and the names of
@@ -216,14 +208,14 @@ class SceneDocument(Document):
     where this one begins.
     """
 
-    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
+    name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
     system: SceneSystem
     parameters: Numbers = Field(default_factory=dict)
-    functions: Annotated[dict[Name, Formula], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
+    functions: Annotated[dict[Name, Formula], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
     effects: Annotated[list[Word], Field(max_length=MAX_EFFECTS)] | None = None
     terms: Annotated[dict[Name, Formula], Field(max_length=MAX_EFFECTS)] = Field(default_factory=dict)
     as_lagrangian: bool = False
-    forces: Annotated[dict[Name, Formula], Field(max_length=MAX_SIMULATED)] = Field(default_factory=dict)
+    forces: Annotated[dict[Name, Formula], Field(max_length=base.MAX_SIMULATED)] = Field(default_factory=dict)
     rayleigh: Formula | None = None
     initial: SceneInitial | None = None
     restart: dict[str, Any] | None = None

@@ -7,18 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
-from api_schemas.base import (
-    MAX_COORDINATES,
-    MAX_EQUATIONS,
-    MAX_FORMULA_CHARACTERS,
-    MAX_FUNCTION_ARGUMENTS,
-    MAX_FUNCTIONS,
-    MAX_NAME_CHARACTERS,
-    MAX_PARAMETERS,
-    MAX_TITLE_CHARACTERS,
-    MAX_VALUE_CHARACTERS,
-    Document,
-)
+from api_schemas import base
 
 MAX_ANSATZ_TERMS = 50
 MAX_KINDS = 12
@@ -29,7 +18,7 @@ TAGS = ("<mapping>", "<list>", "<text>")
 
 def shape(value: Any) -> str | None:
     """Which of the forms a value has; tells pydantic which one to complain about."""
-    if isinstance(value, dict | Document):
+    if isinstance(value, dict | base.Document):
         return "<mapping>"
     if isinstance(value, list | tuple):
         return "<list>"
@@ -42,34 +31,34 @@ def number_as_text(value: Any) -> Any:
     return str(value) if is_number else value
 
 
-Name = Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)]
+Name = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_NAME_CHARACTERS)]
 Formula = Annotated[
     str,
-    StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS),
+    StringConstraints(min_length=1, max_length=base.MAX_FORMULA_CHARACTERS),
     BeforeValidator(number_as_text, json_schema_input_type=str | float),
 ]
-Text = Annotated[str, StringConstraints(min_length=1, max_length=MAX_FORMULA_CHARACTERS)]
+Text = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_FORMULA_CHARACTERS)]
 Value = Annotated[
     str,
-    StringConstraints(min_length=1, max_length=MAX_VALUE_CHARACTERS),
+    StringConstraints(min_length=1, max_length=base.MAX_VALUE_CHARACTERS),
     BeforeValidator(number_as_text, json_schema_input_type=str | float),
 ]
 Equations = Annotated[
-    Annotated[dict[Name, Formula], Field(max_length=MAX_COORDINATES), Tag("<mapping>")]
-    | Annotated[list[Text], Field(min_length=1, max_length=MAX_EQUATIONS), Tag("<list>")]
+    Annotated[dict[Name, Formula], Field(max_length=base.MAX_COORDINATES), Tag("<mapping>")]
+    | Annotated[list[Text], Field(min_length=1, max_length=base.MAX_EQUATIONS), Tag("<list>")]
     | Annotated[Text, Tag("<text>")],
     Discriminator(shape),
 ]
 Parameters = Annotated[
-    Annotated[dict[Name, Value | None], Field(max_length=MAX_PARAMETERS), Tag("<mapping>")]
-    | Annotated[list[Name], Field(max_length=MAX_PARAMETERS), Tag("<list>")]
+    Annotated[dict[Name, Value | None], Field(max_length=base.MAX_PARAMETERS), Tag("<mapping>")]
+    | Annotated[list[Name], Field(max_length=base.MAX_PARAMETERS), Tag("<list>")]
     | Annotated[Literal["guess"], Tag("<text>")],
     Discriminator(shape),
 ]
-Arguments = Annotated[list[Name], Field(min_length=1, max_length=MAX_FUNCTION_ARGUMENTS)]
+Arguments = Annotated[list[Name], Field(min_length=1, max_length=base.MAX_FUNCTION_ARGUMENTS)]
 
 
-class NamedDocument(Document):
+class NamedDocument(base.Document):
     """What every document says of its names.
 
     `coordinates`: left out, they are the names with derivatives in the formulas, or the keys of `equations`.
@@ -79,11 +68,11 @@ class NamedDocument(Document):
     `where`: names that stand for a formula, which is put in exactly: {"r": "sqrt(x^2 + y^2)"}.
     """
 
-    name: Annotated[str, StringConstraints(max_length=MAX_TITLE_CHARACTERS)] = ""
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
+    name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_COORDINATES)] | None = None
     parameters: Parameters = Field(default_factory=list)
-    functions: Annotated[dict[Name, Arguments], Field(max_length=MAX_FUNCTIONS)] = Field(default_factory=dict)
-    where: Annotated[dict[Name, Text], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
+    functions: Annotated[dict[Name, Arguments], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
+    where: Annotated[dict[Name, Text], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
 
 
 class QuestionDocument(NamedDocument):
@@ -105,13 +94,13 @@ KindName = Literal["natural", "riemannian", "finsler", "positive_definite", "ray
 
 
 VectorField = Annotated[
-    Annotated[dict[Name, Formula], Field(min_length=1, max_length=MAX_COORDINATES), Tag("<mapping>")]
+    Annotated[dict[Name, Formula], Field(min_length=1, max_length=base.MAX_COORDINATES), Tag("<mapping>")]
     | Annotated[Name, Tag("<text>")],
     Discriminator(shape),
 ]
 
 
-class InvariantKind(Document):
+class InvariantKind(base.Document):
     """Lagrangians that are invariant: under translations along coordinates ("x"), and along vector fields."""
 
     invariant: Annotated[
@@ -139,4 +128,4 @@ class SystemDocument(QuestionDocument):
     equations: Equations
     clock: Text | None = None
     kinds: Annotated[list[Kind], Field(max_length=MAX_KINDS)] = Field(default_factory=list)
-    near: Annotated[dict[Name, Value], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
+    near: Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)

@@ -17,17 +17,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch_files import BatchTerms
 from inverse_service.service.jobs.model import Batch, StoreUnavailable
 from inverse_service.service.jobs.tasks import batch_task
-from inverse_service.web.asking import (
-    ANY,
-    FACTORS,
-    batch_key_of,
-    body_of,
-    content_type,
-    is_json,
-    time_limit_of,
-    until_set,
-    wants_fresh,
-)
+from inverse_service.web import asking
 from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import AT_ONCE, RETRY_AFTER, SMALL, batch_fields, lines_of
@@ -76,15 +66,15 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     asks again, or `Idempotency-Key` is another one.
     """
     engine = engine_of(request)
-    media_type = content_type(request)
-    if media_type not in NDJSON_TYPES and not is_json(media_type):
+    media_type = asking.content_type(request)
+    if media_type not in NDJSON_TYPES and not asking.is_json(media_type):
         raise Refusal(415, "content-type", f"Send 'Content-Type: {NDJSON}' or 'Content-Type: application/json'.")
-    server, client, key = engine.server_options, client_of(request), batch_key_of(request)
-    options = replace(server, time_limit=time_limit_of(request, server) or server.time_limit)
-    terms = BatchTerms(kind, options, server, client, engine.settings.max_lines, wants_fresh(request))
+    server, client, key = engine.server_options, client_of(request), asking.batch_key_of(request)
+    options = replace(server, time_limit=asking.time_limit_of(request, server) or server.time_limit)
+    terms = BatchTerms(kind, options, server, client, engine.settings.max_lines, asking.wants_fresh(request))
     try:
-        async with body_of(request, FACTORS["batch"] * engine.settings.max_body) as body:
-            form = (body, is_json(media_type), terms)
+        async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body) as body:
+            form = (body, asking.is_json(media_type), terms)
             lines = await engine.read_body(client, batch_task, *form, seconds=LONG_DEADLINE)
             stored = await engine.create_batch(kind, viewer_of(request), lines, key)
     except InputError as error:
@@ -123,7 +113,7 @@ async def results(request: Request, id: str) -> Response:
 
 async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
     sent, after, spoken, pause = 0, 0, time.monotonic(), SMALLEST_PAUSE
-    with engine.hub.waiting(ANY) as changed:
+    with engine.hub.waiting(asking.ANY) as changed:
         while sent < batch.total and not engine.hub.closing:
             changed.clear()
             try:
@@ -140,7 +130,7 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
                 spoken = time.monotonic()
                 yield b"\n"
             if len(answers) < AT_ONCE and sent < batch.total:
-                await until_set(changed, 0.5)
+                await asking.until_set(changed, 0.5)
                 await asyncio.sleep(pause)
 
 

@@ -17,22 +17,11 @@ from inverse_service.service.jobs.event_log import last_event
 from inverse_service.service.jobs.identity import Viewer
 from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
 from inverse_service.service.jobs.tasks import AskingTerms, ask_task
+from inverse_service.web import openapi
 from inverse_service.web.asking import FACTORS, json_body_of, preference_of, time_limit_of, until_set, wants_fresh
 from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.engine import LOOK_AGAIN, Engine
 from inverse_service.web.job_answers import job_fields, job_response, result_response, whole_job
-from inverse_service.web.openapi import (
-    BAD_BODY,
-    JOB_HEADERS,
-    KEY_AND_RATE,
-    SOLVED,
-    SYSTEM_BODY,
-    TIME_LIMIT_QUERY,
-    WRITTEN,
-    answers_of,
-    body_of,
-    refusals,
-)
 from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(require_client)])
@@ -52,11 +41,11 @@ EVENT = {
 @router.post(
     "/v1/solve",
     responses={
-        200: SOLVED,
-        202: {"model": JobDocument, "headers": JOB_HEADERS},
-        **BAD_BODY,
+        200: openapi.SOLVED,
+        202: {"model": JobDocument, "headers": openapi.JOB_HEADERS},
+        **openapi.BAD_BODY,
     },
-    openapi_extra=SYSTEM_BODY | TIME_LIMIT_QUERY,
+    openapi_extra=openapi.SYSTEM_BODY | openapi.TIME_LIMIT_QUERY,
 )
 async def solve(request: Request) -> Response:
     """One system to its result.
@@ -86,7 +75,7 @@ async def ask(request: Request, kind: str) -> Response:
     return await result_response(request, job, engine, preference.applied)
 
 
-@router.get("/v1/jobs", response_model=JobList, responses={**refusals(422), **KEY_AND_RATE})
+@router.get("/v1/jobs", response_model=JobList, responses={**openapi.refusals(422), **openapi.KEY_AND_RATE})
 async def list_jobs(
     request: Request,
     status: Literal["accepted", "running", "successful", "failed", "dismissed"] | None = None,
@@ -110,11 +99,11 @@ async def list_jobs(
 @router.get(
     "/v1/jobs/{id}",
     responses={
-        200: {"model": JobDocument, "headers": {"ETag": {"schema": {"type": "string"}}}, "content": WRITTEN},
+        200: {"model": JobDocument, "headers": {"ETag": {"schema": {"type": "string"}}}, "content": openapi.WRITTEN},
         202: {"model": JobDocument},
         304: {"description": "The caller has this answer already."},
-        **refusals(404),
-        **KEY_AND_RATE,
+        **openapi.refusals(404),
+        **openapi.KEY_AND_RATE,
     },
 )
 async def job(request: Request, id: str) -> Response:
@@ -123,7 +112,9 @@ async def job(request: Request, id: str) -> Response:
     return await job_response(request, _known(await engine.job(id, viewer_of(request))), engine)
 
 
-@router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **refusals(404), **KEY_AND_RATE})
+@router.delete(
+    "/v1/jobs/{id}", responses={200: {"model": JobDocument}, **openapi.refusals(404), **openapi.KEY_AND_RATE}
+)
 async def dismiss(request: Request, id: str) -> Response:
     """Cancel a job: it is dismissed for you. The work stops when nobody else waits for it; what is done stays."""
     engine = engine_of(request)
@@ -136,8 +127,8 @@ async def dismiss(request: Request, id: str) -> Response:
     response_class=StreamingResponse,
     responses={
         200: {"content": {"text/event-stream": {"itemSchema": EVENT}}},
-        **refusals(404),
-        **KEY_AND_RATE,
+        **openapi.refusals(404),
+        **openapi.KEY_AND_RATE,
     },
 )
 async def events(request: Request, id: str) -> Response:
@@ -204,11 +195,14 @@ def _known(found: Job | None) -> Job:
     return found
 
 
-SCENE = body_of("SceneDocument") | TIME_LIMIT_QUERY
-ANSWERS: dict[int | str, dict[str, Any]] = {202: {"model": JobDocument, "headers": JOB_HEADERS}, **BAD_BODY}
+SCENE = openapi.body_of("SceneDocument") | openapi.TIME_LIMIT_QUERY
+ANSWERS: dict[int | str, dict[str, Any]] = {
+    202: {"model": JobDocument, "headers": openapi.JOB_HEADERS},
+    **openapi.BAD_BODY,
+}
 
 
-@router.post("/v1/simulate", responses={200: answers_of("SimulationResult"), **ANSWERS}, openapi_extra=SCENE)
+@router.post("/v1/simulate", responses={200: openapi.answers_of("SimulationResult"), **ANSWERS}, openapi_extra=SCENE)
 async def simulate(request: Request) -> Response:
     """A scene to its result: each method's outcome, the observed quantities, thinned points.
 
@@ -217,7 +211,9 @@ async def simulate(request: Request) -> Response:
     return await ask(request, "simulate")
 
 
-@router.post("/v1/work-precision", responses={200: answers_of("WorkPrecisionResult"), **ANSWERS}, openapi_extra=SCENE)
+@router.post(
+    "/v1/work-precision", responses={200: openapi.answers_of("WorkPrecisionResult"), **ANSWERS}, openapi_extra=SCENE
+)
 async def work_precision(request: Request) -> Response:
     """A scene to error against time for every method, at many step sizes."""
     return await ask(request, "work-precision")

@@ -8,19 +8,9 @@ from typing import Any
 
 from api_schemas.base import MAX_FORWARD
 from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
+from inverse_service.expressions import tree as trees
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tree import (
-    TIME,
-    Acceleration,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    negate,
-    walk,
-)
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, momenta
@@ -37,7 +27,7 @@ class _Motion:
     """A Lagrangian with the system q'' = f of its Euler-Lagrange equations."""
 
     schema: LagrangianDocument
-    lagrangian: Expression
+    lagrangian: trees.Expression
     system: SecondOrderSystem
 
 
@@ -81,22 +71,22 @@ def _motion(schema: LagrangianDocument) -> _Motion:
     declared = Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most=MAX_FORWARD)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     lagrangian, names = known.put_in(read_lagrangian(schema.lagrangian, known.names)), known.remaining()
-    sums = euler_lagrange_sums(lagrangian, names.coordinates, [Acceleration(name) for name in names.coordinates])
+    sums = euler_lagrange_sums(lagrangian, names.coordinates, [trees.Acceleration(name) for name in names.coordinates])
     equations = [linear_equation(tree, "/lagrangian") for tree in sums]
     accelerations = solve_accelerations(equations, names.coordinates)
     return _Motion(schema, lagrangian, _system(schema, names, tuple(map(collect, accelerations))))
 
 
-def _system(schema: LagrangianDocument, names: Names, accelerations: tuple[Expression, ...]) -> SecondOrderSystem:
+def _system(schema: LagrangianDocument, names: Names, accelerations: tuple[trees.Expression, ...]) -> SecondOrderSystem:
     functions = tuple(FunctionDeclaration(name, arguments) for name, arguments in names.functions.items())
     return SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
 
 
-def _conserved(lagrangian: Expression, functions: dict[str, Expression]) -> list[ConservedQuantity]:
+def _conserved(lagrangian: trees.Expression, functions: dict[str, trees.Expression]) -> list[ConservedQuantity]:
     """The momenta of the coordinates that are not in L, and the energy where t is not (Noether)."""
-    letters = {node for node in walk(lagrangian) if isinstance(node, Symbol)}
-    found = {f"momentum of {name}": tree for name, tree in functions.items() if Symbol(name) not in letters}
-    if TIME not in letters:
-        terms = [multiply(Velocity(name), tree) for name, tree in functions.items()]
-        found["energy"] = collect(add(*terms, negate(lagrangian)))
+    letters = {node for node in trees.walk(lagrangian) if isinstance(node, trees.Symbol)}
+    found = {f"momentum of {name}": tree for name, tree in functions.items() if trees.Symbol(name) not in letters}
+    if trees.TIME not in letters:
+        terms = [trees.multiply(trees.Velocity(name), tree) for name, tree in functions.items()]
+        found["energy"] = collect(trees.add(*terms, trees.negate(lagrangian)))
     return [ConservedQuantity(name=name, **translate.formula_fields(tree)) for name, tree in found.items()]

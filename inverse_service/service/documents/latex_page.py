@@ -11,20 +11,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_latex import lines_of_latex, to_latex
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
-from inverse_service.service.documents.text_page import (
-    FORMULAS,
-    answers_of,
-    branches_of,
-    cases_answered,
-    forward_rows,
-    instead_answered,
-    is_forward_result,
-    kinds_answered,
-    regular_where,
-    spaced,
-    verdict_sentence,
-    where,
-)
+from inverse_service.service.documents import text_page
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
 IN_A_SENTENCE = 150.0  # points of a formula that stands in a line of text
@@ -40,7 +27,7 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     """The whole document, ending with a newline; `address` is where the result stands, if it stands anywhere."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb,url}", r"\sloppy", r"\begin{document}"]
     end = [_source(result, address), r"\end{document}"]
-    if is_forward_result(result):
+    if text_page.is_forward_result(result):
         return "\n".join([*lines, *forward_latex(result), *end]) + "\n"
     if result.get("nonholonomic") is not None:
         lines += [escaped(result["any_associated"]["statement"])] if result.get("any_associated") else []
@@ -48,8 +35,8 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
     lines += _cases(result)
-    for branch in branches_of(result):
-        for answer, with_time in answers_of(branch, result):
+    for branch in text_page.branches_of(result):
+        for answer, with_time in text_page.answers_of(branch, result):
             lines += _answer(answer, with_time, explain, result["system"])
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
@@ -68,11 +55,11 @@ def _source(result: Mapping[str, Any], address: str) -> str:
 
 def _cases(result: dict[str, Any]) -> Iterator[str]:
     """All cases with their verdicts, before the answers, where there are several."""
-    branches = branches_of(result)
+    branches = text_page.branches_of(result)
     if len(branches) > 1:
         yield rf"{len(branches)} cases: \begin{{itemize}}"
         for branch in branches:
-            yield rf"\item {_conditions(branch['domain'], result['system'])}: {spaced(branch['verdict'])}"
+            yield rf"\item {_conditions(branch['domain'], result['system'])}: {text_page.spaced(branch['verdict'])}"
         yield r"\end{itemize}"
 
 
@@ -80,7 +67,7 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
     """The verdict, L and H with the sets where they hold, the momenta and the constraints among them."""
     if answer.get("domain"):
         yield f"At generic points of the connected set where {_conditions(answer['domain'], system)}:"
-    yield escaped(f"{verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
+    yield escaped(f"{text_page.verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
     hamiltonian = answer["hamiltonian"]
     momenta = hamiltonian["momenta"] if hamiltonian else {}
     for letter, part in (("L", answer["lagrangian"]), ("H", hamiltonian)):
@@ -101,11 +88,11 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
 def _further(result: dict[str, Any]) -> Iterator[str]:
     """What there is instead of L(q, q'), and the answers about kinds and with another clock."""
     system, instead, clock = result["system"], result.get("instead"), result.get("with_clock")
-    found = [(instead_answered(instead), instead)] if instead else []
-    for told, part in (*found, *kinds_answered(result)) if system is not None else ():
+    found = [(text_page.instead_answered(instead), instead)] if instead else []
+    for told, part in (*found, *text_page.kinds_answered(result)) if system is not None else ():
         if told:
             yield rf"\paragraph{{}} {escaped(told)}"
-            yield from (display(f"{sign} = {part[key]['latex']}") for sign, key in FORMULAS if part[key])
+            yield from (display(f"{sign} = {part[key]['latex']}") for sign, key in text_page.FORMULAS if part[key])
             yield from _where_regular(part["lagrangian"] or {}, system)
     if clock:
         told = f"With the clock dtau = ({clock['factor']}) dt:"
@@ -118,7 +105,7 @@ def _where_regular(
 ) -> Iterator[str]:
     if part.get("domain"):
         yield f"where {_conditions(part['domain'], system, letters)}."
-    yield from (f"Regular {escaped(part['regular'])}." for _ in regular_where(part))
+    yield from (f"Regular {escaped(part['regular'])}." for _ in text_page.regular_where(part))
 
 
 def _conditions(conditions: Sequence[str], system: dict[str, Any] | None, letters: Iterable[str] = ()) -> str:
@@ -142,15 +129,17 @@ def _latex(text: str, system: dict[str, Any], letters: Iterable[str] = ()) -> st
 
 def forward_latex(result: dict[str, Any]) -> Iterator[str]:
     """The same as displayed formulas."""
-    yield from (display(f"{left} = {right}") for left, right in forward_rows(result, "latex"))
+    yield from (display(f"{left} = {right}") for left, right in text_page.forward_rows(result, "latex"))
 
 
 def special_cases_latex(part: dict[str, Any]) -> Iterator[str]:
     """The same as lines of LaTeX; conditions are formulas."""
     yield r"\paragraph{For which parameters?}"
-    yield from cases_answered(part["variational_when"], "A Lagrangian exists", "latex")
+    yield from text_page.cases_answered(part["variational_when"], "A Lagrangian exists", "latex")
     if part["variational_when_with_time"] not in (None, part["variational_when"]):
-        yield from cases_answered(part["variational_when_with_time"], "A Lagrangian $L(t, q, q')$ exists", "latex")
+        yield from text_page.cases_answered(
+            part["variational_when_with_time"], "A Lagrangian $L(t, q, q')$ exists", "latex"
+        )
     yield f"Cases examined: {part['examined']}. " + (
         "The tree is complete." if part["complete"] else "The tree may not be complete."
     )
@@ -159,7 +148,7 @@ def special_cases_latex(part: dict[str, Any]) -> Iterator[str]:
 
 def _items(node: dict[str, Any]) -> Iterator[str]:
     yield r"\begin{itemize}"
-    yield f"\\item {where(node['conditions'], 'latex')}: {spaced(node['verdict'])}"
+    yield f"\\item {text_page.where(node['conditions'], 'latex')}: {text_page.spaced(node['verdict'])}"
     for child in node["children"]:
         yield from _items(child)
     yield r"\end{itemize}"

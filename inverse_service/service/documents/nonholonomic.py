@@ -10,33 +10,17 @@ from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnsw
 from api_schemas.result import AdvicePart, ResultDocument
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
-    AssociatedAnswer,
-    MotionReport,
-    Study,
-    answer_about,
-    associated_systems,
-    motion_report,
-    study,
-)
+from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import solving, translate
+from inverse_service.service.documents import solving, translate, translate_nonholonomic
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.instead import of_reduced
 from inverse_service.service.documents.reduced import ONLY_THE_MOTION, reduced_of_report
-from inverse_service.service.documents.translate_nonholonomic import (
-    to_any_associated,
-    to_families,
-    to_nonholonomic,
-    to_nonholonomic_parse_answer,
-    to_nonholonomic_part,
-    to_nonholonomic_schema,
-)
 
 # Of the time for all, what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3
@@ -57,14 +41,14 @@ def solve_nonholonomic(
     finds our own certificate invalid.
     """
     end = now() + options.time_limit
-    schema = to_nonholonomic_schema(document)
-    system = to_nonholonomic(schema)
-    families = to_families(schema, system)
-    report = motion_report(system, min(TIME_LIMIT, SHARE_OF_MOTION * options.time_limit))
+    schema = translate_nonholonomic.to_nonholonomic_schema(document)
+    system = translate_nonholonomic.to_nonholonomic(schema)
+    families = translate_nonholonomic.to_families(schema, system)
+    report = nonholonomic_study.motion_report(system, min(TIME_LIMIT, SHARE_OF_MOTION * options.time_limit))
     kind = schema.associated
     if kind == "any":
         return _about_the_motion(report, schema, options, end, progress)
-    systems = associated_systems(report, None if kind == "search" else kind, families)
+    systems = nonholonomic_study.associated_systems(report, None if kind == "search" else kind, families)
     defined = next((one.system for one in systems if one.system is not None), None)
     if defined is None:
         raise InputError(f'{systems[0].explanation} Ask for "any", which decides the motion alone.', "/associated")
@@ -75,9 +59,11 @@ def solve_nonholonomic(
         ansatz=() if defined is None else translate.to_ansatz(schema, defined),
         series_order=schema.series_order,
     )
-    found = study(report, systems, asked, progress)
+    found = nonholonomic_study.study(report, systems, asked, progress)
     third = now() + SHARE_OF_ANY * options.time_limit
-    any_associated = answer_about(found, asked, min(end - SHARE_LEFT * options.time_limit, third), progress)
+    any_associated = nonholonomic_study.answer_about(
+        found, asked, min(end - SHARE_LEFT * options.time_limit, third), progress
+    )
     main = found.answers[found.main]
     if main.solution is None:
         raise InputError(main.associated.explanation, "/associated")
@@ -88,8 +74,8 @@ def solve_nonholonomic(
     fields = _constrained(result, report.motion.system)
     whole = NonholonomicResult(
         **fields,
-        nonholonomic=to_nonholonomic_part(found),
-        any_associated=to_any_associated(any_associated),
+        nonholonomic=translate_nonholonomic.to_nonholonomic_part(found),
+        any_associated=translate_nonholonomic.to_any_associated(any_associated),
         reduced=_reduced(report, options, end),
     )
     if whole.verdict == "not_variational" and any_associated.verdict != "variational":
@@ -104,27 +90,27 @@ def _constrained(result: ResultDocument, system: NonholonomicSystem) -> dict[str
 
 
 def _about_the_motion(
-    report: MotionReport,
+    report: nonholonomic_study.MotionReport,
     schema: NonholonomicDocument,
     options: SolveOptions,
     end: float,
     progress: Callable[[str], None] | None,
 ) -> dict[str, Any]:
     """The result where only the motion was asked about: the main fields leave open what was not asked."""
-    one = associated_systems(report, "first")[0]
+    one = nonholonomic_study.associated_systems(report, "first")[0]
     if one.system is None:
         raise InputError(one.explanation, "/associated")
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     solution = Solution(one.system, open_answer, None, None)
-    found = Study(report, (AssociatedAnswer(one, solution),), 0)
+    found = nonholonomic_study.Study(report, (nonholonomic_study.AssociatedAnswer(one, solution),), 0)
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
-    answer = answer_about(found, asked, end, progress)
+    answer = nonholonomic_study.answer_about(found, asked, end, progress)
     result = translate.to_result(solution, schema)
     fields = _constrained(result, report.motion.system)
     whole = NonholonomicResult(
         **fields,
-        nonholonomic=to_nonholonomic_part(found),
-        any_associated=to_any_associated(answer),
+        nonholonomic=translate_nonholonomic.to_nonholonomic_part(found),
+        any_associated=translate_nonholonomic.to_any_associated(answer),
         reduced=_reduced(report, options, end),
     )
     document = whole.model_dump(mode="json")
@@ -132,7 +118,7 @@ def _about_the_motion(
     return solving.ordered(document)
 
 
-def _reduced(report: MotionReport, options: SolveOptions, end: float) -> ReducedPart | None:
+def _reduced(report: nonholonomic_study.MotionReport, options: SolveOptions, end: float) -> ReducedPart | None:
     """In the time that is left, some of which is for checking."""
     return reduced_of_report(report, options.seed, end - now() - SHARE_LEFT * options.time_limit)
 
@@ -141,7 +127,7 @@ def _share(schema: NonholonomicDocument) -> float:
     return solving.SHARE_BESIDE_CASES if schema.special_cases else solving.SHARE_OF_SOLVER
 
 
-def _with_images(main: AssociatedAnswer) -> Solution:
+def _with_images(main: nonholonomic_study.AssociatedAnswer) -> Solution:
     """The solution, its Hamiltonian with the constraints in phase space."""
     solution = main.solution
     assert solution is not None
@@ -149,7 +135,7 @@ def _with_images(main: AssociatedAnswer) -> Solution:
     return dataclasses.replace(solution, autonomous=autonomous, with_time=with_time)
 
 
-def _imaged(main: AssociatedAnswer, answer: Answer | None) -> Answer | None:
+def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: Answer | None) -> Answer | None:
     if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
         return answer
     expression = answer.lagrangian.expression
@@ -161,9 +147,9 @@ def _imaged(main: AssociatedAnswer, answer: Answer | None) -> Answer | None:
 
 def parse(schema: NonholonomicDocument) -> NonholonomicParseAnswer:
     """What was understood of a Nonholonomic document; raises InputError."""
-    system = to_nonholonomic(schema)
-    to_families(schema, system)
-    return to_nonholonomic_parse_answer(system, equations_of_motion(system), schema)
+    system = translate_nonholonomic.to_nonholonomic(schema)
+    translate_nonholonomic.to_families(schema, system)
+    return translate_nonholonomic.to_nonholonomic_parse_answer(system, equations_of_motion(system), schema)
 
 
 def parse_associated(schema: NonholonomicDocument) -> dict[str, Any] | None:
@@ -171,9 +157,11 @@ def parse_associated(schema: NonholonomicDocument) -> dict[str, Any] | None:
     question."""
     if schema.associated not in ("first", "second", "third"):
         return None
-    system = to_nonholonomic(schema)
-    report = motion_report(system, SHOWN_AT_ONCE)
-    one = associated_systems(report, schema.associated, to_families(schema, system))[0]
+    system = translate_nonholonomic.to_nonholonomic(schema)
+    report = nonholonomic_study.motion_report(system, SHOWN_AT_ONCE)
+    one = nonholonomic_study.associated_systems(
+        report, schema.associated, translate_nonholonomic.to_families(schema, system)
+    )[0]
     found = one.system
     pairs = zip(found.coordinates, found.accelerations, strict=True) if found else ()
     equations = {name: translate.parsed(f).model_dump() for name, f in pairs}
@@ -182,6 +170,8 @@ def parse_associated(schema: NonholonomicDocument) -> dict[str, Any] | None:
 
 def system_of(schema: NonholonomicDocument) -> SecondOrderSystem:
     """The first associated system; raises InputError."""
-    first, *_ = associated_systems(motion_report(to_nonholonomic(schema)), "first")
+    first, *_ = nonholonomic_study.associated_systems(
+        nonholonomic_study.motion_report(translate_nonholonomic.to_nonholonomic(schema)), "first"
+    )
     assert first.system is not None
     return first.system

@@ -13,33 +13,18 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.inverse_problem.constrained.ansatz import first_system
 from inverse_service.inverse_problem.constrained.answering import answer_motion
+from inverse_service.inverse_problem.hamiltonisation import reduced as deciding
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
-from inverse_service.inverse_problem.hamiltonisation.reduced import (
-    Reduced,
-    answer_reduced,
-    reduced_system,
-)
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.nonholonomic.reading import read_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import solving, translate
+from inverse_service.service.documents import clock as clocks
+from inverse_service.service.documents import solving, translate, translate_nonholonomic
 from inverse_service.service.documents.checking import compare_motion
-from inverse_service.service.documents.clock import (
-    answered,
-    clocked_part,
-    compared_answer,
-    compared_clocked,
-    read_clock,
-)
 from inverse_service.service.documents.preparing import is_motion, prepared
 from inverse_service.service.documents.refusals import validated
-from inverse_service.service.documents.translate_nonholonomic import (
-    to_any_associated,
-    to_nonholonomic,
-    to_nonholonomic_schema,
-)
 
 ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
 
@@ -65,7 +50,10 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
     whole = NonholonomicResult(
-        **dict(result), nonholonomic=None, any_associated=to_any_associated(answer), reduced=reduced
+        **dict(result),
+        nonholonomic=None,
+        any_associated=translate_nonholonomic.to_any_associated(answer),
+        reduced=reduced,
     )
     found = whole.model_dump(mode="json")
     compare_motion(found, end - now())
@@ -97,25 +85,27 @@ def reduced_of_report(report: MotionReport, seed: int, time_limit: float) -> Red
     """For a Lagrangian with constraints."""
     motion = report.motion
     options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
-    return _part(answer_reduced(motion, report.motion.system.lagrangian, report.density, options))
+    return _part(deciding.answer_reduced(motion, report.motion.system.lagrangian, report.density, options))
 
 
 def reduced_of_motion(motion: ConstrainedMotion, seed: int, time_limit: float) -> ReducedPart | None:
     """For a motion that is given as it is: there is no Lagrangian whose measure would give a clock."""
     options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
-    return _part(answer_reduced(motion, None, None, options))
+    return _part(deciding.answer_reduced(motion, None, None, options))
 
 
-def _part(found: Reduced | None) -> ReducedPart | None:
+def _part(found: deciding.Reduced | None) -> ReducedPart | None:
     if found is None:
         return None
     factor, clocked = found.factor, found.clocked
     return ReducedPart(
         coordinates=list(found.plain.system.coordinates),
-        **answered(found.plain.system, found.plain.answer),
+        **clocks.answered(found.plain.system, found.plain.answer),
         reconstruction={name: to_text(rate) for name, rate in found.others},
         statement=QUADRATURE,
-        with_clock=None if clocked is None or factor is None else clocked_part(factor, clocked.system, clocked.answer),
+        with_clock=None
+        if clocked is None or factor is None
+        else clocks.clocked_part(factor, clocked.system, clocked.answer),
         without_clock=found.reason,
     )
 
@@ -129,19 +119,21 @@ def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> 
         return _WRONG
     if system is None:
         return _WRONG
-    found = compared_answer(part, system, _WRONG, end - now())
+    found = clocks.compared_answer(part, system, _WRONG, end - now())
     clock = part.get("with_clock")
     if (found is not None and found.verdict != "valid") or not isinstance(clock, dict):
         return found
     try:
-        factor = read_clock(system, str(clock.get("factor")))
+        factor = clocks.read_clock(system, str(clock.get("factor")))
     except InputError:
         return _WRONG
-    return compared_clocked(clock, system, factor, _WRONG, end - now()) or found
+    return clocks.compared_clocked(clock, system, factor, _WRONG, end - now()) or found
 
 
 def _of_document(document: Any) -> SecondOrderSystem | None:
     if is_motion(document):
-        return reduced_system(read(look_motion(document)))
-    report = motion_report(to_nonholonomic(to_nonholonomic_schema(document)))
-    return reduced_system(report.motion)
+        return deciding.reduced_system(read(look_motion(document)))
+    report = motion_report(
+        translate_nonholonomic.to_nonholonomic(translate_nonholonomic.to_nonholonomic_schema(document))
+    )
+    return deciding.reduced_system(report.motion)

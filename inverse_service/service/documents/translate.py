@@ -6,21 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from api_schemas import result as schemas
 from api_schemas.base import ParseAnswer, ParsedFormula
-from api_schemas.result import (
-    AdvicePart,
-    BranchPart,
-    ConditionsPart,
-    ExplanationPart,
-    ExplanationStep,
-    Formula,
-    HamiltonianPart,
-    LagrangianPart,
-    OtherAnswer,
-    ResultDocument,
-    SolutionSpacePart,
-    UnderstoodSystem,
-)
 from api_schemas.system import NamedDocument, SystemDocument
 from inverse_service import __version__
 from inverse_service.algebra.sign_cases import sign_cases
@@ -32,16 +19,8 @@ from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Number, Product, Sum, walk
+from inverse_service.inverse_problem import outcome
 from inverse_service.inverse_problem.decision.certify import integrals_of
-from inverse_service.inverse_problem.outcome import (
-    Answer,
-    Conditions,
-    Hamiltonian,
-    Lagrangian,
-    Matrix,
-    Solution,
-    Step,
-)
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
@@ -164,9 +143,9 @@ def _plain_name(name: str) -> str:
     return declared_name(name, "")
 
 
-def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> UnderstoodSystem:
+def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> schemas.UnderstoodSystem:
     """The `system` part of a result: canonical equations along with the document as given."""
-    return UnderstoodSystem(
+    return schemas.UnderstoodSystem(
         name=system.name,
         coordinates=list(system.coordinates),
         **equation_fields(system),
@@ -193,46 +172,50 @@ def function_fields(system: SecondOrderSystem | NonholonomicSystem) -> dict[str,
     return {function.name: list(function.arguments) for function in system.functions}
 
 
-def to_result(solution: Solution, schema: Asking, others: Sequence[Solution] = ()) -> ResultDocument:
+def to_result(
+    solution: outcome.Solution, schema: Asking, others: Sequence[outcome.Solution] = ()
+) -> schemas.ResultDocument:
     """The result document; `with_time` is filled where the other question has another answer.
 
     `others` are the solutions on further branches of the same system.
     """
     branches = [solution, *others] if others else []
-    return ResultDocument(
+    return schemas.ResultDocument(
         system=to_understood(solution.system, schema),
         question="L(t, q, q')" if answers_time(solution, schema.time_dependent_lagrangian) else "L(q, q')",
         **_both_answers(solution, schema),
         conditions=_conditions(solution.conditions),
-        branches=[BranchPart(**_both_answers(branch, schema)) for branch in branches],
+        branches=[schemas.BranchPart(**_both_answers(branch, schema)) for branch in branches],
         advice=_advice(solution, schema.time_dependent_lagrangian),
         guessed=guessed_names(schema, solution.system),
         provenance={"program": "inverse-service", "version": __version__, **plain(solution.provenance)},
     )
 
 
-def _advice(solution: Solution, time_dependent: bool | None) -> AdvicePart:
+def _advice(solution: outcome.Solution, time_dependent: bool | None) -> schemas.AdvicePart:
     """What to simulate the system with, by the Lagrangian that ends at the fewest places."""
     known = [one.lagrangian for one in main_and_other(solution, time_dependent) if one is not None and one.lagrangian]
     if not known:
-        return AdvicePart(**method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT))
+        return schemas.AdvicePart(**method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT))
     best = min(known, key=lambda one: len(one.nonzero) + len(one.positive))
     walls = [to_text(tree) for tree in (*best.nonzero, *best.positive)]
-    return AdvicePart(**method_advice.for_lagrangian(best.expression, solution.system.coordinates, walls))
+    return schemas.AdvicePart(**method_advice.for_lagrangian(best.expression, solution.system.coordinates, walls))
 
 
-def _both_answers(solution: Solution, schema: Asking) -> dict[str, Any]:
+def _both_answers(solution: outcome.Solution, schema: Asking) -> dict[str, Any]:
     """The fields of the main answer, and what is said of the other question."""
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
     return answer_fields(main, solution.system) | {
         "certificate": _certificate(main, time),
         "verdict_with_time": time.verdict if time is not None else None,
-        "with_time": None if other is None else OtherAnswer(**answer_fields(other, solution.system)),
+        "with_time": None if other is None else schemas.OtherAnswer(**answer_fields(other, solution.system)),
     }
 
 
-def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Answer, Answer | None]:
+def main_and_other(
+    solution: outcome.Solution, time_dependent: bool | None
+) -> tuple[outcome.Answer, outcome.Answer | None]:
     """The answer of the main fields, and the one with time where it says more than that."""
     main = solution.with_time if answers_time(solution, time_dependent) else solution.autonomous
     if main is None:
@@ -242,20 +225,20 @@ def main_and_other(solution: Solution, time_dependent: bool | None) -> tuple[Ans
     return main, time if differs else None
 
 
-def _found_more(time: Answer, main: Answer) -> bool:
+def _found_more(time: outcome.Answer, main: outcome.Answer) -> bool:
     """Whether the question with time has a Lagrangian of its own; the solver gives one only where it is better."""
     return time.lagrangian is not None and (
         main.lagrangian is None or time.lagrangian.expression != main.lagrangian.expression
     )
 
 
-def answers_time(solution: Solution, time_dependent: bool | None) -> bool:
+def answers_time(solution: outcome.Solution, time_dependent: bool | None) -> bool:
     """Whether the main fields answer L(t, q, q'): asked for, or the only question where f contains t."""
     wants_time = time_dependent is True or solution.system.depends_on_time
     return solution.autonomous is None or (wants_time and solution.with_time is not None)
 
 
-def _certificate(main: Answer, time: Answer | None) -> dict[str, Any] | None:
+def _certificate(main: outcome.Answer, time: outcome.Answer | None) -> dict[str, Any] | None:
     """The certificate of the main answer, or the one that proves both.
 
     Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
@@ -265,7 +248,7 @@ def _certificate(main: Answer, time: Answer | None) -> dict[str, Any] | None:
     return None if certificate is None else plain(certificate)
 
 
-def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
+def answer_fields(answer: outcome.Answer, system: SecondOrderSystem) -> dict[str, Any]:
     """One answer as the fields of a result."""
     lagrangian, space = answer.lagrangian, answer.space
     return {
@@ -277,7 +260,7 @@ def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
         "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, system.coordinates),
         "solution_space": None
         if space is None
-        else SolutionSpacePart(
+        else schemas.SolutionSpacePart(
             order=space.order,
             dimensions=list(space.dimensions),
             characters=list(space.characters),
@@ -292,21 +275,22 @@ def answer_fields(answer: Answer, system: SecondOrderSystem) -> dict[str, Any]:
     }
 
 
-def step_part(step: Step) -> ExplanationStep:
+def step_part(step: outcome.Step) -> schemas.ExplanationStep:
     parts = [
-        ExplanationPart(kind=p.kind, text=p.text, latex=p.latex, mathml=p.mathml, uses=list(p.uses)) for p in step.parts
+        schemas.ExplanationPart(kind=p.kind, text=p.text, latex=p.latex, mathml=p.mathml, uses=list(p.uses))
+        for p in step.parts
     ]
-    return ExplanationStep(text=step.text, latex=step.latex, parts=parts)
+    return schemas.ExplanationStep(text=step.text, latex=step.latex, parts=parts)
 
 
-def lagrangian_part(lagrangian: Lagrangian) -> LagrangianPart:
+def lagrangian_part(lagrangian: outcome.Lagrangian) -> schemas.LagrangianPart:
     domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + _inequalities(lagrangian.positive)
     regular = "everywhere" if _is_regular_everywhere(lagrangian) else "at generic points, where det g is not 0"
     written = formula_fields(lagrangian.expression)
-    return LagrangianPart(**written, domain=domain, family=lagrangian.family, regular=regular)
+    return schemas.LagrangianPart(**written, domain=domain, family=lagrangian.family, regular=regular)
 
 
-def _is_regular_everywhere(lagrangian: Lagrangian) -> bool:
+def _is_regular_everywhere(lagrangian: outcome.Lagrangian) -> bool:
     """Whether the form of g shows det g != 0 wherever L is defined: constant, or diagonal without a zero."""
     entries = [(i == j, entry) for i, row in enumerate(lagrangian.multiplier) for j, entry in enumerate(row)]
     if all(isinstance(node, Number | Sum | Product) for _, entry in entries for node in walk(entry)):
@@ -320,9 +304,9 @@ def _inequalities(positive: Iterable[Expression]) -> list[str]:
     return [inequality_text(tree) for tree in positive if not is_plainly_positive(tree)]
 
 
-def hamiltonian_part(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> HamiltonianPart:
+def hamiltonian_part(hamiltonian: outcome.Hamiltonian, coordinates: Iterable[str]) -> schemas.HamiltonianPart:
     names = [symbol.name for symbol in hamiltonian.symbols] or [f"p_{coordinate}" for coordinate in coordinates]
-    return HamiltonianPart(
+    return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),
         momenta={name: to_text(p) for name, p in zip(names, hamiltonian.momenta, strict=True)},
         implicit=hamiltonian.implicit,
@@ -332,17 +316,17 @@ def hamiltonian_part(hamiltonian: Hamiltonian, coordinates: Iterable[str]) -> Ha
     )
 
 
-def _conditions(conditions: Conditions | None) -> ConditionsPart | None:
+def _conditions(conditions: outcome.Conditions | None) -> schemas.ConditionsPart | None:
     if conditions is None:
         return None
-    return ConditionsPart(
+    return schemas.ConditionsPart(
         Phi=_texts(conditions.Phi), nabla_Phi=_texts(conditions.nabla_Phi), R=[_texts(block) for block in conditions.R]
     )
 
 
-def transform_part(found: LegendreTransform, constraints: Iterable[Expression] = ()) -> HamiltonianPart:
+def transform_part(found: LegendreTransform, constraints: Iterable[Expression] = ()) -> schemas.HamiltonianPart:
     """The H and the momenta of a Legendre transformation, with the constraints in phase space."""
-    return HamiltonianPart(
+    return schemas.HamiltonianPart(
         **formula_fields(found.hamiltonian),
         momenta={symbol.name: to_text(p) for symbol, p in zip(found.symbols, found.momenta, strict=True)},
         implicit=found.implicit,
@@ -355,11 +339,11 @@ def formula_fields(tree: Expression) -> dict[str, Any]:
     return {"text": to_text(tree), "latex": to_latex(tree)}
 
 
-def formula(tree: Expression) -> Formula:
-    return Formula(**formula_fields(tree))
+def formula(tree: Expression) -> schemas.Formula:
+    return schemas.Formula(**formula_fields(tree))
 
 
-def formulas(names: Iterable[str], trees: Iterable[Expression]) -> dict[str, Formula]:
+def formulas(names: Iterable[str], trees: Iterable[Expression]) -> dict[str, schemas.Formula]:
     return {name: formula(tree) for name, tree in zip(names, trees, strict=True)}
 
 
@@ -367,7 +351,7 @@ def parsed(tree: Expression) -> ParsedFormula:
     return ParsedFormula(**formula_fields(tree), mathml=to_mathml(tree))
 
 
-def _texts(matrix: Matrix) -> list[list[str]]:
+def _texts(matrix: outcome.Matrix) -> list[list[str]]:
     return [[to_text(entry) for entry in row] for row in matrix]
 
 

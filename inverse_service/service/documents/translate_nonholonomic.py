@@ -6,35 +6,14 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from api_schemas.nonholonomic import (
-    AnyAssociatedPart,
-    AssociatedPart,
-    BelongsTo,
-    ClassPart,
-    FirstIntegralPart,
-    HamiltonisationPart,
-    IntegrabilityPart,
-    MeasurePart,
-    MotionLagrangianPart,
-    MotionPart,
-    NonholonomicDocument,
-    NonholonomicParseAnswer,
-    NonholonomicPart,
-    StatementPart,
-    TrajectoryPart,
-)
+from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, power, walk
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
+from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
-from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
-    AssociatedAnswer,
-    MotionReport,
-    Report,
-    Study,
-)
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
@@ -48,15 +27,15 @@ from inverse_service.service.jobs.outcome import Place
 T = TypeVar("T")
 
 
-def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
+def to_nonholonomic_schema(document: Any) -> schemas.NonholonomicDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
     if isinstance(document, dict) and "equations" in document:
         sentence = "'equations' and a Lagrangian or constraints are both given: keep the one or the other."
         raise DocumentRefused((Place(sentence, "/equations"),))
-    return validated(document, NonholonomicDocument)
+    return validated(document, schemas.NonholonomicDocument)
 
 
-def to_nonholonomic(schema: NonholonomicDocument) -> NonholonomicSystem:
+def to_nonholonomic(schema: schemas.NonholonomicDocument) -> NonholonomicSystem:
     """The system that a document describes; raises InputError with pointer and column."""
     return read_nonholonomic(
         schema.coordinates,
@@ -69,7 +48,7 @@ def to_nonholonomic(schema: NonholonomicDocument) -> NonholonomicSystem:
     )
 
 
-def to_families(schema: NonholonomicDocument, system: NonholonomicSystem) -> list[tuple[Expression, ...]]:
+def to_families(schema: schemas.NonholonomicDocument, system: NonholonomicSystem) -> list[tuple[Expression, ...]]:
     """The families of multiples, each one tree for each coordinate; raises InputError."""
     if schema.multiples is None:
         return []
@@ -82,10 +61,10 @@ def to_families(schema: NonholonomicDocument, system: NonholonomicSystem) -> lis
 
 
 def to_nonholonomic_parse_answer(
-    system: NonholonomicSystem, motion: EquationsOfMotion, schema: NonholonomicDocument
-) -> NonholonomicParseAnswer:
+    system: NonholonomicSystem, motion: EquationsOfMotion, schema: schemas.NonholonomicDocument
+) -> schemas.NonholonomicParseAnswer:
     """What was understood: Lagrangian, constraints, and the accelerations that follow."""
-    return NonholonomicParseAnswer(
+    return schemas.NonholonomicParseAnswer(
         name=system.name,
         coordinates=list(system.coordinates),
         parameters=list(system.parameters),
@@ -98,10 +77,10 @@ def to_nonholonomic_parse_answer(
     )
 
 
-def to_nonholonomic_part(study: Study) -> NonholonomicPart:
+def to_nonholonomic_part(study: nonholonomic_study.Study) -> schemas.NonholonomicPart:
     """The key `nonholonomic` of a result."""
     system = study.report.motion.system
-    return NonholonomicPart(
+    return schemas.NonholonomicPart(
         lagrangian=formula(system.lagrangian),
         constraints=[formula(tree) for tree in system.constraints],
         main=study.answers[study.main].associated.kind,
@@ -111,20 +90,20 @@ def to_nonholonomic_part(study: Study) -> NonholonomicPart:
     )
 
 
-def _motion_fields(report: MotionReport) -> dict[str, Any]:
+def _motion_fields(report: nonholonomic_study.MotionReport) -> dict[str, Any]:
     return {
         "equations_of_motion": _motion(report.motion),
         "integrable": _integrability(report),
         "measure_density": _measure(report),
         "first_integrals": [
-            FirstIntegralPart(name=each.name, **formula_fields(each.expression)) for each in report.integrals
+            schemas.FirstIntegralPart(name=each.name, **formula_fields(each.expression)) for each in report.integrals
         ],
         "paper_class": _class(report),
     }
 
 
-def _motion(motion: EquationsOfMotion) -> MotionPart:
-    return MotionPart(
+def _motion(motion: EquationsOfMotion) -> schemas.MotionPart:
+    return schemas.MotionPart(
         free=list(motion.free),
         dependent=list(motion.dependent),
         first_order=formulas(motion.dependent, motion.dependent_velocities),
@@ -134,11 +113,13 @@ def _motion(motion: EquationsOfMotion) -> MotionPart:
     )
 
 
-def _integrability(report: MotionReport) -> IntegrabilityPart:
+def _integrability(report: nonholonomic_study.MotionReport) -> schemas.IntegrabilityPart:
     found, count = report.integrability, len(report.motion.system.constraints)
     if found is None:
         text = "Whether constraints are integrable was not settled, their brackets are too large."
-        return IntegrabilityPart(holonomic=False, integrable=0, count=count, growth=[], integrals=[], statement=text)
+        return schemas.IntegrabilityPart(
+            holonomic=False, integrable=0, count=count, growth=[], integrals=[], statement=text
+        )
     if found.integrable == 0:
         text = "No combination of the constraints is integrable."
     elif found.holonomic:
@@ -147,7 +128,7 @@ def _integrability(report: MotionReport) -> IntegrabilityPart:
         )
     else:
         text = f"{found.integrable} of {count} constraints is integrable: a combination restricts positions."
-    return IntegrabilityPart(
+    return schemas.IntegrabilityPart(
         holonomic=found.holonomic,
         integrable=found.integrable,
         count=count,
@@ -157,11 +138,11 @@ def _integrability(report: MotionReport) -> IntegrabilityPart:
     )
 
 
-def to_any_associated(answer: MotionAnswer) -> AnyAssociatedPart:
+def to_any_associated(answer: MotionAnswer) -> schemas.AnyAssociatedPart:
     """The key `any_associated` of a result."""
     found, certificates = answer.lagrangian, [translate.plain(each) for each in answer.certificates]
     report = None if found is None else found.report
-    return AnyAssociatedPart(
+    return schemas.AnyAssociatedPart(
         statement=_statement(answer),
         verdict=answer.verdict,
         verdict_with_time=answer.verdict_with_time,
@@ -195,18 +176,18 @@ def _statement(answer: MotionAnswer) -> str:
     return OPEN_MOTION
 
 
-def _motion_lagrangian(found: MotionLagrangian) -> MotionLagrangianPart:
-    return MotionLagrangianPart(
+def _motion_lagrangian(found: MotionLagrangian) -> schemas.MotionLagrangianPart:
+    return schemas.MotionLagrangianPart(
         **dict(translate.lagrangian_part(found.lagrangian)),
         on_constraints=formula(found.jet.on_constraints),
         transverse_momenta=[formula(tree) for tree in found.jet.transverse_momenta],
     )
 
 
-def _belongs_to(found: MotionLagrangian) -> BelongsTo:
+def _belongs_to(found: MotionLagrangian) -> schemas.BelongsTo:
     system = found.system
     pairs = () if system is None else zip(system.coordinates, system.accelerations, strict=True)
-    return BelongsTo(kind=found.kind, equations={name: to_text(f) for name, f in pairs})
+    return schemas.BelongsTo(kind=found.kind, equations={name: to_text(f) for name, f in pairs})
 
 
 _MEASURE = {
@@ -216,9 +197,9 @@ _MEASURE = {
 }
 
 
-def _measure(report: MotionReport) -> MeasurePart:
+def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
     found = report.density
-    return MeasurePart(
+    return schemas.MeasurePart(
         status=found.status,
         density=None if found.momenta is None else formula(found.momenta),
         in_velocities=None if found.velocities is None else formula(found.velocities),
@@ -226,17 +207,17 @@ def _measure(report: MotionReport) -> MeasurePart:
     )
 
 
-def _class(report: MotionReport) -> ClassPart:
+def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
     member = report.member
     if member is None:
-        return ClassPart(member=False, statement=f"The system is outside the paper's class: {report.reason}.")
+        return schemas.ClassPart(member=False, statement=f"The system is outside the paper's class: {report.reason}.")
     parts, names = member.geometry, member.geometry.system.coordinates
     dependent = [names[place] for place in member.frame.dependent]
     text = f"The system is in the class s' = -A(r1) r2' with r1 = {names[member.r1]}, r2 = {names[member.r2]}"
     if member.has_force:
         text += ", with a potential" + ("" if member.force_fits else " that depends on more than r2")
     N = _in_time(lambda: formula(power(parts.tree(member.inverse_square_density), Fraction(-1, 2))))
-    return ClassPart(
+    return schemas.ClassPart(
         member=True,
         statement=text + ".",
         r1=names[member.r1],
@@ -260,12 +241,12 @@ def _in_time(work: Callable[[], T]) -> T | None:
 _SHOWN = ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate", "domain")
 
 
-def _associated(one: AssociatedAnswer) -> AssociatedPart:
+def _associated(one: nonholonomic_study.AssociatedAnswer) -> schemas.AssociatedPart:
     system, solution, answer = one.associated.system, one.solution, one.answer
     if system is None or solution is None or answer is None:
-        return AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
+        return schemas.AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
     fields = translate.answer_fields(answer, system)
-    return AssociatedPart(
+    return schemas.AssociatedPart(
         kind=one.associated.kind,
         defined=True,
         explanation=one.associated.explanation,
@@ -276,16 +257,16 @@ def _associated(one: AssociatedAnswer) -> AssociatedPart:
     )
 
 
-def _hamiltonisation(report: Report) -> HamiltonisationPart:
+def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.HamiltonisationPart:
     found = report.found
-    return HamiltonisationPart(
+    return schemas.HamiltonisationPart(
         associated=report.kind,
         label=report.label,
         lagrangian=formula(found.lagrangian),
         hamiltonian=_hamiltonian(found),
         constraints=[formula(tree) for tree in found.images],
         checked=report.checked,
-        statements=[StatementPart(text=each.text, verdict=each.verdict) for each in found.statements],
+        statements=[schemas.StatementPart(text=each.text, verdict=each.verdict) for each in found.statements],
         holds=found.holds,
         trajectory=None if found.comparison is None else _trajectory(found.comparison),
     )
@@ -295,8 +276,8 @@ def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
     return None if found.transform is None else translate.transform_part(found.transform, found.images)
 
 
-def _trajectory(comparison: Comparison) -> TrajectoryPart:
-    return TrajectoryPart(
+def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
+    return schemas.TrajectoryPart(
         time=comparison.time,
         step=comparison.step,
         parameters=dict(comparison.parameters),

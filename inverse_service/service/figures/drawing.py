@@ -11,20 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
+from inverse_service.service.figures import style as styles
 from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.series import QUANTITIES, series_figure
-from inverse_service.service.figures.style import (
-    SETTINGS,
-    draw_line,
-    look,
-    new_figure,
-    plain,
-    run_of,
-    save,
-    shown,
-    thinned,
-    with_unit,
-)
 from inverse_service.simulation.matching_circle import turned
 
 MOST_POINTS = 4000
@@ -39,46 +28,48 @@ def coordinate_figure(
 ) -> tuple[Figure, str]:
     """One panel a coordinate, one line a method, the true motion in black."""
     names = result["system"]["coordinates"]
-    with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(7.6, 1.5 * len(names) + 1.2)
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(7.6, 1.5 * len(names) + 1.2)
         panels = figure.subplots(len(names), 1, squeeze=False, sharex=True).ravel()
         for axes, name in zip(panels, names, strict=True):
             times = result["step"] * result["record_every"] * np.arange(len(truth[name])) if truth else None
             every = 1
             if truth is not None and times is not None:
-                draw_line(axes, times, truth[name], look(0, "exact"), "true motion")
+                styles.draw_line(axes, times, truth[name], styles.look(0, "exact"), "true motion")
             for place, method in enumerate(result["methods"]):
                 if method["label"] in tables and method["method"] != "exact":
-                    table, style = tables[method["label"]], look(place, method["method"])
-                    every = max(every, draw_line(axes, table["t"], table[name], style, method["label"], 5 * place))
-            axes.set_ylabel(with_unit(name, result))
-        panels[-1].set_xlabel(with_unit("t", result))
+                    table, style = tables[method["label"]], styles.look(place, method["method"])
+                    every = max(
+                        every, styles.draw_line(axes, table["t"], table[name], style, method["label"], 5 * place)
+                    )
+            axes.set_ylabel(styles.with_unit(name, result))
+        panels[-1].set_xlabel(styles.with_unit("t", result))
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
-    start = f"{result['name'] or 'Motion'}: {run_of(result)}."
-    return figure, start + _finding(result) + thinned(every)
+    start = f"{result['name'] or 'Motion'}: {styles.run_of(result)}."
+    return figure, start + _finding(result) + styles.thinned(every)
 
 
 def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
     """Velocity against position, one panel a coordinate; None where no method has velocities."""
     names = result["system"]["coordinates"][:MOST_COORDINATES]
-    lines = [(look(place, m["method"]), m["label"], table) for place, m in enumerate(result["methods"])
+    lines = [(styles.look(place, m["method"]), m["label"], table) for place, m in enumerate(result["methods"])
              if (table := tables.get(m["label"])) is not None and f"v_{names[0]}" in table]  # fmt: skip
     if not lines:
         return None
     wide = min(3, len(names))
     every = max(1, max(len(table["t"]) for _, _, table in lines) // MOST_POINTS)
-    with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(max(5.2, 3.1 * wide + 0.4), 2.8 * -(-len(names) // wide) + 0.9)
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(max(5.2, 3.1 * wide + 0.4), 2.8 * -(-len(names) // wide) + 0.9)
         panels = figure.subplots(-(-len(names) // wide), wide, squeeze=False).ravel()
         for axes, name in zip(panels, names, strict=False):
             for style, label, table in lines:
                 axes.plot(
                     table[name][::every], table[f"v_{name}"][::every], color=style.colour, linewidth=0.9,
                     linestyle="none" if every > 1 else style.line, marker="." if every > 1 else "",
-                    markersize=1.5, label=plain(label),
+                    markersize=1.5, label=styles.plain(label),
                 )  # fmt: skip
-            axes.set(xlabel=with_unit(name, result), ylabel=f"{name}'")
+            axes.set(xlabel=styles.with_unit(name, result), ylabel=f"{name}'")
         for axes in panels[len(names) :]:
             axes.set_visible(False)
         handles, labels = panels[0].get_legend_handles_labels()
@@ -89,7 +80,7 @@ def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
 
 def view_figure(views: Sequence[Mapping[str, Any]], width: float, height: float) -> Figure:
     """The views that the page's script draws too, one panel each; the true motion lies wide and pale under the rest."""
-    figure = new_figure(width, height)
+    figure = styles.new_figure(width, height)
     for axes, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
         for line in view["lines"]:
             is_true = line["colour"] == "ink"
@@ -97,7 +88,9 @@ def view_figure(views: Sequence[Mapping[str, Any]], width: float, height: float)
             look_of_line = {"linestyle": "none", "marker": ".", "markersize": 3} if view.get("dots") else {
                 "linestyle": DASHES[line["dash"]], "linewidth": 4 if is_true else 1.3}  # fmt: skip
             colour = PALE if is_true else line["colour"]
-            axes.plot(*points, color=colour, label=plain(line["label"]), zorder=1 if is_true else 2, **look_of_line)
+            axes.plot(
+                *points, color=colour, label=styles.plain(line["label"]), zorder=1 if is_true else 2, **look_of_line
+            )
         axes.set(
             title=view["label"], xlabel=view["x"], ylabel=view["y"], yscale="log" if view.get("log_y") else "linear"
         )
@@ -115,9 +108,9 @@ def _finding(result: Mapping[str, Any]) -> str:
     words = ""
     if errors:
         best, worst = min(errors, key=errors.__getitem__), max(errors, key=errors.__getitem__)
-        words = f" At the end {best} is nearest to the true motion ({shown(errors[best])} away)"
-        words += "." if best == worst else f", {worst} farthest ({shown(errors[worst])})."
-    stopped = [f"{m['label']} ends at t = {shown(m['stopped']['time'])}" for m in own if m.get("stopped")]
+        words = f" At the end {best} is nearest to the true motion ({styles.shown(errors[best])} away)"
+        words += "." if best == worst else f", {worst} farthest ({styles.shown(errors[worst])})."
+    stopped = [f"{m['label']} ends at t = {styles.shown(m['stopped']['time'])}" for m in own if m.get("stopped")]
     return words + (f" {'; '.join(stopped)}." if stopped else "")
 
 
@@ -129,11 +122,11 @@ def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
     """One panel a coordinate and method: median, band from least to greatest, and lines of some members."""
     methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
     names = result["system"]["coordinates"][:MOST_COORDINATES]
-    with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(3.6 * len(methods), 2.2 * len(names))
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(3.6 * len(methods), 2.2 * len(names))
         panels = figure.subplots(len(names), len(methods), squeeze=False, sharex=True)
         for column, (place, method) in enumerate(methods):
-            table, style = tables[method["label"]], look(place, method["method"])
+            table, style = tables[method["label"]], styles.look(place, method["method"])
             for row, name in enumerate(names):
                 _panel(panels[row][column], table["t"], table[name], style.colour)
                 panels[row][column].set_ylabel(name)
@@ -169,21 +162,21 @@ def draw_simulation(
     observed = set(result["observe"])
     if any("members" in method for method in result["methods"]):
         figure, caption = ensemble_figure(result, tables)
-        return [{"files": save(figure, folder, "ensemble", caption), "caption": caption}]
+        return [{"files": styles.save(figure, folder, "ensemble", caption), "caption": caption}]
     if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
         figure, caption = path_figure(result, tables, truth)
-        found.append({"files": save(figure, folder, "path", caption), "caption": caption})
+        found.append({"files": styles.save(figure, folder, "path", caption), "caption": caption})
     elif "trajectory" in observed:
         figure, caption = coordinate_figure(result, tables, truth)
-        found.append({"files": save(figure, folder, "coordinates", caption), "caption": caption})
+        found.append({"files": styles.save(figure, folder, "coordinates", caption), "caption": caption})
     if observed >= {"trajectory", "velocities"} and (drawn := portrait_figure(result, tables)) is not None:
-        found.append({"files": save(drawn[0], folder, "phase-portrait", drawn[1]), "caption": drawn[1]})
+        found.append({"files": styles.save(drawn[0], folder, "phase-portrait", drawn[1]), "caption": drawn[1]})
     for name in QUANTITIES:
         asked = name in observed or (name == "discrete_energy" and "energy" in observed)
         drawn = series_figure(name, result, tables, truth) if asked else None
         if drawn is not None:
             figure, caption = drawn
-            found.append({"files": save(figure, folder, name, caption), "caption": caption})
+            found.append({"files": styles.save(figure, folder, name, caption), "caption": caption})
     return found
 
 

@@ -12,17 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures.style import (
-    SETTINGS,
-    TRUE_COLOUR,
-    joined,
-    look,
-    new_figure,
-    plain,
-    run_of,
-    shown,
-    spread,
-)
+from inverse_service.service.figures import style as styles
 from inverse_service.simulation.matching_circle import turned
 
 Tables = Mapping[str, Mapping[str, Array]]
@@ -45,8 +35,8 @@ def path_figure(result: Mapping[str, Any], tables: Tables, truth: Mapping[str, A
     box = _box(true, list(paths.values()))
     columns = 2 if len(drawn) == 4 else min(3, max(1, len(drawn)))
     rows = math.ceil(len(drawn) / columns)
-    with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(max(5.2, PANEL * columns + 0.4), PANEL * rows + 1.1)
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(max(5.2, PANEL * columns + 0.4), PANEL * rows + 1.1)
         grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         for axes in grid.ravel()[len(drawn) :]:
             axes.set_visible(False)
@@ -59,15 +49,15 @@ def _panel(
     axes: Axes, place: int, method: Mapping[str, Any], path: Array, true: Array | None, box: tuple[Array, float],
     pair: Sequence[str],
 ) -> None:  # fmt: skip
-    style = look(place, method["method"])
+    style = styles.look(place, method["method"])
     if true is not None:
         thin = _thinned(true)
-        axes.plot(*thin.T, color=TRUE_COLOUR, zorder=3, label="true motion", **_stroke(thin, 1.1))
+        axes.plot(*thin.T, color=styles.TRUE_COLOUR, zorder=3, label="true motion", **_stroke(thin, 1.1))
     thin = _thinned(path)
     axes.plot(*thin.T, color=style.colour, alpha=0.75, zorder=2, **_stroke(thin, 0.7))
     axes.plot(
         *thin.T, color=style.colour, linestyle="none", marker=style.marker, markersize=4, fillstyle="none",
-        markevery=spread(len(thin), MOST_MARKERS), zorder=4,
+        markevery=styles.spread(len(thin), MOST_MARKERS), zorder=4,
     )  # fmt: skip
     matching = (method.get("circle") or {}).get("through_three_points")
     if matching is not None:  # the paper's matching circle, through three points of the first revolution
@@ -78,7 +68,7 @@ def _panel(
     centre, half = box
     axes.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
     axes.set_aspect("equal", adjustable="box")
-    axes.set_title(plain(_title(method)), fontsize=9.5)
+    axes.set_title(styles.plain(_title(method)), fontsize=9.5)
     axes.set_xlabel(f"{pair[0]}\n{_below(method, path, centre, half)}", fontsize=8.5)
     axes.set_ylabel(pair[1])
 
@@ -94,9 +84,9 @@ def _below(method: Mapping[str, Any], path: Array, centre: Array, half: float) -
     notes = []
     circle = method.get("circle")
     if circle and circle.get("max_radial_distance") is not None:
-        notes.append(f"off the circle by {shown(100 * circle['max_radial_distance'])} %")
+        notes.append(f"off the circle by {styles.shown(100 * circle['max_radial_distance'])} %")
     elif circle and (circle["revolutions"] or 0) >= 1:
-        notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
+        notes.append(f"radius {styles.shown(circle['radius_first'])} to {styles.shown(circle['radius_last'])}")
     if len(path) > 2 * MOST_POINTS:
         notes.append(f"one point of {len(path) // MOST_POINTS} is drawn")
     if method["outcome"] != "completed":
@@ -114,7 +104,7 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
         for m in drawn
         if m.get("circle") and (m["circle"]["revolutions"] or 2) >= 2 and math.isfinite(m["circle"]["radius_change"])
     }
-    start = f"{result['name'] or 'Path'}: {run_of(result)}."
+    start = f"{result['name'] or 'Path'}: {styles.run_of(result)}."
     black = " The black curve is the true motion." if compared else ""
     if any((m.get("circle") or {}).get("through_three_points") for m in drawn):
         black += " Dashed: the matching circles through three points."
@@ -125,7 +115,7 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
         change = _share(sizes[best])
         return f"{start}{black} From the first revolution to the last, {best} changes the radius by {change}."
     steady = [label for label, size in sizes.items() if size < 0.01]
-    kept = f" {joined(steady)} keep{'s' if len(steady) == 1 else ''} it within 1 %." if steady else ""
+    kept = f" {styles.joined(steady)} keep{'s' if len(steady) == 1 else ''} it within 1 %." if steady else ""
     return (
         f"{start}{black} From the first revolution to the last, the radius changes least by {best} "
         f"({_share(sizes[best])}) and most by {worst} ({_share(sizes[worst])}).{kept}"
@@ -133,7 +123,7 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
 
 
 def _share(size: float) -> str:
-    return f"{shown(100 * size)} %" if size < 10 else f"a factor {shown(1 + size)}"
+    return f"{styles.shown(100 * size)} %" if size < 10 else f"a factor {styles.shown(1 + size)}"
 
 
 def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:

@@ -13,18 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures.style import (
-    SETTINGS,
-    draw_line,
-    envelope,
-    look,
-    new_figure,
-    plain,
-    shown,
-    spread,
-    thinned,
-    with_unit,
-)
+from inverse_service.service.figures import style as styles
 
 Tables = Mapping[str, Mapping[str, Array]]
 FLOOR, ROUND_OFF = 1e-17, 1e-12
@@ -90,7 +79,7 @@ def _differences(
     result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
 ) -> Iterable[tuple[str, Column]]:
     for name, true in (truth or {}).items():
-        yield with_unit(f"{name} - true {name}", result, name), difference(name, true)
+        yield styles.with_unit(f"{name} - true {name}", result, name), difference(name, true)
 
 
 def _constraints(
@@ -139,16 +128,16 @@ def series_figure(
               if (lines := _lines(result, tables, one))][:MOST_PANELS]  # fmt: skip
     if not sizes and not panels:
         return None
-    with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(7.6, 3.4 + 1.7 * len(panels))
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(7.6, 3.4 + 1.7 * len(panels))
         heights = [1] * len(panels) + [1.9] * bool(sizes)
         axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights).ravel()
         notes = [note for one, panel in zip(axes, panels, strict=False) if (note := _signed(one, *panel))]
         every = _sizes(axes[-1], sizes, quantity.label) if sizes else 1
-        axes[-1].set(xlabel=with_unit(result.get("time", "t"), result))
+        axes[-1].set(xlabel=styles.with_unit(result.get("time", "t"), result))
         handles, labels = axes[-1].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
-    return figure, series_caption(quantity.words, sizes) + thinned(every) + "".join(dict.fromkeys(notes))
+    return figure, series_caption(quantity.words, sizes) + styles.thinned(every) + "".join(dict.fromkeys(notes))
 
 
 def _lines(result: Mapping[str, Any], tables: Tables, column_of: Column) -> list[Line]:
@@ -169,9 +158,9 @@ def _signed(axes: Axes, label: str, lines: Sequence[Line]) -> str:
         min(largest, REACH * float(np.median([one for one in greatest if one > 1e-9 * largest] or [largest]))) or 1e-16
     )
     for place, method, times, values in lines:
-        draw_line(axes, times, values, look(place, method["method"]), method["label"])
+        styles.draw_line(axes, times, values, styles.look(place, method["method"]), method["label"])
     axes.axhline(0, color="#888888", linewidth=0.6, zorder=1)
-    axes.set(ylabel=plain(label), ylim=(-1.08 * reach, 1.08 * reach))
+    axes.set(ylabel=styles.plain(label), ylim=(-1.08 * reach, 1.08 * reach))
     return " What is larger leaves the signed panels." if largest > reach else ""
 
 
@@ -179,15 +168,15 @@ def _sizes(axes: Axes, lines: Sequence[Line], label: str) -> int:
     """The sizes on a logarithmic axis; of how many points a piece has."""
     most = 1
     for shift, (place, method, times, values) in enumerate(lines):
-        style = look(place, method["method"])
+        style = styles.look(place, method["method"])
         # At the start, which is given, nothing has gone wrong yet; zeros are drawn at the floor.
         begin = 1 if len(values) > 1 and values[0] <= ROUND_OFF * np.nanmax(values) else 0
         heights = np.maximum(np.where(np.isfinite(values), values, np.nan), FLOOR)[begin:]
-        t, _, high, every = envelope(times[begin:], heights, BINS)
+        t, _, high, every = styles.envelope(times[begin:], heights, BINS)
         most = max(most, every)
         axes.plot(
             t, high, color=style.colour, linestyle=style.line, linewidth=1.3, marker=style.marker, markersize=4.5,
-            markevery=spread(len(t), 12, 7 * shift), fillstyle="none", label=plain(method["label"]),
+            markevery=styles.spread(len(t), 12, 7 * shift), fillstyle="none", label=styles.plain(method["label"]),
         )  # fmt: skip
     axes.set(yscale="log", ylim=_limits(lines), ylabel=label)
     return most
@@ -211,8 +200,9 @@ def series_caption(words: str, lines: Sequence[Line]) -> str:
         return ""
     best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
     if best == worst:
-        return f"Greatest {words}: {shown(sizes[best])} ({best})."
-    return f"Greatest {words}: {best} has the least ({shown(sizes[best])}), {worst} the most ({shown(sizes[worst])})."
+        return f"Greatest {words}: {styles.shown(sizes[best])} ({best})."
+    least, most = styles.shown(sizes[best]), styles.shown(sizes[worst])
+    return f"Greatest {words}: {best} has the least ({least}), {worst} the most ({most})."
 
 
 AXES = (("best_seconds", "steady time in s (best)"), ("force_evaluations", "force evaluations"))
@@ -223,8 +213,8 @@ def precision_figure(result: Mapping[str, Any]) -> tuple[Figure, str]:
 
     Points are joined in the order of h and end at the round-off floor; what failed is not drawn.
     """
-    with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(10.4, 5.0)
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(10.4, 5.0)
         panels = figure.subplots(1, 2, sharey=True)
         for axes, (key, label) in zip(panels, AXES, strict=True):
             for place, method in enumerate(result["methods"]):
@@ -239,10 +229,10 @@ def precision_figure(result: Mapping[str, Any]) -> tuple[Figure, str]:
 
 def _curve(axes: Axes, place: int, method: Mapping[str, Any], key: str) -> None:
     drawn = [s for s in method["settings"] if s["error"] and s["best_seconds"] and not s["at_floor"] and s[key]]
-    style = look(place, method["method"])
+    style = styles.look(place, method["method"])
     axes.plot(
         [s[key] for s in drawn], [s["relative_error"] for s in drawn], color=style.colour, linestyle=style.line,
-        linewidth=1.3, marker=style.marker, markersize=5, fillstyle="none", label=plain(method["label"]),
+        linewidth=1.3, marker=style.marker, markersize=5, fillstyle="none", label=styles.plain(method["label"]),
     )  # fmt: skip
 
 

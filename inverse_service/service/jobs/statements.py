@@ -10,30 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from inverse_service.service.jobs.model import (
-    NO_BOUND,
-    Batch,
-    BatchLine,
-    Bounds,
-    Job,
-    JobRequest,
-    JobStatus,
-    TooManyJobs,
-)
+from inverse_service.service.jobs import model, queries
 from inverse_service.service.jobs.outcome import Usage
-from inverse_service.service.jobs.queries import (
-    BODY,
-    FINISHED,
-    LISTED,
-    OPEN,
-    SELECT,
-    Session,
-    dismiss_lines,
-    first,
-    jobs_of,
-    number_lines,
-    read_batch,
-)
 
 # Which jobs are next: by the operator's rank of the client and of the job, then the client with the fewest running
 # ones, then by priority and age. Each client is found by one step in the index (client, priority, sequence), however
@@ -61,7 +39,7 @@ ACCEPT: Final = (
     "VALUES (?, ?, ?, ?, 'accepted', ?, ?, moment()) ON CONFLICT (id) DO UPDATE SET status = 'accepted', "
     "client = excluded.client, priority = excluded.priority, created = excluded.created, started = NULL, "
     "finished = NULL, attempt = jobs.attempt + 1, crashes = 0, restarts = 0, owner = NULL "
-    f"WHERE jobs.{FINISHED} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())"
+    f"WHERE jobs.{queries.FINISHED} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())"
 )
 DRAINED: Final = "SELECT value FROM counters WHERE name = 'drained'"
 ACCEPT_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_104
@@ -69,7 +47,7 @@ ACCEPT_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_104
 FAR, FAR_AT_LEAST = 10, 1000
 
 
-def read_job(session: Session, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
+def read_job(session: queries.Session, id: str, with_body: bool = True, client: str | None = None) -> model.Job | None:
     """One job; the body only where it is that of the present status. Open, it is dismissed for who has left it."""
     job = _read(session, [id], with_body).get(id)
     if job is None or client is None or not job.is_open:
@@ -79,15 +57,15 @@ def read_job(session: Session, id: str, with_body: bool = True, client: str | No
 
 
 def submit(
-    session: Session, requests: Sequence[JobRequest], bounds: Bounds, of_batch: bool = False
-) -> tuple[list[Job], list[str]]:
+    session: queries.Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool = False
+) -> tuple[list[model.Job], list[str]]:
     """The jobs, and the ids of those accepted by this call. The jobs stay locked until the commit.
 
     Those of a batch come without bodies, for its lines wait.
     """
     wanted = {request.id: request for request in reversed(requests)}
     known = _locked(session, list(wanted))
-    now = first(session, "SELECT moment() AS now")["now"]
+    now = queries.first(session, "SELECT moment() AS now")["now"]
     new = [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)][::-1]
     if new:
         _refuse_too_many(session, new, bounds)
@@ -102,45 +80,45 @@ def submit(
     return [found[request.id] for request in requests], [request.id for request in new]
 
 
-def _locked(session: Session, ids: list[str]) -> dict[str, Job]:
-    rows = session.rows(f"{SELECT} FROM jobs WHERE id AMONG (?) ORDER BY id FOR UPDATE", ids)
-    return {job.id: job for job in jobs_of(rows)}
+def _locked(session: queries.Session, ids: list[str]) -> dict[str, model.Job]:
+    rows = session.rows(f"{queries.SELECT} FROM jobs WHERE id AMONG (?) ORDER BY id FOR UPDATE", ids)
+    return {job.id: job for job in queries.jobs_of(rows)}
 
 
-def _read(session: Session, ids: list[str], with_bodies: bool) -> dict[str, Job]:
-    body, join = (", bodies.body", BODY) if with_bodies else ("", "")
-    rows = session.rows(f"{SELECT}{body} FROM jobs {join} WHERE jobs.id AMONG (?)", ids)
-    return {job.id: job for job in jobs_of(rows)}
+def _read(session: queries.Session, ids: list[str], with_bodies: bool) -> dict[str, model.Job]:
+    body, join = (", bodies.body", queries.BODY) if with_bodies else ("", "")
+    rows = session.rows(f"{queries.SELECT}{body} FROM jobs {join} WHERE jobs.id AMONG (?)", ids)
+    return {job.id: job for job in queries.jobs_of(rows)}
 
 
-def _refuse_too_many(session: Session, new: Sequence[JobRequest], bounds: Bounds) -> None:
+def _refuse_too_many(session: queries.Session, new: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
     """Raises TooManyJobs. Well below the limits no lock is taken: it dominates the rate."""
     clients = {request.client for request in new}
-    if bounds.daily < NO_BOUND:
+    if bounds.daily < model.NO_BOUND:
         used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"
         if session.rows(used, list(clients), float(bounds.daily)):
-            raise TooManyJobs("The processor time of this client for today (UTC) is used; ask again tomorrow.")
+            raise model.TooManyJobs("The processor time of this client for today (UTC) is used; ask again tomorrow.")
     if _room(session, clients, bounds) > FAR * len(new) + FAR_AT_LEAST:
         return
     session.lock(ACCEPT_LOCK)
     if len(new) > _room(session, clients, bounds):
-        raise TooManyJobs("Too many jobs wait already; let some of them end and try again.")
+        raise model.TooManyJobs("Too many jobs wait already; let some of them end and try again.")
 
 
-def _room(session: Session, clients: set[str], bounds: Bounds) -> int:
+def _room(session: queries.Session, clients: set[str], bounds: model.Bounds) -> int:
     """How many more jobs may be open, of each of these clients and in all."""
-    rows = session.rows(f"SELECT client, count(*) AS jobs FROM jobs WHERE {OPEN} GROUP BY client")
+    rows = session.rows(f"SELECT client, count(*) AS jobs FROM jobs WHERE {queries.OPEN} GROUP BY client")
     most = max((row["jobs"] for row in rows if row["client"] in clients), default=0)
     room: int = min(bounds.total - sum(row["jobs"] for row in rows), bounds.client - most)
     return room
 
 
-def claim(session: Session, owner: str, limit: int, client_running: int) -> list[Job]:
+def claim(session: queries.Session, owner: str, limit: int, client_running: int) -> list[model.Job]:
     """The next jobs, now running; those that another front end takes at this moment are passed over.
 
     Where running jobs of a client are bounded, front ends claim one after the other, so that it holds for all together.
     """
-    if client_running < NO_BOUND:
+    if client_running < model.NO_BOUND:
         session.lock(CLAIM_LOCK)
     if is_drained(session):
         return []
@@ -148,13 +126,13 @@ def claim(session: Session, owner: str, limit: int, client_running: int) -> list
     rows = session.rows(
         "UPDATE jobs SET status = 'running', owner = ?, heartbeat = moment(), started = moment(), "
         "attempt = attempt + 1 WHERE id IN (SELECT id FROM jobs WHERE id AMONG (?) AND status = 'accepted' "
-        f"FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
+        f"FOR UPDATE SKIP LOCKED) RETURNING {queries.LISTED}",
         owner, ids,
     ) if ids else []  # fmt: skip
-    return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
+    return sorted(queries.jobs_of(rows), key=lambda job: ids.index(job.id))
 
 
-def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
+def heartbeat(session: queries.Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
     """Renew the claims that are still this owner's; the ids of the others."""
     ids = sorted({id for id, _ in running})
     _locked(session, ids)
@@ -168,10 +146,16 @@ def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) 
 
 
 def end(
-    session: Session, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage, kept: float | None
+    session: queries.Session,
+    id: str,
+    attempt: int,
+    status: model.JobStatus,
+    body: bytes,
+    usage: Usage,
+    kept: float | None,
 ) -> bool:
     """running -> successful or failed, for the current attempt only; kept for so many seconds, None: always."""
-    changed = first(
+    changed = queries.first(
         session,
         "UPDATE jobs SET status = ?, finished = moment(), expires = moment() + CAST(? AS DOUBLE PRECISION), "
         "revision = revision + 1, wall = ?, cpu = ?, memory = ?, owner = NULL "
@@ -187,11 +171,11 @@ def end(
         id, status, body,
     )  # fmt: skip
     count_use(session, changed["client"], usage)
-    number_lines(session, "job = ?", (id,))
+    queries.number_lines(session, "job = ?", (id,))
     return True
 
 
-def release(session: Session, id: str, attempt: int, crashed: bool, usage: Usage) -> Job | None:
+def release(session: queries.Session, id: str, attempt: int, crashed: bool, usage: Usage) -> model.Job | None:
     """running -> accepted; what the run took is counted also where the job was dismissed meanwhile."""
     session.run(
         "UPDATE jobs SET status = 'accepted', owner = NULL, crashes = crashes + ? "
@@ -204,7 +188,7 @@ def release(session: Session, id: str, attempt: int, crashed: bool, usage: Usage
     return job
 
 
-def count_use(session: Session, client: str, usage: Usage) -> None:
+def count_use(session: queries.Session, client: str, usage: Usage) -> None:
     """Add a run to what the client used today."""
     session.run(
         "INSERT INTO uses (client, day, runs, cpu) VALUES (?, today(), 1, ?) "
@@ -213,40 +197,41 @@ def count_use(session: Session, client: str, usage: Usage) -> None:
     )  # fmt: skip
 
 
-def leave(session: Session, id: str, client: str) -> tuple[Job | None, bool]:
+def leave(session: queries.Session, id: str, client: str) -> tuple[model.Job | None, bool]:
     """The job, dismissed for this client and its batches, and whether it was dismissed because nobody else waits."""
     _locked(session, [id])
     job = read_job(session, id)
     if job is None or not job.is_open:
         return job, False
     session.run("INSERT INTO askers VALUES (?, ?, 1) ON CONFLICT (job, client) DO UPDATE SET gone = 1", id, client)
-    dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
+    queries.dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
     return (replace(job, status="dismissed"), False) if _is_waited_for(session, id) else dismiss(session, id)
 
 
-def leave_batch(session: Session, batch: str) -> list[str]:
+def leave_batch(session: queries.Session, batch: str) -> list[str]:
     """Dismiss the open lines of a batch, and those of their jobs that nobody else waits for: their ids."""
     rows = session.rows("SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL", batch)
     ids = sorted(row["job"] for row in rows)
     _locked(session, ids)
-    dismiss_lines(session, "batch = ?", (batch,))
+    queries.dismiss_lines(session, "batch = ?", (batch,))
     return [id for id in ids if not _is_waited_for(session, id) and dismiss(session, id)[1]]
 
 
-def dismiss(session: Session, id: str) -> tuple[Job | None, bool]:
+def dismiss(session: queries.Session, id: str) -> tuple[model.Job | None, bool]:
     """The job, and whether this call ended it; one that was computed again has its earlier answer back."""
     earlier = "coalesce((SELECT bodies.status FROM bodies WHERE bodies.id = jobs.id), 'dismissed')"
     changed = session.rows(
-        f"UPDATE jobs SET status = {earlier}, finished = moment(), owner = NULL WHERE id = ? AND {OPEN} RETURNING id",
+        f"UPDATE jobs SET status = {earlier}, finished = moment(), owner = NULL "
+        f"WHERE id = ? AND {queries.OPEN} RETURNING id",
         id,
     )
     if changed:
         session.run("DELETE FROM askers WHERE job = ?", id)
-        dismiss_lines(session, "job = ?", (id,))
+        queries.dismiss_lines(session, "job = ?", (id,))
     return read_job(session, id), bool(changed)
 
 
-def recover(session: Session, owner: str | None, lease: float) -> list[Job]:
+def recover(session: queries.Session, owner: str | None, lease: float) -> list[model.Job]:
     """Running jobs whose owner is gone are accepted again; without a lease all, whatever the clock says.
 
     Whoever comes second finds none. A claim from the future is of a clock that was set back.
@@ -260,17 +245,17 @@ def recover(session: Session, owner: str | None, lease: float) -> list[Job]:
         arguments.append(owner)
     rows = session.rows(
         "UPDATE jobs SET status = 'accepted', owner = NULL, restarts = restarts + 1 "
-        f"WHERE id IN (SELECT id FROM jobs WHERE {where} FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
+        f"WHERE id IN (SELECT id FROM jobs WHERE {where} FOR UPDATE SKIP LOCKED) RETURNING {queries.LISTED}",
         *arguments,
     )
-    return jobs_of(rows)
+    return queries.jobs_of(rows)
 
 
 def create_batch(
-    session: Session, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds
-) -> Batch:
+    session: queries.Session, id: str, kind: str, client: str, lines: Sequence[model.BatchLine], bounds: model.Bounds
+) -> model.Batch:
     """The batch, its lines, the jobs that are new; the batch as it is where it is there already."""
-    if (found := read_batch(session, id)) is not None:
+    if (found := queries.read_batch(session, id)) is not None:
         return found
     requests = [line.request for line in lines if line.request is not None]
     answered = {job.id for job in submit(session, requests, bounds, of_batch=True)[0] if job.is_final}
@@ -287,16 +272,16 @@ def create_batch(
     )  # fmt: skip
     if is_new:  # else another front end stored it at the same moment
         session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, ?, 0)", rows)
-    batch = read_batch(session, id)
+    batch = queries.read_batch(session, id)
     assert batch is not None
     return batch
 
 
-def is_drained(session: Session) -> bool:
+def is_drained(session: queries.Session) -> bool:
     """Whether an operator lets no job begin."""
-    found = first(session, DRAINED)
+    found = queries.first(session, DRAINED)
     return found is not None and bool(found["value"])
 
 
-def _is_waited_for(session: Session, id: str) -> bool:
-    return bool(first(session, WAITED_FOR, id, id)["waited"])
+def _is_waited_for(session: queries.Session, id: str) -> bool:
+    return bool(queries.first(session, WAITED_FOR, id, id)["waited"])

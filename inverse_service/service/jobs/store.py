@@ -11,25 +11,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar, TypeVar
 
-from inverse_service.service.jobs import queries, statements, upkeep
-from inverse_service.service.jobs.model import (
-    NO_BOUND,
-    Batch,
-    BatchAnswer,
-    BatchLine,
-    Bounds,
-    ClientUse,
-    Event,
-    Job,
-    JobRequest,
-    JobStatus,
-)
+from inverse_service.service.jobs import model, queries, statements, upkeep
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.queries import SELECT, Session, jobs_of
 
 T = TypeVar("T")
 Changed = Callable[[T], Iterable[str]]
-NO_BOUNDS, NO_USE = Bounds(), Usage()
+NO_BOUNDS, NO_USE = model.Bounds(), Usage()
 # Rows that are forgotten in one step, which takes some milliseconds; jobs that are looked at to find the oldest.
 STEP, OLDEST = 50, 100
 
@@ -74,7 +62,7 @@ class JobStore(ABC):
     def close(self) -> None:
         """Give the store up; nothing that was acknowledged is lost."""
 
-    def submit(self, requests: Sequence[JobRequest], bounds: Bounds = NO_BOUNDS) -> list[Job]:
+    def submit(self, requests: Sequence[model.JobRequest], bounds: model.Bounds = NO_BOUNDS) -> list[model.Job]:
         """The job of each request, in order; all are stored, or none is (TooManyJobs).
 
         A job that is open or answered already is returned as it is (with its `body`), unless the
@@ -82,7 +70,7 @@ class JobStore(ABC):
         """
         return self._write(lambda s: statements.submit(s, requests, bounds), lambda found: found[1])[0]
 
-    def claim(self, owner: str, limit: int, client_running: int = NO_BOUND) -> list[Job]:
+    def claim(self, owner: str, limit: int, client_running: int = model.NO_BOUND) -> list[model.Job]:
         """Up to `limit` accepted jobs, now running and owned by `owner`; of one client at most `client_running` run.
 
         Those of the client that has the fewest running, of these the smallest priority, then the oldest; an operator's
@@ -112,14 +100,16 @@ class JobStore(ABC):
         """running -> failed; False where the attempt is no longer the current one."""
         return self._end(id, attempt, "failed", problem, usage, kept)
 
-    def _end(self, id: str, attempt: int, status: JobStatus, body: bytes, usage: Usage, kept: float | None) -> bool:
+    def _end(
+        self, id: str, attempt: int, status: model.JobStatus, body: bytes, usage: Usage, kept: float | None
+    ) -> bool:
         return self._write(lambda s: statements.end(s, id, attempt, status, body, usage, kept), lambda _: [id])
 
-    def release(self, id: str, attempt: int, crashed: bool, usage: Usage = NO_USE) -> Job | None:
+    def release(self, id: str, attempt: int, crashed: bool, usage: Usage = NO_USE) -> model.Job | None:
         """running -> accepted after the worker died; counts a crash where `crashed`."""
         return self._write(lambda s: statements.release(s, id, attempt, crashed, usage), lambda _: [id])
 
-    def dismiss(self, id: str, client: str | None = None) -> tuple[Job | None, bool]:
+    def dismiss(self, id: str, client: str | None = None) -> tuple[model.Job | None, bool]:
         """The job, dismissed for a client and its batches (None: for all), and whether its work is to stop.
 
         The work stops when nobody waits for it any more: accepted or running -> dismissed, or to the earlier answer of
@@ -130,21 +120,21 @@ class JobStore(ABC):
             lambda found: [id] if found[0] is not None else [],
         )
 
-    def recover(self, owner: str | None = None, lease: float = 0.0) -> list[Job]:
+    def recover(self, owner: str | None = None, lease: float = 0.0) -> list[model.Job]:
         """Jobs running for `owner` (None: for anybody), without a heartbeat for `lease` s (0: all) -> accepted.
 
         Each counts a restart. Returns them.
         """
         return self._write(lambda s: statements.recover(s, owner, lease), _ids)
 
-    def job(self, id: str, with_body: bool = True, client: str | None = None) -> Job | None:
+    def job(self, id: str, with_body: bool = True, client: str | None = None) -> model.Job | None:
         """One job; while it is open, dismissed for a client who cancelled it."""
         return self._read(lambda s: statements.read_job(s, id, with_body, client))
 
     def jobs(
-        self, *, status: JobStatus | None = None, kind: str | None = None, client: str | None = None,
+        self, *, status: model.JobStatus | None = None, kind: str | None = None, client: str | None = None,
         cursor: str | None = None, limit: int = 50,
-    ) -> tuple[list[Job], str | None]:  # fmt: skip
+    ) -> tuple[list[model.Job], str | None]:  # fmt: skip
         """One page, newest first, without bodies, and the cursor of the next one. ValueError: a bad cursor."""
         wanted = {"status": status, "kind": kind, "client": client, "sequence": _sequence_of(cursor)}
         chosen = {name: value for name, value in wanted.items() if value is not None}
@@ -153,29 +143,31 @@ class JobStore(ABC):
         found = jobs_of(self._read(lambda s: s.rows(query, *chosen.values(), limit + 1)))
         return found[:limit], str(found[limit - 1].sequence) if len(found) > limit else None
 
-    def add_events(self, events: Iterable[tuple[str, Event]]) -> None:
+    def add_events(self, events: Iterable[tuple[str, model.Event]]) -> None:
         """Append events (job id, event); need not be durable."""
         rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
         insert = "INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING"
         self._write(lambda s: s.many(insert, rows), lambda _: {row[0] for row in rows}, durable=False)
 
-    def events(self, id: str, after: int = 0, limit: int = 1000) -> list[Event]:
+    def events(self, id: str, after: int = 0, limit: int = 1000) -> list[model.Event]:
         """Events of a job with greater numbers than `after`, in order."""
         query = "SELECT number, kind, data FROM events WHERE id = ? AND number > ? ORDER BY number LIMIT ?"
         rows = self._read(lambda s: s.rows(query, id, after, limit))
-        return [Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
+        return [model.Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
 
     def create_batch(
-        self, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds = NO_BOUNDS
-    ) -> Batch:
+        self, id: str, kind: str, client: str, lines: Sequence[model.BatchLine], bounds: model.Bounds = NO_BOUNDS
+    ) -> model.Batch:
         """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is."""
         return self._write(lambda s: statements.create_batch(s, id, kind, client, lines, bounds), lambda _: [""])
 
-    def batch(self, id: str) -> Batch | None:
+    def batch(self, id: str) -> model.Batch | None:
         """One batch with its counts."""
         return self._read(lambda s: queries.read_batch(s, id))
 
-    def batch_answers(self, id: str, after: int = 0, limit: int = 500, largest: int = NO_BOUND) -> list[BatchAnswer]:
+    def batch_answers(
+        self, id: str, after: int = 0, limit: int = 500, largest: int = model.NO_BOUND
+    ) -> list[model.BatchAnswer]:
         """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes."""
         return self._read(lambda s: queries.answers(s, id, after, limit, largest))
 
@@ -183,7 +175,7 @@ class JobStore(ABC):
         """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop."""
         return self._write(lambda s: statements.leave_batch(s, id), lambda ids: ids or [""])
 
-    def counts(self) -> Mapping[JobStatus, int]:
+    def counts(self) -> Mapping[model.JobStatus, int]:
         """Number of jobs in each status."""
         rows = self._read(lambda s: s.rows("SELECT status, count(*) AS jobs FROM jobs GROUP BY status"))
         return {row["status"]: row["jobs"] for row in rows}
@@ -222,7 +214,7 @@ class JobStore(ABC):
         """Let no job begin any more, or let them begin again."""
         self._write(lambda s: upkeep.drain(s, drained), lambda _: [""])
 
-    def clients(self) -> list[ClientUse]:
+    def clients(self) -> list[model.ClientUse]:
         """Who has something in the store, or a rank."""
         return self._read(upkeep.clients)
 
@@ -243,7 +235,7 @@ class JobStore(ABC):
         return self._write(lambda s: upkeep.erase(s, client), lambda _: [""])
 
 
-def _ids(jobs: Iterable[Job]) -> list[str]:
+def _ids(jobs: Iterable[model.Job]) -> list[str]:
     return [job.id for job in jobs]
 
 

@@ -15,15 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.isolation import (
-    Meter,
-    Patience,
-    bound_memory,
-    bound_processor,
-    isolate,
-    silence_standard_error,
-)
+from inverse_service.service.jobs import isolation, tasks
 from inverse_service.service.jobs.locks import hold
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage, guard, outcome_of_exit
 
@@ -70,7 +62,7 @@ class WorkerProcess:
         except (OSError, EOFError):
             raise NotStarted from None
         self.tasks += 1
-        outcome = self._await(Patience(self.pid, call.deadline), report)
+        outcome = self._await(isolation.Patience(self.pid, call.deadline), report)
         return outcome if outcome.spent.wall else replace(outcome, spent=Usage(wall=time.monotonic() - began))
 
     def kill(self) -> None:
@@ -84,7 +76,7 @@ class WorkerProcess:
         self._process.join(5)
         self._connection.close()
 
-    def _await(self, patience: Patience, report: Report | None) -> Outcome:
+    def _await(self, patience: isolation.Patience, report: Report | None) -> Outcome:
         while True:
             if not patience.is_answered(self._connection):
                 self.kill()
@@ -130,9 +122,9 @@ def start_server() -> None:
 def serve(connection: Connection, memory_limit: int) -> None:
     """The life of a worker process: tasks until the parent closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    silence_standard_error()
+    isolation.silence_standard_error()
     guard(tasks.load_engine)
-    isolate(memory_limit)
+    isolation.isolate(memory_limit)
     while True:
         try:
             call: Call = connection.recv()
@@ -144,11 +136,11 @@ def serve(connection: Connection, memory_limit: int) -> None:
 
 
 def _bound(call: Call, memory_limit: int) -> None:
-    bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
-    bound_processor(call.deadline)
+    isolation.bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
+    isolation.bound_processor(call.deadline)
 
 
 def _run(call: Call, connection: Connection) -> Outcome:
-    meter = Meter()
+    meter = isolation.Meter()
     extra = {"report": lambda value: connection.send((REPORT, value))} if call.reports else {}
     return replace(guard(call.task, *call.arguments, **extra), spent=meter.spent())

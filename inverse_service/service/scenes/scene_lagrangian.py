@@ -29,14 +29,8 @@ from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers
 from inverse_service.mechanics.nonholonomic.paper_class import recognised
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_methods import number_of
-from inverse_service.service.scenes.scene_system import (
-    KnownLagrangian,
-    MechanicalSystem,
-    formula,
-    lagrangians_of,
-    refuse_open_functions,
-)
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.derivation import Find
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
@@ -53,7 +47,7 @@ NO_INVERSE = (
 Exact = ExactMotion | NoExactMotion
 
 
-def finder(schema: SceneDocument, system: MechanicalSystem, catalogue_name: str | None) -> Find:
+def finder(schema: SceneDocument, system: scene_system.MechanicalSystem, catalogue_name: str | None) -> Find:
     """What `derive` calls for the free Lagrangian of a method."""
 
     def find(scene: Scene, name: str | None, exact: Exact) -> FreeLagrangian | Unavailable:
@@ -69,7 +63,7 @@ def finder(schema: SceneDocument, system: MechanicalSystem, catalogue_name: str 
 
 def _found(
     scene: Scene,
-    system: MechanicalSystem,
+    system: scene_system.MechanicalSystem,
     catalogue_name: str | None,
     wanted: str | None,
     exact: Exact,
@@ -94,8 +88,8 @@ def _found(
 
 def _first_fitting(
     scene: Scene,
-    system: MechanicalSystem,
-    known: Sequence[KnownLagrangian],
+    system: scene_system.MechanicalSystem,
+    known: Sequence[scene_system.KnownLagrangian],
     constants: Mapping[str, float],
     source: str,
 ) -> FreeLagrangian | Unavailable:
@@ -110,7 +104,7 @@ def _first_fitting(
 
 def _given(
     scene: Scene,
-    system: MechanicalSystem,
+    system: scene_system.MechanicalSystem,
     text: str,
     constants: Mapping[str, float],
     pointer: str,
@@ -119,9 +113,9 @@ def _given(
 ) -> FreeLagrangian | Unavailable:
     names = system.names
     extra = tuple(name for name in constants if name not in names.parameters)
-    given = formula(text, Names(names.coordinates, (*names.parameters, *extra), names.functions), pointer)
+    given = scene_system.formula(text, Names(names.coordinates, (*names.parameters, *extra), names.functions), pointer)
     tree = define_functions(given, system.definitions)
-    refuse_open_functions([tree], names)
+    scene_system.refuse_open_functions([tree], names)
     used = {node.name for node in walk(tree) if isinstance(node, Symbol)}
     own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
     values = dict(scene.values) | own
@@ -145,7 +139,7 @@ def _given(
 
 
 def _domain(
-    scene: Scene, system: MechanicalSystem, conditions: Sequence[str], values: Mapping[str, float]
+    scene: Scene, system: scene_system.MechanicalSystem, conditions: Sequence[str], values: Mapping[str, float]
 ) -> tuple[Expression, ...] | None:
     """What is positive as long as L~ has the motion: its conditions, and what given accelerations divide by or take
     roots of; None where one does not hold at the start."""
@@ -197,7 +191,11 @@ def _of_class(known: ClassLagrangian, exact: ExactMotion, constants: Mapping[str
 
 
 def _of_associated(
-    scene: Scene, system: MechanicalSystem, catalogue_name: str | None, which: str, constants: Mapping[str, float]
+    scene: Scene,
+    system: scene_system.MechanicalSystem,
+    catalogue_name: str | None,
+    which: str,
+    constants: Mapping[str, float],
 ) -> FreeLagrangian | Unavailable:
     catalogued = _catalogued(catalogue_name, which)
     if catalogued is not None:
@@ -260,12 +258,12 @@ def _catalogued(catalogue_name: str | None, which: str) -> str | None:
     return found[0] if found else None
 
 
-def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[KnownLagrangian, ...], str]:
+def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_system.KnownLagrangian, ...], str]:
     try:
         result = solve_document(question, SolveOptions(time_limit=SOLVE_SECONDS))
     except InverseServiceError as error:
         return (), error.detail
-    known = lagrangians_of(result, names)
+    known = scene_system.lagrangians_of(result, names)
     if known:
         return known, ""
     verdict = str(result.get("verdict", "undetermined")).replace("_", " ")

@@ -14,15 +14,9 @@ from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, negate, walk
 from inverse_service.mechanics.document_names import Declared
 from inverse_service.service.documents.reading import escape
+from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_initial import read_initial, read_members
 from inverse_service.service.scenes.scene_methods import number_of, read_circle, read_grid, read_methods
-from inverse_service.service.scenes.scene_system import (
-    MechanicalSystem,
-    formula,
-    mechanical_system,
-    read_definitions,
-    refuse_open_functions,
-)
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
 from inverse_service.simulation.scene import OBSERVED, Event, Observable, Scene
 
@@ -31,14 +25,14 @@ TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "po
 NO_INITIAL = "The key 'initial' is missing; it must be an object with positions and velocities or momenta."
 
 
-def _read(text: str, system: MechanicalSystem, definitions: Definitions, pointer: str) -> Expression:
-    tree = define_functions(formula(text, system.names, pointer), definitions)
-    refuse_open_functions([tree], system.names)
+def _read(text: str, system: scene_system.MechanicalSystem, definitions: Definitions, pointer: str) -> Expression:
+    tree = define_functions(scene_system.formula(text, system.names, pointer), definitions)
+    scene_system.refuse_open_functions([tree], system.names)
     return tree
 
 
 def read_forces(
-    schema: SceneDocument, system: MechanicalSystem, definitions: Definitions, effects: tuple[str, ...]
+    schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions, effects: tuple[str, ...]
 ) -> tuple[Expression, ...]:
     """Q_i = forces_i - dR/dq_i' of those that are in effect, (n,); empty where nothing acts."""
     names = system.names
@@ -59,7 +53,7 @@ def read_forces(
 
 
 def read_observables(
-    schema: SceneDocument, system: MechanicalSystem, definitions: Definitions
+    schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
 ) -> tuple[Observable, ...]:
     """The observables that the scene gives by formula, in its order; their names are columns of their own."""
     found: dict[str, Observable] = {}
@@ -72,7 +66,9 @@ def read_observables(
     return tuple(found.values())
 
 
-def read_events(schema: SceneDocument, system: MechanicalSystem, definitions: Definitions) -> tuple[Event, ...]:
+def read_events(
+    schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
+) -> tuple[Event, ...]:
     """The events of a scene; `when` may be an equation with 0 on its right."""
     found = []
     for place, event in enumerate(schema.events):
@@ -123,7 +119,7 @@ TIME_REFUSED = (
 )
 
 
-def _refuse_other_halves(initial: SceneInitial, system: MechanicalSystem) -> None:
+def _refuse_other_halves(initial: SceneInitial, system: scene_system.MechanicalSystem) -> None:
     """InputError for a start of p in first-order equations x' = h, p' = F, of which x alone is a coordinate."""
     equations, known = str((system.document or {}).get("equations")), ", ".join(system.names.coordinates)
     for part in ("positions", "velocities", "momenta"):
@@ -136,18 +132,18 @@ def _refuse_other_halves(initial: SceneInitial, system: MechanicalSystem) -> Non
                 )
 
 
-def read_scene(schema: SceneDocument) -> tuple[Scene, MechanicalSystem]:
+def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSystem]:
     """The scene and its system; InputError with the pointer of what is wrong."""
     extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
-    system = mechanical_system(schema.system, extra)
+    system = scene_system.mechanical_system(schema.system, extra)
     _refuse_unknown(system, extra, _has_formulas(schema))
     names = system.names
     values = _values(schema, system)
-    definitions = read_definitions(schema.functions, names)
+    definitions = scene_system.read_definitions(schema.functions, names)
     lagrangian, constraints, effects, without = _with_effects(schema, system, definitions)
     accelerations = system.accelerations and tuple(define_functions(tree, definitions) for tree in system.accelerations)
     formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
-    refuse_open_functions(formulas, names)
+    scene_system.refuse_open_functions(formulas, names)
     if any(node == TIME for tree in constraints for node in walk(tree)):
         raise InputError(TIME_REFUSED, "/system")
     forces = read_forces(schema, system, definitions, effects)
@@ -187,7 +183,7 @@ def _has_formulas(schema: SceneDocument) -> bool:
     return any(own) or any(isinstance(item, dict) for item in schema.observe) or _method_lagrangians(schema)
 
 
-def _refuse_unknown(system: MechanicalSystem, extra: Sequence[str], formulas: bool) -> None:
+def _refuse_unknown(system: scene_system.MechanicalSystem, extra: Sequence[str], formulas: bool) -> None:
     """A parameter of the scene that its system neither declares nor uses, nor further formulas may."""
     parameters, trees = system.names.parameters, (system.lagrangian, *system.constraints, *(system.accelerations or ()))
     known = {node.name for tree in trees if tree is not None for node in walk(tree) if isinstance(node, Symbol)}
@@ -204,7 +200,7 @@ def _method_lagrangians(schema: SceneDocument) -> bool:
     return any(method.free_lagrangian for method in schema.methods)
 
 
-def _values(schema: SceneDocument, system: MechanicalSystem) -> dict[str, float]:
+def _values(schema: SceneDocument, system: scene_system.MechanicalSystem) -> dict[str, float]:
     names = system.names
     texts = dict(system.values)
     for given, text in schema.parameters.items():
@@ -231,12 +227,14 @@ def _refuse_dissipation(schema: SceneDocument) -> None:
 
 
 def _with_effects(
-    schema: SceneDocument, system: MechanicalSystem, definitions: Definitions
+    schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
 ) -> tuple[Expression | None, Constraints, tuple[str, ...], dict[str, tuple[Expression | None, Constraints]]]:
     """L with the effects named, the constraints where they are named, all names in effect, and what is left without
     each of them where the cost of parts is observed."""
     _refuse_dissipation(schema)
-    texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
+    texts = {
+        name: scene_system.formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()
+    }
     terms = {name: define_functions(tree, definitions) for name, tree in texts.items()}
     further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
     known = (*BUILT_IN, *terms, *further)

@@ -16,20 +16,11 @@ from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocumen
 from inverse_service import catalogue
 from inverse_service.algebra.kernels import to_kernels
 from inverse_service.errors import InputError
+from inverse_service.expressions import tree as trees
 from inverse_service.expressions.derivative import Definitions
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.pieces import STEP
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import (
-    Acceleration,
-    Apply,
-    Arbitrary,
-    Expression,
-    Symbol,
-    Velocity,
-    substitute,
-    walk,
-)
 from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
@@ -56,20 +47,20 @@ def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
             tree = read_formula(text, Names(names.coordinates, names.parameters))
         except InputError as error:
             raise type(error)(error.detail, pointer, error.column) from None
-        foreign = [n for n in walk(tree) if isinstance(n, Velocity) or _is_other(n, arguments, names)]
+        foreign = [n for n in trees.walk(tree) if isinstance(n, trees.Velocity) or _is_other(n, arguments, names)]
         if foreign:
             raise InputError(f"{name} depends on {', '.join(arguments)} only: write it in these.", pointer)
         found[name] = (arguments, tree)
     return found
 
 
-def _is_other(node: Expression, arguments: tuple[str, ...], names: Names) -> bool:
-    return isinstance(node, Symbol) and node.name in names.coordinates and node.name not in arguments
+def _is_other(node: trees.Expression, arguments: tuple[str, ...], names: Names) -> bool:
+    return isinstance(node, trees.Symbol) and node.name in names.coordinates and node.name not in arguments
 
 
-def refuse_open_functions(formulas: Sequence[Expression], names: Names) -> None:
+def refuse_open_functions(formulas: Sequence[trees.Expression], names: Names) -> None:
     """InputError where a formula still holds a function without a formula of its own."""
-    missing = sorted({node.name for tree in formulas for node in walk(tree) if isinstance(node, Arbitrary)})
+    missing = sorted({node.name for tree in formulas for node in trees.walk(tree) if isinstance(node, trees.Arbitrary)})
     if not missing:
         return
     example = f'{{"{missing[0]}": "cos({names.functions[missing[0]][0]})"}}'
@@ -101,9 +92,9 @@ class MechanicalSystem:
     """
 
     names: Names
-    lagrangian: Expression | None
-    constraints: tuple[Expression, ...]
-    accelerations: tuple[Expression, ...] | None
+    lagrangian: trees.Expression | None
+    constraints: tuple[trees.Expression, ...]
+    accelerations: tuple[trees.Expression, ...] | None
     values: Values
     name: str = ""
     known: tuple[KnownLagrangian, ...] = ()
@@ -185,8 +176,8 @@ def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagran
     return tuple(dict.fromkeys(KnownLagrangian(part["text"], tuple(part.get("domain") or ())) for part in parts))
 
 
-def _walls(text: str, names: Names) -> set[Expression]:
-    moving: set[Expression] = {Symbol(name) for name in names.coordinates}
+def _walls(text: str, names: Names) -> set[trees.Expression]:
+    moving: set[trees.Expression] = {trees.Symbol(name) for name in names.coordinates}
     return set(walls(read_formula(text, names), moving))
 
 
@@ -245,13 +236,13 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
     # sign(u) is computed as u/sqrt(u^2), and so is a step.
     accelerations = tuple(
-        substitute(f, {n: to_kernels(n) for n in walk(f) if _is_step(n)}) for f in system.accelerations
+        trees.substitute(f, {n: to_kernels(n) for n in trees.walk(f) if _is_step(n)}) for f in system.accelerations
     )
     return MechanicalSystem(names, None, (), accelerations, values, schema.name, document=document)
 
 
-def _is_step(node: Expression) -> bool:
-    return isinstance(node, Apply) and node.function == STEP
+def _is_step(node: trees.Expression) -> bool:
+    return isinstance(node, trees.Apply) and node.function == STEP
 
 
 # Keys of a nonholonomic document that ask something of `solve` and say nothing of the motion.
@@ -260,13 +251,13 @@ SOLVE_ONLY = frozenset(
 )
 
 
-def formula(text: str, names: Names, pointer: str) -> Expression:
+def formula(text: str, names: Names, pointer: str) -> trees.Expression:
     """A formula of coordinates and velocities; InputError at the pointer."""
     try:
         tree = read_formula(text, names)
     except InputError as error:
         raise type(error)(error.detail, pointer, error.column) from None
-    found = next((node for node in walk(tree) if isinstance(node, Acceleration)), None)
+    found = next((node for node in trees.walk(tree) if isinstance(node, trees.Acceleration)), None)
     if found is not None:
         raise InputError(
             f"the formula contains the acceleration {found.coordinate}'': use coordinates and velocities.", pointer

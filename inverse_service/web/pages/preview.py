@@ -6,21 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.errors import InputError
+from inverse_service.expressions import tree as trees
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tree import (
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    children,
-    distinct_nodes,
-    walk,
-)
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene import Scene
@@ -31,7 +19,7 @@ PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 LONG = "These equations cannot be played with in the browser; Run computes them."
 
 
-def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[Expression, ...] | None]:
+def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Expression, ...] | None]:
     """A scene without its methods, and the accelerations of its motion where they can be solved for.
 
     Called in workers only: the web process loads nothing of this.
@@ -50,7 +38,7 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
     """A Scene document to what the script needs, or {"reason": a sentence}."""
     scene, found = accelerations_of(document)
     formulas = (*(found or ()), *scene.constraints)
-    if found is None or sum(1 for formula in formulas for _ in walk(formula)) > MOST_NODES:
+    if found is None or sum(1 for formula in formulas for _ in trees.walk(formula)) > MOST_NODES:
         return {"reason": LONG}
     return {
         "coordinates": list(scene.coordinates),
@@ -61,35 +49,35 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def listed(tree: Expression) -> Any:
+def listed(tree: trees.Expression) -> Any:
     """A tree as JSON: a number, a name (x' is a velocity), or [operation, part, …]."""
     match tree:
-        case Number(value):
+        case trees.Number(value):
             return float(value)
-        case Symbol(name):
+        case trees.Symbol(name):
             return name
-        case Velocity(coordinate):
+        case trees.Velocity(coordinate):
             return f"{coordinate}'"
-        case Sum(terms):
+        case trees.Sum(terms):
             return ["+", *map(listed, terms)]
-        case Product(factors):
+        case trees.Product(factors):
             return ["*", *map(listed, factors)]
-        case Power(base, exponent):
+        case trees.Power(base, exponent):
             return ["^", listed(base), listed(exponent)]
-        case Apply(function, argument):
+        case trees.Apply(function, argument):
             return [function, listed(argument)]
     raise InputError("A function of the equations was given no formula.")
 
 
-def angles_of(coordinates: Iterable[str], formulas: Iterable[Expression]) -> list[str]:
+def angles_of(coordinates: Iterable[str], formulas: Iterable[trees.Expression]) -> list[str]:
     """The coordinates that stand in periodic functions only: they are drawn as angles."""
     formulas = tuple(formulas)
     inside = {
         name.name
-        for node in distinct_nodes(formulas)
-        if isinstance(node, Apply) and node.function in PERIODIC
-        for name in walk(node.argument)
-        if isinstance(name, Symbol)
+        for node in trees.distinct_nodes(formulas)
+        if isinstance(node, trees.Apply) and node.function in PERIODIC
+        for name in trees.walk(node.argument)
+        if isinstance(name, trees.Symbol)
     }
     outside = {name.name for formula in formulas for name in _plainly(formula)}
     return [name for name in coordinates if name in inside - outside]
@@ -105,10 +93,10 @@ def angles_of_texts(system: Mapping[str, Any]) -> list[str]:
         return []
 
 
-def _plainly(tree: Expression) -> Iterable[Symbol]:
+def _plainly(tree: trees.Expression) -> Iterable[trees.Symbol]:
     """The names of a tree that stand in no periodic function."""
-    if isinstance(tree, Apply) and tree.function in PERIODIC:
+    if isinstance(tree, trees.Apply) and tree.function in PERIODIC:
         return ()
-    if isinstance(tree, Symbol):
+    if isinstance(tree, trees.Symbol):
         return (tree,)
-    return (name for part in children(tree) for name in _plainly(part))
+    return (name for part in trees.children(tree) for name in _plainly(part))

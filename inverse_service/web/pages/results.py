@@ -16,22 +16,9 @@ from inverse_service.service.jobs.model import Job
 from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
-from inverse_service.web.pages import figures, reading_back, simulations
+from inverse_service.web.pages import figures, reading_back, result_tasks, simulations
 from inverse_service.web.pages.calls import SMALL_FORM, Answer, call, read_form
 from inverse_service.web.pages.rendering import POLICY, VISITOR, packed, page
-from inverse_service.web.pages.result_tasks import (
-    LANGUAGES,
-    Look,
-    check_stored_task,
-    code_task,
-    embed_task,
-    figure_data_task,
-    file_task,
-    own_lagrangian_task,
-    page_task,
-    picture_task,
-    so_far_task,
-)
 from inverse_service.web.problems import Refusal
 
 T = TypeVar("T")
@@ -60,9 +47,9 @@ async def result(request: Request, identifier: str) -> Response:
 async def _judged(request: Request, identifier: str) -> dict[str, Any] | None:
     query = request.query_params
     if query.get("lagrangian"):
-        return await made(request, identifier, own_lagrangian_task, query["lagrangian"])
+        return await made(request, identifier, result_tasks.own_lagrangian_task, query["lagrangian"])
     try:
-        return await made(request, identifier, check_stored_task) if "check" in query else None
+        return await made(request, identifier, result_tasks.check_stored_task) if "check" in query else None
     except Refusal as refusal:
         return {"verdict": "incomplete", "reasons": [refusal.detail]}
 
@@ -73,7 +60,7 @@ async def embedded(request: Request, identifier: str) -> Response:
     answer = await successful(request, identifier)
     if answer is None or answer.value["kind"] != "solve":
         return missing()
-    found = await made(request, identifier, embed_task, VISITOR.get())
+    found = await made(request, identifier, result_tasks.embed_task, VISITOR.get())
     origins = " ".join(("'self'", *request.app.state.engine.settings.frame_origins))
     found.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {origins}")
     # The older header knows no list; whoever reads the policy does not read it.
@@ -140,7 +127,7 @@ async def cancel(request: Request, identifier: str) -> Response:
 @router.get("/results/{identifier}/figures.json")
 async def figure_data(request: Request, identifier: str) -> Response:
     """The data of the figures of a simulation."""
-    return await _file(request, identifier, "application/json", "figures", figure_data_task)
+    return await _file(request, identifier, "application/json", "figures", result_tasks.figure_data_task)
 
 
 @router.get("/results/{identifier}/figures/{file}")
@@ -149,7 +136,7 @@ async def figure_file(request: Request, identifier: str, file: str) -> Response:
     name, _, ending = file.rpartition(".")
     if name not in figures.NAMES or ending not in simulations.PICTURES:
         return missing()
-    return await _file(request, identifier, simulations.PICTURES[ending], file, picture_task, name, ending)
+    return await _file(request, identifier, simulations.PICTURES[ending], file, result_tasks.picture_task, name, ending)
 
 
 @router.get("/results/{identifier}/data/{file:path}")
@@ -158,17 +145,19 @@ async def data_file(request: Request, identifier: str, file: str) -> Response:
     label, _, ending = file.rpartition(".")
     if ending not in simulations.TABLES:
         return missing()
-    return await _file(request, identifier, simulations.TABLES[ending], ending, file_task, label, ending)
+    return await _file(request, identifier, simulations.TABLES[ending], ending, result_tasks.file_task, label, ending)
 
 
 @router.get("/results/{identifier}/code/{language}")
 async def code(request: Request, identifier: str, language: str) -> Response:
     """The accelerations, L, H, momenta and multiplier as a program."""
     answer = await successful(request, identifier)
-    if answer is None or answer.value["kind"] != "solve" or language not in LANGUAGES:
+    if answer is None or answer.value["kind"] != "solve" or language not in result_tasks.LANGUAGES:
         return missing()
-    text = await made(request, identifier, code_task, language)
-    headers = kept(answer, language) | {"Content-Disposition": f'inline; filename="system.{LANGUAGES[language]}"'}
+    text = await made(request, identifier, result_tasks.code_task, language)
+    headers = kept(answer, language) | {
+        "Content-Disposition": f'inline; filename="system.{result_tasks.LANGUAGES[language]}"'
+    }
     return Response(text, headers=headers, media_type="text/plain")
 
 
@@ -185,7 +174,7 @@ async def _file(
     data = await made(request, identifier, task, *arguments)
     if data is None:
         return missing()
-    respond = packed if task is figure_data_task else Response
+    respond = packed if task is result_tasks.figure_data_task else Response
     return respond(data, headers=headers, media_type=media_type)
 
 
@@ -269,7 +258,7 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
     if job["status"] in OPEN and "so_far" in (job["progress"] or {}):
         about = (job, VISITOR.get(), int(time.time() - job["created"]))
         engine: Engine = request.app.state.engine
-        told = await engine.run_quick(client_of(request), so_far_task, *about, seconds=LONG_DEADLINE)
+        told = await engine.run_quick(client_of(request), result_tasks.so_far_task, *about, seconds=LONG_DEADLINE)
         if told.status == "done":
             return cast(HTMLResponse, told.value)
     if job["status"] in OPEN:
@@ -280,5 +269,5 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
         problem = reading_back.problem_of(job["problem"], {}) if job["problem"] else None
         return page("ended.html", 200, active="", job=job, problem=problem)
     engine = request.app.state.engine
-    look = Look(VISITOR.get(), str(request.base_url).rstrip("/"), engine.settings.time_limit)
-    return await made(request, job["id"], page_task, job, look, check)
+    look = result_tasks.Look(VISITOR.get(), str(request.base_url).rstrip("/"), engine.settings.time_limit)
+    return await made(request, job["id"], result_tasks.page_task, job, look, check)

@@ -18,20 +18,12 @@ from inverse_service.web.pages import (
     gallery,
     learn,
     paper_figures,
+    rendering,
     results,
     simulate,
     solve,
 )
 from inverse_service.web.pages.calls import SMALL_FORM, read_form
-from inverse_service.web.pages.rendering import (
-    THEME_COOKIE,
-    THEMES,
-    local_address,
-    note_visitor,
-    note_visitor_of,
-    page,
-    require_visitor,
-)
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -46,10 +38,10 @@ def page_of_refusal(request: Request, refusal: Refusal) -> HTMLResponse | None:
         return None
     if refusal.status in REDIRECTS:
         return None
-    note_visitor_of(request)
+    rendering.note_visitor_of(request)
     detail = "The address may be mistyped." if refusal.detail.startswith("There is nothing at") else refusal.detail
     title = TITLES.get(refusal.status, "This was refused")
-    found = page("missing.html", refusal.status, active="", title=title, detail=detail)
+    found = rendering.page("missing.html", refusal.status, active="", title=title, detail=detail)
     found.headers.update(refusal.headers)
     return found
 
@@ -62,14 +54,14 @@ async def login_form(request: Request) -> Response:
     """The form for a key; the start page where no keys are asked for."""
     if not _engine(request).keys.are_asked:
         return RedirectResponse("/", 303)
-    return _form(local_address(request.query_params.get("next", "/")))
+    return _form(rendering.local_address(request.query_params.get("next", "/")))
 
 
 @account.post("/login")
 async def login(request: Request) -> Response:
     """The key, checked as in the header, kept in a cookie until the browser is closed."""
     sent = await read_form(request, SMALL_FORM)
-    place, key = local_address(sent.text("next")), sent.text("key")
+    place, key = rendering.local_address(sent.text("next")), sent.text("key")
     if len(key) > LARGEST_KEY or _engine(request).keys.client_of(key) is None:
         return _form(place, "This key is not known here.", 401)
     answer = RedirectResponse(place, 303)
@@ -90,16 +82,18 @@ async def logout(request: Request) -> Response:
 async def theme(request: Request) -> Response:
     """Light, dark, or as the system says; remembered for a year."""
     sent = await read_form(request, SMALL_FORM)
-    answer = RedirectResponse(local_address(sent.text("back")), 303)
-    if sent.text("theme") in THEMES:
-        answer.set_cookie(THEME_COOKIE, sent.text("theme"), max_age=A_YEAR, samesite="lax", secure=_is_secure(request))
+    answer = RedirectResponse(rendering.local_address(sent.text("back")), 303)
+    if sent.text("theme") in rendering.THEMES:
+        answer.set_cookie(
+            rendering.THEME_COOKIE, sent.text("theme"), max_age=A_YEAR, samesite="lax", secure=_is_secure(request)
+        )
     else:
-        answer.delete_cookie(THEME_COOKIE, samesite="lax", secure=_is_secure(request))
+        answer.delete_cookie(rendering.THEME_COOKIE, samesite="lax", secure=_is_secure(request))
     return answer
 
 
 def _form(place: str, problem: str = "", status: int = 200) -> HTMLResponse:
-    return page("login.html", status, active="", place=place, problem=problem)
+    return rendering.page("login.html", status, active="", place=place, problem=problem)
 
 
 def _engine(request: Request) -> Engine:
@@ -113,6 +107,6 @@ def _is_secure(request: Request) -> bool:
 
 router.get("/static/{mark}/{name}")(assets.static)
 for part in (account, calls_page.router, learn.open_router):
-    router.include_router(part, dependencies=[Depends(note_visitor)])
+    router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
 for pages in (solve, results, simulate, paper_figures, gallery, batches, learn):
-    router.include_router(pages.router, dependencies=[Depends(require_visitor)])
+    router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

@@ -19,7 +19,7 @@ from inverse_service.expressions.equations import equation_line
 from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
-from inverse_service.web.pages import reading_back
+from inverse_service.web.pages import reading_back, scenes
 from inverse_service.web.pages.calls import call, read_form
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.gallery import body_of
@@ -27,16 +27,6 @@ from inverse_service.web.pages.preview import preview_task
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_tasks import part_task
 from inverse_service.web.pages.results import made, result_address, stored_job, successful
-from inverse_service.web.pages.scenes import (
-    METHODS,
-    OBSERVABLES,
-    SceneForm,
-    changed_scene,
-    form_of_scene,
-    scene_document,
-    scene_form,
-    with_sent,
-)
 from inverse_service.web.pages.solve import example_document
 from inverse_service.web.problems import Refusal
 
@@ -64,7 +54,7 @@ async def run(request: Request) -> Response:
     sent = await read_form(request, request.app.state.engine.settings.max_body)
     filled, base = await _sent_form(request, sent)
     try:
-        scene = changed_scene(base, scene_document(filled, base["system"]))
+        scene = scenes.changed_scene(base, scenes.scene_document(filled, base["system"]))
     except InputError as error:
         return simulate_page(filled, _of_the_form(reading_back.problem_of_error(error, {})), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
@@ -90,7 +80,7 @@ async def preview(request: Request) -> Response:
     form, base = await _sent_form(request, sent)
     engine: Engine = request.app.state.engine
     try:
-        scene = changed_scene(base, scene_document(form, base["system"]))
+        scene = scenes.changed_scene(base, scenes.scene_document(form, base["system"]))
         outcome = await engine.run_quick(client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
         found = outcome.value if outcome.status == "done" else {"reason": " ".join(p.detail for p in outcome.places)}
     except InputError as error:
@@ -98,17 +88,19 @@ async def preview(request: Request) -> Response:
     return JSONResponse(found)
 
 
-async def _sent_form(request: Request, sent: Form) -> tuple[SceneForm, dict[str, Any]]:
+async def _sent_form(request: Request, sent: Form) -> tuple[scenes.SceneForm, dict[str, Any]]:
     """The form as it was sent, and what its scenes begin with."""
     if sent.text("scene"):
         empty, base = await _form_of_scene(request, sent.text("scene"))
     else:
         empty, base = await _empty_form(request, sent.text("system"), sent.text("job"))
     # A button of the start page sends the form as it is filled.
-    return empty if sent.text("filled") else with_sent(empty, sent), base
+    return empty if sent.text("filled") else scenes.with_sent(empty, sent), base
 
 
-def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, status: int = 200) -> HTMLResponse:
+def simulate_page(
+    form: scenes.SceneForm, problem: reading_back.Problem | None = None, status: int = 200
+) -> HTMLResponse:
     """The page with the form filled in."""
     systems = [(name, catalogue.entry(name)["title"]) for name in catalogue.names("nonholonomic")]
     return page(
@@ -118,13 +110,13 @@ def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, 
         form=form,
         body=body_of(form.system),
         systems=systems,
-        methods=METHODS,
-        observables=OBSERVABLES,
+        methods=scenes.METHODS,
+        observables=scenes.OBSERVABLES,
         problem=problem,
     )
 
 
-async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneForm, dict[str, Any]]:
+async def _empty_form(request: Request, system: str, job: str) -> tuple[scenes.SceneForm, dict[str, Any]]:
     """The form of a result or of a catalogue entry, with what its scenes begin with.
 
     A result of a constrained system gives that one with the Lagrangian that was found for an associated system as
@@ -141,7 +133,7 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
     return form, base
 
 
-def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dict[str, Any]] | None:
+def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[scenes.SceneForm, dict[str, Any]] | None:
     """The same of a result, inside a worker; None where it has no system."""
     if not result.get("system"):
         return None
@@ -167,22 +159,22 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     return starts.with_good_start(form, base["system"], with_lagrangian[0] if with_lagrangian else {}), base
 
 
-def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
+def form_of_system(system: Mapping[str, Any], **address: str) -> scenes.SceneForm:
     """The form for a scene's `system`: an entry of the catalogue, a document, a result, or a system written out."""
     if "catalogue" in system:
         name = system["catalogue"]
-        return scene_form(example_document(name), catalogue.entry(name)["title"], system=name, **address)
+        return scenes.scene_form(example_document(name), catalogue.entry(name)["title"], system=name, **address)
     if "result" in system:
         shown = system["result"]["system"]
         kept = ("coordinates", "parameters", "functions", "equations")
         solved = {key: shown[key] for key in kept if key in shown}
         unsolved = any("''" in text for text in shown.get("equations", {}).values())
-        form = scene_form(shown["given"] if unsolved else solved, shown["name"] or _title(shown), **address)
+        form = scenes.scene_form(shown["given"] if unsolved else solved, shown["name"] or _title(shown), **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretise but the equations.
         return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)
     document = system.get("document", system)
-    return scene_form(document, document.get("name") or _title(document), **address)
+    return scenes.scene_form(document, document.get("name") or _title(document), **address)
 
 
 def _title(system: Mapping[str, Any]) -> str:
@@ -194,7 +186,7 @@ def _title(system: Mapping[str, Any]) -> str:
     return f"motion of {equation_line(*first) if first else 'a system'}"[:LONGEST_TITLE]
 
 
-async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:
+async def _form_of_scene(request: Request, identifier: str) -> tuple[scenes.SceneForm, dict[str, Any]]:
     """The form filled with a scene that was run before, and that scene."""
     job = await stored_job(request, identifier)
     if job is None or job.kind not in CALLS:
@@ -204,4 +196,4 @@ async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, 
         empty = form_of_system(scene["system"], scene=identifier)
     except (AttributeError, KeyError, TypeError, ValueError):
         raise Refusal(422, "bad-input", "This scene names no coordinates; change its document instead.") from None
-    return form_of_scene(empty, scene), scene
+    return scenes.form_of_scene(empty, scene), scene

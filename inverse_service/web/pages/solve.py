@@ -15,28 +15,9 @@ from api_schemas.base import MAX_COORDINATES
 from inverse_service import catalogue
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
-from inverse_service.web.pages import reading_back
+from inverse_service.web.pages import documents, form_tasks, reading_back
 from inverse_service.web.pages.answers import OwnLagrangian
 from inverse_service.web.pages.calls import call, read_form, read_sent
-from inverse_service.web.pages.documents import (
-    LAGRANGIANS,
-    fields_from,
-    fields_of,
-    fields_of_link,
-    is_whole,
-    lean_fields,
-    left_out_of_link,
-    link_of_fields,
-    revealed_of_link,
-)
-from inverse_service.web.pages.form_tasks import (
-    GLANCE,
-    echo_sent_task,
-    echo_task,
-    glance_task,
-    own_task,
-    sent_task,
-)
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.pages.result_tasks import fields_task
 from inverse_service.web.pages.results import made, result_address, successful
@@ -85,47 +66,49 @@ async def form(request: Request) -> HTMLResponse:
     """The form, empty, with an example of the catalogue, or with the document of a result."""
     query = request.query_params
     kind = "nonholonomic" if query.get("kind") == "nonholonomic" else "equations"
-    linked = fields_of_link(query)
+    linked = documents.fields_of_link(query)
     if linked is not None:
         fields = linked
     elif "example" in query:
-        fields = lean_fields(example_document(query["example"]))
+        fields = documents.lean_fields(example_document(query["example"]))
     elif "job" in query:
         fields = await fields_of_job(request, query["job"])
     elif kind == "nonholonomic":
-        fields = lean_fields(example_document(FIRST_NONHOLONOMIC))
+        fields = documents.lean_fields(example_document(FIRST_NONHOLONOMIC))
     else:
-        fields = fields_from({"equations": START})
+        fields = documents.fields_from({"equations": START})
     # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
     judged = await own_judged(request, fields, query["own"]) if linked and query.get("own") else None
     found = await understand(request, fields, patience)
-    notes = left_out_of_link(query)
-    return solve_page(fields, reveal=revealed_of_link(query), own=judged, notes=notes, **found)
+    notes = documents.left_out_of_link(query)
+    return solve_page(fields, reveal=documents.revealed_of_link(query), own=judged, notes=notes, **found)
 
 
 @router.post("/own")
 async def own(request: Request) -> Response:
     """A student's L and the typed equations, on to their link; the form stays an exercise where it was one."""
-    fields = fields_of(await read_form(request, LONGEST_OWN))
-    text, reveal = fields["lagrangian"], ",".join(revealed_of_link(request.query_params))
+    fields = documents.fields_of(await read_form(request, LONGEST_OWN))
+    text, reveal = fields["lagrangian"], ",".join(documents.revealed_of_link(request.query_params))
     kept = {"own": text} | ({"reveal": reveal} if reveal else {})
-    return RedirectResponse(link_of_fields(fields | {"lagrangian": ""}, **kept), 303)
+    return RedirectResponse(documents.link_of_fields(fields | {"lagrangian": ""}, **kept), 303)
 
 
 async def own_judged(request: Request, fields: dict[str, str], text: str) -> OwnLagrangian:
     """What is said of a student's L for the equations of the form."""
     engine: Engine = request.app.state.engine
     late = "Judging this L takes longer than a page may; find the answer, and check it there."
-    return await engine.made(client_of(request), own_task, fields, text, late=late, seconds=2 * GLANCE)
+    return await engine.made(
+        client_of(request), form_tasks.own_task, fields, text, late=late, seconds=2 * form_tasks.GLANCE
+    )
 
 
 @router.post("/")
 async def submit(request: Request) -> Response:
     """The job of the form; on to its page, or back with what to change."""
     try:
-        sent = await read_sent(request, request.app.state.engine.settings.max_body, sent_task)
+        sent = await read_sent(request, request.app.state.engine.settings.max_body, form_tasks.sent_task)
     except Refusal as refusal:
         return _not_read(refusal)
     if sent.document is None:
@@ -140,20 +123,24 @@ async def submit(request: Request) -> Response:
 async def echo(request: Request) -> Response:
     """What was understood of the form: the fragment for the script, else the form's link, whose page says it."""
     try:
-        fields, found = await read_sent(request, request.app.state.engine.settings.max_body, echo_sent_task)
+        fields, found = await read_sent(request, request.app.state.engine.settings.max_body, form_tasks.echo_sent_task)
     except Refusal as refusal:
         return _not_read(refusal)
     if request.query_params.get("fragment"):
         return page("understood.html", **({"problem": None, "understood": None} | found))
-    return solve_page(fields, **found) if not is_whole(fields) else RedirectResponse(link_of_fields(fields), 303)
+    return (
+        solve_page(fields, **found)
+        if not documents.is_whole(fields)
+        else RedirectResponse(documents.link_of_fields(fields), 303)
+    )
 
 
 async def _refused(
     request: Request, fields: dict[str, str], problem: reading_back.Problem | None, status: int
 ) -> Response:
     """The form with what to change: its link where the page there says the same, so that a reload asks nothing."""
-    if is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
-        return RedirectResponse(link_of_fields(fields), 303)
+    if documents.is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
+        return RedirectResponse(documents.link_of_fields(fields), 303)
     return solve_page(fields, problem=problem, status=status)
 
 
@@ -165,7 +152,7 @@ async def answer_beside(request: Request) -> Response:
         if not is_free:
             return Response(status_code=204)
         try:
-            found = await read_sent(request, engine.settings.max_body, glance_task, 2 * GLANCE)
+            found = await read_sent(request, engine.settings.max_body, form_tasks.glance_task, 2 * form_tasks.GLANCE)
         except Refusal as refusal:
             if refusal.kind not in ("limit", "busy"):
                 raise
@@ -178,13 +165,13 @@ def _not_read(refusal: Refusal) -> HTMLResponse:
     if refusal.kind != "limit":
         raise refusal
     problem = reading_back.problem_of({"detail": refusal.detail}, {})
-    return solve_page(fields_from({"equations": START}), problem=problem, status=refusal.status)
+    return solve_page(documents.fields_from({"equations": START}), problem=problem, status=refusal.status)
 
 
 async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
     """How the fields are understood, for the template; nothing where no worker has said it in `patience` seconds."""
     engine: Engine = request.app.state.engine
-    asked = engine.run_quick(client_of(request), echo_task, fields, seconds=QUICK_DEADLINE)
+    asked = engine.run_quick(client_of(request), form_tasks.echo_task, fields, seconds=QUICK_DEADLINE)
     try:
         outcome = await asyncio.wait_for(asked, patience)
     except (Refusal, TimeoutError):
@@ -203,7 +190,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
         active="/",
         fields=fields,
         associated=ASSOCIATED,
-        lagrangians=LAGRANGIANS,
+        lagrangians=documents.LAGRANGIANS,
         examples=examples(NONHOLONOMIC_EXAMPLES if nonholonomic else EXAMPLES),
         can_simulate=can_simulate(),
         most_coordinates=MAX_COORDINATES,
@@ -216,7 +203,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
 def examples(chosen: tuple[tuple[str, str, str], ...]) -> list[dict[str, Any]]:
     """The palette, each example with the fields that it fills."""
     return [
-        {"name": name, "label": label, "hint": hint, "fields": lean_fields(catalogue.document(name))}
+        {"name": name, "label": label, "hint": hint, "fields": documents.lean_fields(catalogue.document(name))}
         for name, label, hint in chosen
     ]
 
@@ -233,4 +220,4 @@ async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     """The form filled with the document of a result."""
     if await successful(request, identifier) is None:
         raise Refusal(404, "not-found", "There is no result at this address.")
-    return await made(request, identifier, fields_task) or fields_from({"equations": START})
+    return await made(request, identifier, fields_task) or documents.fields_from({"equations": START})
