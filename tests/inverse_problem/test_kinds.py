@@ -10,7 +10,8 @@ import sympy
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.documents import check_document, solve_document
+from inverse_service.service.documents.checking import check_document
+from inverse_service.service.documents.documents import solve_document
 
 YES, NO, OPEN = "variational", "not_variational", "undetermined"
 OSCILLATOR = {"x": "-x", "y": "-y"}

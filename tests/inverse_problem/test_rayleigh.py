@@ -9,7 +9,8 @@ import pytest
 import sympy
 
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.documents import check_document, solve_document
+from inverse_service.service.documents.checking import check_document
+from inverse_service.service.documents.documents import solve_document
 
 PENDULUM = (
     "2*a''+b''*cos(a-b)+b'^2*sin(a-b)+2*sin(a)+c*a'+k*(a'-b')=0; a''*cos(a-b)+b''-a'^2*sin(a-b)+sin(b)+k*(b'-a')=0"

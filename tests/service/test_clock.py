@@ -9,7 +9,8 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.documents import check_document, solve_document
+from inverse_service.service.documents.checking import check_document
+from inverse_service.service.documents.documents import solve_document
 from tests.inverse_problem.test_kinds import residuals
 
 # The particle with constraint s' = -r1 r2' (Rosenberg 1977), reduced, in V = r2^2/2: N is 1/sqrt(1 + r1^2).

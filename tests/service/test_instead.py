@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.documents import check_document, solve_document
+from inverse_service.service.documents.checking import check_document
+from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 
 COUPLED = {"equations": {"x": "x^2 + e*y^2", "y": "0"}, "parameters": ["e"]}

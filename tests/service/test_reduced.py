@@ -10,7 +10,8 @@ import sympy
 
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import motion_report
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.documents import check_document, solve_document
+from inverse_service.service.documents.checking import check_document
+from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.reduced import reduced_of_report
 from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 

@@ -18,8 +18,8 @@ from inverse_service.service.jobs.identity import JobOptions
 from inverse_service.service.jobs.kinds import KINDS
 from inverse_service.web.pages import preview, starts
 from inverse_service.web.pages.preview import angles_of, listed, preview_task
-from inverse_service.web.pages.scenes import scene_document
-from inverse_service.web.pages.simulate import _form_of_result, changed_scene, form_of_system
+from inverse_service.web.pages.scenes import changed_scene, scene_document
+from inverse_service.web.pages.simulate import _form_of_result, form_of_system
 
 CONSTRAINED = catalogue.names("nonholonomic")
 # One of each fault that the first start has: a pole, a boundary of the domain, a blow-up, a fold of L, a singular g.
