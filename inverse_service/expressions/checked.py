@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from inverse_service.errors import LimitError
-from inverse_service.expressions.tokens import Limits, limit_passed, refusal
+from inverse_service.expressions.tokens import LIMITS, at_most, limit_passed, refusal
 from inverse_service.expressions.tree import (
     ONE,
     Apply,
@@ -29,27 +29,27 @@ def _bits(value: Fraction) -> int:
     return max(value.numerator.bit_length(), value.denominator.bit_length()) - 1
 
 
-def _check_bits(total_bits: float, column: int, limits: Limits) -> None:
+def _check_bits(total_bits: float, column: int) -> None:
     """LimitError where a number would surely have too many digits; called before it is computed."""
-    if total_bits > limits.digits * _BITS_PER_DIGIT:
-        raise _too_long(column, limits)
+    if total_bits > LIMITS.digits * _BITS_PER_DIGIT:
+        raise _too_long(column)
 
 
-def _check_number(value: Fraction, column: int, limits: Limits) -> None:
+def _check_number(value: Fraction, column: int) -> None:
     """LimitError where a number has too many digits, so that what is accepted can be read back."""
-    if max(abs(value.numerator), value.denominator) >= 10**limits.digits:
-        raise _too_long(column, limits)
+    if max(abs(value.numerator), value.denominator) >= 10**LIMITS.digits:
+        raise _too_long(column)
 
 
-def _too_long(column: int, limits: Limits) -> LimitError:
-    return limit_passed("a number that is computed here has too many digits", column, limits.digits)
+def _too_long(column: int) -> LimitError:
+    return limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
 
 
-def product(factors: Sequence[Expression], column: int, limits: Limits) -> Expression:
+def product(factors: Sequence[Expression], column: int) -> Expression:
     """The product; LimitError where its coefficient would be too long."""
-    _check_bits(sum(_bits(_coefficient(factor)) for factor in factors), column, limits)
+    _check_bits(sum(_bits(_coefficient(factor)) for factor in factors), column)
     result = multiply(*factors)
-    _check_number(_coefficient(result), column, limits)
+    _check_number(_coefficient(result), column)
     return result
 
 
@@ -58,14 +58,14 @@ def _coefficient(expression: Expression) -> Fraction:
     return first.value if isinstance(first, Number) else Fraction(1)
 
 
-def sum_of(terms: Sequence[Expression], column: int, limits: Limits) -> Expression:
+def sum_of(terms: Sequence[Expression], column: int) -> Expression:
     """The sum; LimitError where its constant would be too long at any moment."""
     constant = Fraction(0)
     for term in terms:
         for part in term.terms if isinstance(term, Sum) else (term,):
             if isinstance(part, Number):
                 constant += part.value
-                _check_number(constant, column, limits)
+                _check_number(constant, column)
     return add(*terms)
 
 
@@ -76,28 +76,28 @@ def reciprocal(expression: Expression, column: int) -> Expression:
     return expression**-1
 
 
-def raised(base: Expression, exponent: Expression, column: int, limits: Limits) -> Expression:
+def raised(base: Expression, exponent: Expression, column: int) -> Expression:
     """base ^ exponent, e^u being exp(u); refused where it is too large or has no real value."""
     if base == _EXPONENTIAL:
         return Apply("exp", exponent)
     if isinstance(exponent, Number):
-        _check_exponent(exponent.value, column, limits)
+        _check_exponent(exponent.value, column)
         if isinstance(base, Number):
-            _check_numbers(base.value, exponent.value, column, limits)
+            _check_numbers(base.value, exponent.value, column)
     result = base**exponent
-    _check_number(_coefficient(result), column, limits)
+    _check_number(_coefficient(result), column)
     if isinstance(result, Power) and isinstance(result.exponent, Number):
-        _check_exponent(result.exponent.value, column, limits)
+        _check_exponent(result.exponent.value, column)
     return result
 
 
-def _check_exponent(exponent: Fraction, column: int, limits: Limits) -> None:
-    if abs(exponent.numerator) > limits.exponent or exponent.denominator > limits.exponent:
-        sentence = f"the exponent is too large at column {column}: the limit is {limits.exponent:,}; declare a"
+def _check_exponent(exponent: Fraction, column: int) -> None:
+    if abs(exponent.numerator) > LIMITS.exponent or exponent.denominator > LIMITS.exponent:
+        sentence = f"the exponent is too large at column {column}: the limit is {LIMITS.exponent:,}; declare a"
         raise LimitError(f"{sentence} parameter and write it in its place.", column=column)
 
 
-def _check_numbers(base: Fraction, exponent: Fraction, column: int, limits: Limits) -> None:
+def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
     if base == 0 and exponent <= 0:
         raise refusal("0 to a power that is not positive has no value", column, "write another base or exponent")
     if base < 0 and exponent.denominator != 1:
@@ -106,15 +106,14 @@ def _check_numbers(base: Fraction, exponent: Fraction, column: int, limits: Limi
         instead = root if exponent.denominator % 2 else "write another base or exponent"
         raise refusal("a negative number to this power is not real", column, instead)
     if abs(base) not in (0, 1):
-        _check_bits(_bits(base) * float(abs(exponent)), column, limits)
+        _check_bits(_bits(base) * float(abs(exponent)), column)
 
 
-def check_depth(expression: Expression, limits: Limits, column: int = 1) -> Expression:
+def check_depth(expression: Expression, column: int = 1) -> Expression:
     """The same tree; LimitError where it is deeper than `limits.depth`."""
     level, depth = [expression], 0
     while level:
         depth += 1
-        if depth > limits.depth:
-            raise limit_passed("the formula is nested too deeply", column, limits.depth)
+        at_most(depth, LIMITS.depth, "the formula is nested too deeply", column)
         level = [part for node in level for part in children(node)]
     return expression

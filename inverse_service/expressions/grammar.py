@@ -10,7 +10,7 @@
     one        = "~" one | "true" | "(" condition ")" | formula ("<" | ">") formula {("<" | ">") formula}
 
 Where a reader could take "nothing" for something else than a product (a/b c, x(y + 1), sin x y,
-x^2y) the formula is refused with both ways to write it. Recursion is bounded by `limits.depth`.
+x^2y) the formula is refused with both ways to write it. Recursion is at_most by `limits.depth`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from inverse_service.expressions.checked import product, raised, reciprocal, sum
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.operands import OperandParser
 from inverse_service.expressions.pieces import either, piecewise, step
-from inverse_service.expressions.tokens import END, Token, TokenStream, refusal, shorten, unexpected
+from inverse_service.expressions.tokens import END, LIMITS, Token, TokenStream, refusal, shorten, unexpected
 from inverse_service.expressions.tree import MINUS_ONE, ONE, Expression, multiply, number
 from inverse_service.expressions.vocabulary import FUNCTIONS, PIECEWISE, call
 
@@ -57,7 +57,7 @@ class FormulaParser(OperandParser):
             terms = [self._term()]
             while self._stream.ahead.is_operator("+", "-"):
                 terms.append(self._term())
-        return sum_of(terms, column, self._limits)
+        return sum_of(terms, column)
 
     def _term(self) -> Expression:
         column = self._stream.ahead.column
@@ -68,7 +68,7 @@ class FormulaParser(OperandParser):
             place = self._stream.ahead.column
             factor = self._factor()
             factors.append(reciprocal(factor, place) if operation == "/" else factor)
-        return product(factors, column, self._limits)
+        return product(factors, column)
 
     def _signs(self) -> list[Expression]:
         negative = False
@@ -136,13 +136,13 @@ class FormulaParser(OperandParser):
             raise refusal("a prime occurs", ahead.column, instead)
         if not self._stream.take_operator("^"):
             return base
-        return raised(base, self._exponent(), ahead.column, self._limits)
+        return raised(base, self._exponent(), ahead.column)
 
     def _exponent(self) -> Expression:
         column = self._stream.ahead.column
         with self._stream.nested():
             factors = [*self._signs(), self._factor()]
-        return product(factors, column, self._limits)
+        return product(factors, column)
 
     def _base(self) -> Expression:
         token = self._stream.take()
@@ -159,7 +159,7 @@ class FormulaParser(OperandParser):
         return self._until(token, ")", 1)[0]
 
     def _arguments(self) -> list[Expression]:
-        return self._until(self._stream.take(), ")", self._limits.tokens)
+        return self._until(self._stream.take(), ")", LIMITS.tokens)
 
     def _until(self, opening: Token, closing: str, most: int) -> list[Expression]:
         """At most so many formulas, separated by commas, and what closes them."""
@@ -257,7 +257,7 @@ class FormulaParser(OperandParser):
             result = call(token.text, self._arguments(), token.column)
         else:
             result = call(token.text, [self._bare_argument(token)], token.column)
-        return raised(result, exponent, token.column, self._limits) if exponent else result
+        return raised(result, exponent, token.column) if exponent else result
 
     def _function_power(self, token: Token) -> Expression | None:
         """The 2 of sin^2 x; sin^-1 is refused, it is asin to some and 1/sin to others."""
@@ -298,7 +298,7 @@ class FormulaParser(OperandParser):
             if ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
                 if following.space_before or token.text in ("sqrt", "cbrt"):
                     raise self._unclear_end(token, start)
-                argument = product([argument, self._factor()], ahead.column, self._limits)
+                argument = product([argument, self._factor()], ahead.column)
         after = self._stream.ahead
         if after.is_operator("/") or (_starts_factor(after) and not self._bare_ends()):
             raise self._unclear_end(token, start)

@@ -8,7 +8,7 @@ from fractions import Fraction
 from inverse_service.expressions.latex_scanner import Raw
 from inverse_service.expressions.latex_words import LatexWords, open_brackets, role_before, time_argument
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import Limits, Token, limit_passed, refusal
+from inverse_service.expressions.tokens import LIMITS, Token, at_most, refusal
 
 
 class LatexDerivatives(LatexWords, ABC):
@@ -16,8 +16,8 @@ class LatexDerivatives(LatexWords, ABC):
 
     __slots__ = ("_depth", "_tokens")
 
-    def __init__(self, raw: list[Raw], names: Names, limits: Limits) -> None:
-        super().__init__(raw, names, limits)
+    def __init__(self, raw: list[Raw], names: Names) -> None:
+        super().__init__(raw, names)
         self._depth = 0
         self._tokens: list[Token] = []
 
@@ -29,16 +29,14 @@ class LatexDerivatives(LatexWords, ABC):
         self._tokens.append(Token("operator", text, raw.column, raw.space_before if space is None else space))
 
     def _emit_name(self, name: str, raw: Raw, order: int = 0) -> None:
-        if len(name) > self._limits.name_characters:
-            raise limit_passed("a name has too many characters", raw.column, self._limits.name_characters)
+        at_most(len(name), LIMITS.name_characters, "a name has too many characters", raw.column)
         self._tokens.append(Token("name", name, raw.column, raw.space_before))
         if order:
             self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
 
     def _enter(self, raw: Raw) -> None:
         self._depth += 1
-        if self._depth > self._limits.depth:
-            raise limit_passed("the formula is nested too deeply", raw.column, self._limits.depth)
+        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", raw.column)
 
     def _time_derivative(self, raw: Raw) -> bool:
         """\\frac{dx}{dt} as x', \\frac{\\partial A}{\\partial x} as diff(A, x), A declared; else nothing is taken."""

@@ -15,9 +15,8 @@ from inverse_service.expressions.tokens import (
     PRIMES,
     SCRIPT_L,
     SPACES,
-    Limits,
+    at_most,
     describe,
-    limit_passed,
     refusal,
 )
 
@@ -51,9 +50,9 @@ class Raw:
         return self.kind == "command" and self.text in texts
 
 
-def scan(text: str, limits: Limits = LIMITS) -> list[Raw]:
+def scan(text: str) -> list[Raw]:
     """The raw tokens, ended by one of kind "end"; InputError for a character that has no meaning."""
-    check_length(text, limits)
+    check_length(text)
     place, stop = _inside_wrappers(text)
     pieces: list[Raw] = []
     space = False
@@ -69,8 +68,7 @@ def scan(text: str, limits: Limits = LIMITS) -> list[Raw]:
         space = piece is None
         if piece:
             pieces.append(piece)
-        if len(pieces) > limits.tokens:
-            raise limit_passed("the formula has too many parts", pieces[-1].column, limits.tokens)
+            at_most(len(pieces), LIMITS.tokens, "the formula has too many parts", pieces[-1].column)
     return [*_with_fractions(pieces), Raw("end", "", stop + 1)]
 
 

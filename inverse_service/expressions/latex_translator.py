@@ -17,9 +17,8 @@ from inverse_service.expressions.tokens import (
     FACTOR,
     LETTER_COMMANDS,
     LIMITS,
-    Limits,
     Token,
-    limit_passed,
+    at_most,
     refusal,
     shorten,
 )
@@ -58,8 +57,7 @@ class LatexTranslator(LatexDerivatives):
         """The tokens of the whole formula."""
         while self._ahead.kind != "end":
             self._one()
-            if len(self._tokens) > self._limits.tokens:
-                raise limit_passed("the formula has too many parts", self._ahead.column, self._limits.tokens)
+            at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._ahead.column)
         return self._tokens
 
     def _begin_factor(self, raw: Raw) -> None:
@@ -138,7 +136,7 @@ class LatexTranslator(LatexDerivatives):
         if match is None:
             raise refusal("a dot stands by itself", start.column, "a dot belongs to a number such as 0.5")
         self._place += match.end()
-        self._tokens.append(number_token(match.group(), start.column, start.space_before, self._limits))
+        self._tokens.append(number_token(match.group(), start.column, start.space_before))
 
     def _command(self, raw: Raw) -> None:
         name = raw.text
@@ -201,7 +199,7 @@ class LatexTranslator(LatexDerivatives):
         depth = 1
         for raw in self._raw[self._place :]:
             depth += raw.is_character("(", "{", "[") - raw.is_character(")", "}", "]")
-            if depth == 0 or depth > self._limits.depth:
+            if depth == 0 or depth > LIMITS.depth:
                 return False
             if depth == 1 and raw.is_character("+", "-"):
                 return True
@@ -246,7 +244,7 @@ class LatexTranslator(LatexDerivatives):
             self._group(self._take())
         elif raw.kind == "digit":
             self._take()
-            self._tokens.append(number_token(raw.text, raw.column, False, self._limits))
+            self._tokens.append(number_token(raw.text, raw.column, False))
         elif raw.kind == "letter":
             self._emit_name(self._take().text, raw)
         elif raw.kind == "command" and raw.text not in ("right", "\\"):
@@ -280,9 +278,9 @@ class LatexTranslator(LatexDerivatives):
         self._argument(raw)
         for text in "^(":
             self._emit(text, raw)
-        self._tokens.append(number_token("1", raw.column, False, self._limits))
+        self._tokens.append(number_token("1", raw.column, False))
         self._emit("/", raw)
-        self._tokens.append(number_token(digits, raw.column, False, self._limits))
+        self._tokens.append(number_token(digits, raw.column, False))
         for text in "))":
             self._emit(text, raw)
 
@@ -336,7 +334,7 @@ class LatexTranslator(LatexDerivatives):
             digits = self._digits()
             if len(digits) > 1:
                 raise refusal("a power of several digits has no braces", raw.column, "write x^{23} or x^{2} \\cdot 3")
-            self._tokens.append(number_token(digits, raw.column, False, self._limits))
+            self._tokens.append(number_token(digits, raw.column, False))
         self._emit(")", raw)
 
     def _refuse_index(self, raised: list[Raw]) -> None:
@@ -351,7 +349,7 @@ class LatexTranslator(LatexDerivatives):
         depth, inside = 0, ""
         for raw in self._raw[self._place :]:
             depth += raw.is_character("{") - raw.is_character("}")
-            if depth == 0 or len(inside) > self._limits.name_characters:
+            if depth == 0 or len(inside) > LIMITS.name_characters:
                 break
             inside += "" if raw.is_command("left", "right") else raw.text
         raised = re.fullmatch(r"\{*[(\[]\{*(\w+)\}*[)\]]\}*", inside)
@@ -376,6 +374,6 @@ def _refused_function(name: str) -> str:
     return REFUSED[name][1] if name in REFUSED else ""
 
 
-def tokenize(text: str, names: Names | None = None, limits: Limits = LIMITS) -> list[Token]:
+def tokenize(text: str, names: Names | None = None) -> list[Token]:
     """The tokens of a LaTeX formula; without `names` every letter is a name of its own."""
-    return LatexTranslator(scan(text, limits), names or Names(), limits).all()
+    return LatexTranslator(scan(text), names or Names()).all()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from inverse_service.expressions.latex_scanner import Raw
 from inverse_service.expressions.names import Names, Role
-from inverse_service.expressions.tokens import LETTER_COMMANDS, Limits, Token, refusal
+from inverse_service.expressions.tokens import LETTER_COMMANDS, LIMITS, Token, refusal
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS, REFUSED
 
 _TIME_ARGUMENT = ["{", "left", "(", "t", "right", ")", "}"]
@@ -60,12 +60,11 @@ _WORDS = FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys()
 class LatexWords:
     """A place in the raw tokens, and what names can be read from there."""
 
-    __slots__ = ("_limits", "_names", "_place", "_raw")
+    __slots__ = ("_names", "_place", "_raw")
 
-    def __init__(self, raw: list[Raw], names: Names, limits: Limits) -> None:
+    def __init__(self, raw: list[Raw], names: Names) -> None:
         self._raw = raw
         self._names = names
-        self._limits = limits
         self._place = 0
 
     @property
@@ -81,7 +80,7 @@ class LatexWords:
     def _run(self, start: Raw) -> list[Raw]:
         """Pieces of one character that touch each other: a word or a number."""
         pieces = [start]
-        for raw in self._raw[self._place + 1 : self._place + 1 + self._limits.digits * 4]:
+        for raw in self._raw[self._place + 1 : self._place + 1 + LIMITS.digits * 4]:
             plain = raw.kind in ("letter", "digit") or raw.is_character(".", "-", "+")
             if not plain or raw.space_before or raw.column != pieces[-1].column + 1:
                 break
@@ -90,7 +89,7 @@ class LatexWords:
 
     def _word(self) -> str:
         """A letter, or the whole word where it is declared or a function; the pieces are taken."""
-        pieces = self._run(self._ahead)[: self._limits.name_characters]
+        pieces = self._run(self._ahead)[: LIMITS.name_characters]
         length = next((k for k, piece in enumerate(pieces) if piece.kind == "character"), len(pieces))
         word = "".join(piece.text for piece in pieces[:length])
         for size in range(length, 1, -1):

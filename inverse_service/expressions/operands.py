@@ -12,10 +12,10 @@ from inverse_service.expressions.derivative import differentiate, differentiate_
 from inverse_service.expressions.names import Names, unknown_name
 from inverse_service.expressions.tokens import (
     FACTOR,
-    Limits,
+    LIMITS,
     Token,
     TokenStream,
-    limit_passed,
+    at_most,
     refusal,
     shorten,
     unexpected,
@@ -45,14 +45,14 @@ class Variable:
     column: int
 
 
-def carry_out(expression: Expression, variables: Sequence[Variable], names: Names, limits: Limits) -> Expression:
+def carry_out(expression: Expression, variables: Sequence[Variable], names: Names) -> Expression:
     """The derivative; by t it is the one along the motion (x -> x' -> x''), else a partial one."""
-    if sum(variable.times for variable in variables) > limits.derivative_order:
-        raise limit_passed("a derivative is too high", variables[0].column, limits.derivative_order)
+    order = sum(variable.times for variable in variables)
+    at_most(order, LIMITS.derivative_order, "a derivative is too high", variables[0].column)
     expression = _defined(expression, variables, names)
     for variable in variables:
         for _ in range(variable.times):
-            expression = _once(expression, variable, names, limits)
+            expression = _once(expression, variable, names)
     return expression
 
 
@@ -69,14 +69,14 @@ def _defined(expression: Expression, variables: Sequence[Variable], names: Names
     return substitute(expression, dict(names.definitions)) if names.definitions else expression
 
 
-def _once(expression: Expression, variable: Variable, names: Names, limits: Limits) -> Expression:
-    if sum(1 for _ in walk(expression)) > limits.derivative_nodes:
-        raise limit_passed("the formula to differentiate is too large", variable.column, limits.derivative_nodes)
+def _once(expression: Expression, variable: Variable, names: Names) -> Expression:
+    nodes = sum(1 for _ in walk(expression))
+    at_most(nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column)
     if variable.node != TIME:
         result = differentiate(expression, variable.node)
     else:
         result = _along_motion(expression, variable, names)
-    return check_depth(result, limits, variable.column)
+    return check_depth(result, variable.column)
 
 
 def _refuse_two_meanings(function: Arbitrary, column: int) -> None:
@@ -104,12 +104,11 @@ def _third(column: int) -> InputError:
 class OperandParser(ABC):
     """Reads what begins with a name; sums and products are the business of `grammar.py`."""
 
-    __slots__ = ("_bars", "_limits", "_names", "_stream")
+    __slots__ = ("_bars", "_names", "_stream")
 
     def __init__(self, stream: TokenStream, names: Names) -> None:
         self._stream = stream
         self._names = names
-        self._limits = stream.limits
         self._bars = 0
 
     @abstractmethod
@@ -244,13 +243,12 @@ class OperandParser(ABC):
     def _arbitrary(self, name: str, token: Token) -> Expression:
         declared = self._names.functions[name]
         orders = self._orders(name, len(declared))
-        if sum(orders) > self._limits.derivative_order:
-            raise limit_passed(f"a derivative of {name} is too high", token.column, self._limits.derivative_order)
+        at_most(sum(orders), LIMITS.derivative_order, f"a derivative of {name} is too high", token.column)
         column, exponent = self._stream.ahead.column, None
         if self._stream.take_operator("^"):
             exponent = self._exponent()
         found = self._called(name, declared, orders, token, exponent is not None)
-        return found if exponent is None else raised(found, exponent, column, self._limits)
+        return found if exponent is None else raised(found, exponent, column)
 
     def _called(
         self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, after_power: bool
@@ -290,8 +288,7 @@ class OperandParser(ABC):
         token = self._stream.take()
         if token.kind != "number" or token.value.denominator != 1:
             raise unexpected(token, "the order of a derivative, an integer,")
-        if token.value > self._limits.derivative_order:
-            raise limit_passed("a derivative is too high", token.column, self._limits.derivative_order)
+        at_most(token.value, LIMITS.derivative_order, "a derivative is too high", token.column)
         return int(token.value)
 
     def _derivative(self, token: Token) -> Expression:
@@ -308,7 +305,7 @@ class OperandParser(ABC):
             raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
         if any(variable.node == TIME for variable in variables) and isinstance(expression, Arbitrary):
             _refuse_two_meanings(expression, token.column)
-        return carry_out(expression, variables, self._names, self._limits)
+        return carry_out(expression, variables, self._names)
 
     def _variable(self) -> Variable:
         opening = self._stream.take_operator("(")

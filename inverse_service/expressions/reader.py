@@ -1,15 +1,23 @@
-r"""One entry for formulas in plain text and in LaTeX: a backslash or a brace means LaTeX."""
+r"""One entry for formulas in plain text and in LaTeX: a backslash or a brace means LaTeX.
+
+Lists of equations are split as tokens: where one ends, and its two sides.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from inverse_service.expressions import equations
+from inverse_service.errors import InputError
+from inverse_service.expressions.checked import check_depth
+from inverse_service.expressions.grammar import parse_tokens
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.notations import in_our_words
 from inverse_service.expressions.tokenizer import tokenize
-from inverse_service.expressions.tokens import Token, refuse_decimal_commas
+from inverse_service.expressions.tokens import Token, refusal, refuse_decimal_commas, shorten
 from inverse_service.expressions.tree import ZERO, Expression, subtract
+from inverse_service.expressions.vocabulary import FUNCTIONS
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
@@ -23,7 +31,7 @@ def is_latex(formula: str) -> bool:
 
 def read_formula(formula: str, names: Names) -> Expression:
     """The formula as a tree; InputError or LimitError with the column."""
-    return equations.read_formula(read_tokens(formula, names), len(formula) + 1, names)
+    return _side([token for token in read_tokens(formula, names) if token.kind != "newline"], len(formula) + 1, names)
 
 
 def read_condition(condition: str, names: Names) -> Expression:
@@ -35,7 +43,7 @@ def read_condition(condition: str, names: Names) -> Expression:
 
 def read_equations(formula: str, names: Names) -> list[tuple[Expression, Expression]]:
     """(left, right) of each equation; no = means = 0."""
-    return [equations.read_equation(group, names) for group in split_equations(formula, names)]
+    return [read_equation(group, names) for group in split_equations(formula, names)]
 
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
@@ -58,6 +66,161 @@ def _greek(match: re.Match[str]) -> str:
     return f"{'var' * ('Curly' in match[0])}{name}".ljust(len(match[0]))
 
 
-def split_equations(formula: str, names: Names) -> list[equations.EquationTokens]:
-    """The equations as tokens, so that each can be refused by itself."""
-    return equations.split(read_tokens(formula, names), len(formula) + 1)
+_EXPECTS_MORE = ("+", "-", "*", "/", "^", "=", ",", "(", "[")
+_GOES_ON = ("+", "*", "/", "^", "=", ")", "]")
+
+
+@dataclass(frozen=True, slots=True)
+class EquationTokens:
+    """The tokens of one equation and the column just after it."""
+
+    tokens: tuple[Token, ...]
+    end_column: int
+
+
+def split_equations(formula: str, names: Names) -> list[EquationTokens]:
+    """One entry for each equation: ; and line ends and commas outside brackets separate; empty ones are dropped.
+
+    They are tokens, so that each can be refused by itself. A comma separates equations only: where one of the parts has
+    an = and the other none, it is refused.
+    """
+    tokens = read_tokens(formula, names)
+    _refuse_bullets(tokens)
+    groups: list[EquationTokens] = []
+    commas: list[Token] = []
+    current: list[Token] = []
+    open_brackets = 0
+    for place, token in enumerate(tokens):
+        open_brackets += token.is_operator("(", "[") - token.is_operator(")", "]")
+        if _separates(tokens, place, current, open_brackets):
+            groups.append(EquationTokens(tuple(current), token.column))
+            commas += [token] * token.is_operator(",")
+            current = []
+        elif token.kind != "newline":
+            current.append(token)
+    groups.append(EquationTokens(tuple(current), len(formula) + 1))
+    found = [group for group in groups if group.tokens]
+    if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
+        raise refusal("a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations")
+    return found
+
+
+def _refuse_bullets(tokens: Sequence[Token]) -> None:
+    """InputError for lines that all begin with "- ", which is a bullet to most; -x'' = x in one line is none."""
+    lines: list[list[Token]] = [[]]
+    for token in tokens:
+        if token.kind == "newline":
+            lines.append([])
+        else:
+            lines[-1].append(token)
+    full = [line for line in lines if line]
+    listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
+    if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
+        raise refusal(
+            "every line begins with a - that may be a bullet", full[0][0].column, "leave it out, or write -1*"
+        )
+
+
+def _separates(tokens: Sequence[Token], place: int, current: list[Token], open_brackets: int) -> bool:
+    token = tokens[place]
+    if token.is_operator(";"):
+        return True
+    if token.is_operator(","):
+        return open_brackets <= 0
+    return token.kind == "newline" and open_brackets <= 0 and not _continues(tokens, place, current)
+
+
+def _continues(tokens: Sequence[Token], place: int, current: list[Token]) -> bool:
+    """Whether the equation goes on after a line end: an operator before or after it asks for more."""
+    if not current or current[-1].is_operator(*_EXPECTS_MORE):
+        return True
+    following = next((token for token in tokens[place:] if token.kind != "newline"), None)
+    if following is None or following.is_operator(*_GOES_ON):
+        return True
+    return following.is_operator("-") and not _line_has_equals(tokens, place)
+
+
+def _line_has_equals(tokens: Sequence[Token], place: int) -> bool:
+    """Whether an = comes before the next separator: then a leading minus begins a new equation."""
+    started = False
+    for token in tokens[place:]:
+        if token.is_operator("="):
+            return True
+        if token.is_operator(";") or (token.kind == "newline" and started):
+            return False
+        started = started or token.kind != "newline"
+    return False
+
+
+def read_equation(equation: EquationTokens, names: Names) -> tuple[Expression, Expression]:
+    """(left, right); right is 0 where no = stands."""
+    places = [place for place, token in enumerate(equation.tokens) if token.is_operator("=")]
+    if len(places) > 1:
+        column = equation.tokens[places[1]].column
+        raise refusal("a second = occurs", column, "separate equations by ;")
+    _refuse_label(equation.tokens)
+    if not places:
+        return _side(list(equation.tokens), equation.end_column, names), ZERO
+    left, right = list(equation.tokens[: places[0]]), list(equation.tokens[places[0] + 1 :])
+    return _side(left, equation.tokens[places[0]].column, names), _side(right, equation.end_column, names)
+
+
+def _refuse_label(tokens: Sequence[Token]) -> None:
+    """InputError for (2) or 2. before an equation: its number to most writers, and no factor."""
+    texts, kinds = [token.text for token in tokens[:4]], [token.kind for token in tokens[:4]]
+    bracketed = texts[:1] + texts[2:3] == ["(", ")"] and kinds[1:2] + kinds[3:] == ["number", "name"]
+    dotted = kinds[:2] == ["number", "name"] and texts[0].endswith(".") and tokens[1].space_before
+    if bracketed or dotted:
+        shown = "".join(texts[: 3 if bracketed else 1])
+        what = f"{shown} could be an equation number"
+        raise refusal(what, tokens[0].column, "leave it out, or write * after a factor")
+
+
+def remark(line: Sequence[Token], place: int) -> InputError | None:
+    """The refusal of names in brackets, (spring) after an equation and (a) before one: no factors to their writers."""
+    start = end = place
+    while start and line[start - 1].kind == "name":
+        start -= 1
+    while end < len(line) and line[end].kind == "name":
+        end += 1
+    if not start or end == len(line) or not (line[start - 1].is_operator("(") and line[end].is_operator(")")):
+        return None
+    before, after = line[start - 2] if start > 1 else None, line[end + 1] if end + 1 < len(line) else None
+    begins = _is_edge(before) and after is not None and after.kind == "name"
+    follows = (
+        line[start - 1].space_before and _ends_factor(before) and _is_edge(after) and not _is_power(line, start - 1)
+    )
+    if not begins and not follows:
+        return None
+    shown = shorten(f"({' '.join(token.text for token in line[start:end])})")
+    return refusal(f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor")
+
+
+def _is_power(line: Sequence[Token], end: int) -> bool:
+    """Whether the power of a function, as in sin^{2} (omega t), ends there; then its argument follows."""
+    depth = 0
+    for place in range(end - 1, 1, -1):
+        depth += line[place].is_operator(")") - line[place].is_operator("(")
+        if depth == 0:
+            return line[place - 1].is_operator("^") and line[place - 2].text in FUNCTIONS
+    return False
+
+
+def _is_edge(token: Token | None) -> bool:
+    """Whether an equation ends or begins there."""
+    return token is None or token.kind == "newline" or token.is_operator(";", ",")
+
+
+def _ends_factor(token: Token | None) -> bool:
+    if token is None or token.text in FUNCTIONS:
+        return False
+    return token.kind in ("name", "number", "prime") or token.is_operator(")")
+
+
+def _side(tokens: list[Token], end_column: int, names: Names) -> Expression:
+    return check_depth(parse_tokens(tokens, end_column, names), tokens[0].column if tokens else end_column)
+
+
+def equation_line(name: str, text: str) -> str:
+    """x'' = f, or E = 0 for an equation that is not solved for the accelerations."""
+    return f"{text} = 0" if "''" in text else f"{name}'' = {text}"

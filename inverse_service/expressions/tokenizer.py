@@ -20,8 +20,8 @@ from inverse_service.expressions.tokens import (
     SPACES,
     SUPERSCRIPT_MINUS,
     SUPERSCRIPTS,
-    Limits,
     Token,
+    at_most,
     describe,
     letter,
     limit_passed,
@@ -67,12 +67,12 @@ _SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", Non
 _OTHERWISE = "use letters, digits, + - * / ^ ( ) , = and '"
 
 
-def check_length(text: str, limits: Limits = LIMITS) -> None:
+def check_length(text: str) -> None:
     """LimitError for too many characters, InputError for an empty text."""
-    if len(text) > limits.characters:
+    if len(text) > LIMITS.characters:
         raise LimitError(
-            f"the formula has {len(text):,} characters: the limit is {limits.characters:,}; write less.",
-            column=limits.characters + 1,
+            f"the formula has {len(text):,} characters: the limit is {LIMITS.characters:,}; write less.",
+            column=LIMITS.characters + 1,
         )
     if not text.strip():
         raise InputError("the formula is empty at column 1: write a formula, 0 if nothing acts.", column=1)
@@ -84,9 +84,9 @@ def without_full_stop(text: str) -> str:
     return plain[:-1] if plain.endswith(".") and not plain[-2:-1].isdigit() and plain != "." else text
 
 
-def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
+def tokenize(text: str) -> list[Token]:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
-    check_length(text, limits)
+    check_length(text)
     text = without_full_stop(text)
     tokens: list[Token] = []
     place, space, open_brackets = 0, False, 0
@@ -104,18 +104,18 @@ def tokenize(text: str, limits: Limits = LIMITS) -> list[Token]:
             sign = _CONDITION_SIGNS.get(condition[0], condition[0])
             found, place = [Token("operator", sign, place + 1, space)], condition.end()
         else:
-            found, place = _next(text, place, space, limits)
+            found, place = _next(text, place, space)
         tokens += found
         space = character == "\n"
         open_brackets += (character in "([") - (character in ")]")
-        if open_brackets > limits.depth:  # here and not only in the parser: thousands of brackets are not tokenized
-            raise limit_passed("the formula is nested too deeply", tokens[-1].column, limits.depth)
-        if len(tokens) > limits.tokens:
-            raise limit_passed("the formula has too many parts", tokens[-1].column, limits.tokens)
+        column = tokens[-1].column if tokens else 1
+        # here and not only in the parser: thousands of brackets are not tokenized
+        at_most(open_brackets, LIMITS.depth, "the formula is nested too deeply", column)
+        at_most(len(tokens), LIMITS.tokens, "the formula has too many parts", column)
     return tokens
 
 
-def _next(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Token], int]:
+def _next(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     character = text[place]
     if character == "#":
         end = text.find("\n", place)
@@ -132,31 +132,30 @@ def _next(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Toke
         raise refusal(f"the digits of {digits} are in groups", place + 1, f"write {digits}", (digits,), span)
     number = NUMBER.match(text, place)
     if number:
-        return [number_token(number.group(), place + 1, space, limits)], number.end()
+        return [number_token(number.group(), place + 1, space)], number.end()
     if character in PRIMES:
         return [Token("prime", character, place + 1, space, Fraction(PRIMES[character]))], place + 1
     if character in SUPERSCRIPTS or character == SUPERSCRIPT_MINUS:
-        return _superscript(text, place, limits)
+        return _superscript(text, place)
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)
     if found and found[0] and found[0] != "_":
-        return _name(text, place, space, limits)
+        return _name(text, place, space)
     return _operator(text, place, space)
 
 
-def number_token(text: str, column: int, space: bool, limits: Limits = LIMITS) -> Token:
+def number_token(text: str, column: int, space: bool) -> Token:
     """An exact decimal (0.1 is 1/10); LimitError for too many digits or too large a power of ten."""
     mantissa, _, exponent = text.lower().partition("e")
-    if sum(character.isdigit() for character in mantissa) > limits.digits:
-        raise limit_passed("a number has too many digits", column, limits.digits)
-    if len(exponent.lstrip("+-0")) > 6 or abs(int(exponent or 0)) > limits.decimal_exponent:
-        raise limit_passed("the power of ten of a number is too large", column, limits.decimal_exponent)
+    at_most(sum(character.isdigit() for character in mantissa), LIMITS.digits, "a number has too many digits", column)
+    if len(exponent.lstrip("+-0")) > 6 or abs(int(exponent or 0)) > LIMITS.decimal_exponent:
+        raise limit_passed("the power of ten of a number is too large", column, LIMITS.decimal_exponent)
     value = Fraction(mantissa) * Fraction(10) ** int(exponent or 0)
     return Token("number", text, column, space, value)
 
 
-def _superscript(text: str, place: int, limits: Limits) -> tuple[list[Token], int]:
+def _superscript(text: str, place: int) -> tuple[list[Token], int]:
     column, sign = place + 1, text[place] == SUPERSCRIPT_MINUS
     start = place = place + sign
     while place < len(text) and text[place] in SUPERSCRIPTS:
@@ -165,12 +164,12 @@ def _superscript(text: str, place: int, limits: Limits) -> tuple[list[Token], in
     if not digits:
         raise refusal("a raised minus has no digits after it", column, "write a power such as ^(-1)")
     signs = [Token("operator", "-", column)] if sign else []
-    number = number_token(digits, start + 1, False, limits)
+    number = number_token(digits, start + 1, False)
     opening, closing = Token("operator", "(", column), Token("operator", ")", column)
     return [Token("operator", "^", column), opening, *signs, number, closing], place
 
 
-def _name(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Token], int]:
+def _name(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     """A name with the dots over it (as a prime after it); plain ASCII goes the short way."""
     column, ascii_name = place + 1, _ASCII_NAME.match(text, place)
     end = ascii_name.end() if ascii_name else place
@@ -178,8 +177,7 @@ def _name(text: str, place: int, space: bool, limits: Limits) -> tuple[list[Toke
         name, order = ascii_name.group(), 0
     else:
         name, order, end = _long_name(text, place)
-    if len(name) > limits.name_characters:
-        raise limit_passed("a name has too many characters", column, limits.name_characters)
+    at_most(len(name), LIMITS.name_characters, "a name has too many characters", column)
     dots = [Token("prime", "'" * order, column, False, Fraction(order))] if order else []
     return [Token("name", name, column, space), *dots], end
 

@@ -94,6 +94,12 @@ def limit_passed(what: str, column: int, bound: int) -> LimitError:
     return LimitError(f"{what} at column {column}: the limit is {bound:,}; write less.", column=column)
 
 
+def at_most(count: int | Fraction, bound: int, what: str, column: int) -> None:
+    """LimitError that says what is too large where the count is above the bound."""
+    if count > bound:
+        raise limit_passed(what, column, bound)
+
+
 def never_closed(opening: Token) -> InputError:
     """The refusal of a bracket without its end."""
     closing = {"(": ")", "[": "]", "{": "}"}.get(opening.text, opening.text)
@@ -120,13 +126,12 @@ def check_brackets(tokens: Sequence[Token]) -> None:
 class TokenStream:
     """A position in a list of tokens, with the depth of nesting counted."""
 
-    __slots__ = ("_depth", "_tokens", "limits", "position")
+    __slots__ = ("_depth", "_tokens", "position")
 
-    def __init__(self, tokens: Sequence[Token], end_column: int, limits: Limits = LIMITS) -> None:
+    def __init__(self, tokens: Sequence[Token], end_column: int) -> None:
         self._tokens = [*tokens, Token("end", "", end_column)]
         self._depth = 0
         self.position = 0
-        self.limits = limits
 
     @property
     def ahead(self) -> Token:
@@ -177,8 +182,7 @@ class TokenStream:
     def nested(self) -> Iterator[None]:
         """One level further in; LimitError past `limits.depth`."""
         self._depth += 1
-        if self._depth > self.limits.depth:
-            raise limit_passed("the formula is nested too deeply", self.ahead.column, self.limits.depth)
+        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", self.ahead.column)
         yield
         self._depth -= 1
 

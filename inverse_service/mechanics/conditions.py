@@ -10,15 +10,15 @@
 Source: J. Douglas, Solution of the inverse problem of the calculus of variations, 1941; W. Sarlet, The
 Helmholtz conditions revisited, 1982; the sign of N in nabla is that of the definition of N here.
 
-The tensors N, Phi, nabla Phi, R (and higher ones) of a system as exact expressions for people.
+The tensors N, Phi, nabla Phi, R of a system as exact expressions for people.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Generic, Protocol, Self, TypeVar, cast
+from typing import Generic, Protocol, Self, TypeVar
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
@@ -155,18 +155,13 @@ TIME_LIMIT = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Tensors:
-    """N, Phi, nabla_Phi, R (R[j][k][l] = R^j_kl); None where `reason` says why it was left out.
+    """N, Phi, nabla_Phi, R (R[j][k][l] = R^j_kl); None where `reason` says why it was left out."""
 
-    `higher` holds by name what was asked for beyond these: "nabla^2 Phi", "R[nabla Phi]" (n x n x n),
-    "nabla R" (n x n x n).
-    """
-
-    N: Matrix | None
-    Phi: Matrix | None
-    nabla_Phi: Matrix | None
-    R: tuple[Matrix, ...] | None
+    N: Matrix | None = None
+    Phi: Matrix | None = None
+    nabla_Phi: Matrix | None = None
+    R: tuple[Matrix, ...] | None = None
     reason: str = ""
-    higher: tuple[tuple[str, Matrix | tuple[Matrix, ...]], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,66 +195,28 @@ def motion_in_ring(
     return MotionInRing(ring, motion)
 
 
-def conditions(
-    system: SecondOrderSystem, depth: int = 1, term_limit: int = TERM_LIMIT, time_limit: float = TIME_LIMIT
-) -> Tensors:
-    """N, Phi, nabla Phi and R by the definitions of `curvature`, with their derivatives to `depth`.
+def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Tensors:
+    """N, Phi, nabla Phi and R.
 
-    depth 1 gives the four; depth d also nabla^k Phi for k <= d, R[nabla^k Phi] and nabla^k R for
-    k < d. A tensor with an entry of more than `term_limit` terms, and all after it, is left out.
+    A tensor with an entry of more than `TERM_LIMIT` terms, and all after it, is left out.
     """
-    budget = Budget(term_limit, now() + time_limit)
-    found: dict[str, Matrix | tuple[Matrix, ...]] = {}
-    reason = ""
+    found = Tensors()
     try:
-        exact = motion_in_ring(system, depth + 2, budget)
-        _derive(exact, depth, found)
+        exact = motion_in_ring(system, 3, Budget(TERM_LIMIT, now() + time_limit))
+        n = connection(exact.motion)
+        found = replace(found, N=matrix_trees(exact.ring, n))
+        phi = jacobi_endomorphism(exact.motion)
+        found = replace(found, Phi=matrix_trees(exact.ring, phi))
+        found = replace(found, nabla_Phi=matrix_trees(exact.ring, nabla(exact.motion, n, phi)))
+        bend = curvature(exact.motion, phi)
+        return replace(found, R=tuple(matrix_trees(exact.ring, part) for part in bend))
     except TooLarge as error:
-        reason = f"{_first_missing(found)} and what follows is left out: {error}"
+        missing = next(name for name in ("N", "Phi", "nabla_Phi", "R") if getattr(found, name) is None)
+        return replace(found, reason=f"{missing.replace('_', ' ')} and what follows is left out: {error}")
     except ZeroDivisionError as error:
-        reason = f"the equations cannot be differentiated: {error}"
-    return _packed(found, reason)
-
-
-_NAMES = ("N", "Phi", "nabla Phi", "R")
-
-
-def _first_missing(found: dict[str, Matrix | tuple[Matrix, ...]]) -> str:
-    return next((name for name in _NAMES if name not in found), "a higher tensor")
-
-
-def _derive(exact: MotionInRing, depth: int, found: dict[str, Matrix | tuple[Matrix, ...]]) -> None:
-    """Fill the table by name, in the order of cost."""
-    motion = exact.motion
-    n = connection(motion)
-    found["N"] = matrix_trees(exact.ring, n)
-    tensor = jacobi_endomorphism(motion)
-    found["Phi"] = matrix_trees(exact.ring, tensor)
-    endomorphisms, bend = [tensor], None
-    for order in range(1, depth + 1):
-        endomorphisms.append(nabla(motion, n, endomorphisms[-1]))
-        found[power_name("nabla", order, "Phi")] = matrix_trees(exact.ring, endomorphisms[-1])
-        bend = curvature(motion, tensor) if bend is None else nabla_of_curvature(motion, n, bend)
-        found[power_name("nabla", order - 1, "R")] = tuple(matrix_trees(exact.ring, part) for part in bend)
-        if order > 1:
-            other = curvature(motion, endomorphisms[order - 1])
-            name = f"R[{power_name('nabla', order - 1, 'Phi')}]"
-            found[name] = tuple(matrix_trees(exact.ring, part) for part in other)
-
-
-def power_name(operator: str, exponent: int, operand: str) -> str:
-    """ "Phi", "nabla Phi", "nabla^2 Phi"."""
-    if exponent == 0:
-        return operand
-    return f"{operator} {operand}" if exponent == 1 else f"{operator}^{exponent} {operand}"
+        return replace(found, reason=f"the equations cannot be differentiated: {error}")
 
 
 def matrix_trees(ring: ExactRing, matrix: tuple[tuple[Quotient, ...], ...]) -> Matrix:
     """Each entry as a tree."""
     return tuple(tuple(quotient_tree(ring, entry) for entry in row) for row in matrix)
-
-
-def _packed(found: dict[str, Matrix | tuple[Matrix, ...]], reason: str) -> Tensors:
-    higher = tuple((name, tensor) for name, tensor in found.items() if name not in _NAMES)
-    n, phi, nabla_phi = (cast("Matrix | None", found.get(name)) for name in _NAMES[:3])
-    return Tensors(n, phi, nabla_phi, cast("tuple[Matrix, ...] | None", found.get("R")), reason, higher)

@@ -15,7 +15,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.equations import remark
 from inverse_service.expressions.names import (
     DOTTED,
     GREEK_NAMES,
@@ -25,7 +24,7 @@ from inverse_service.expressions.names import (
     looks_like_a_coordinate,
     readings,
 )
-from inverse_service.expressions.reader import read_tokens
+from inverse_service.expressions.reader import read_tokens, remark
 from inverse_service.expressions.tokens import Token, check_brackets, joined, refusal, shorten
 from inverse_service.expressions.vocabulary import (
     DERIVATIVE_NAMES,

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.equations import read_equation
 from inverse_service.expressions.names import Names, check_clashes
-from inverse_service.expressions.reader import read_formula, read_tokens, split_equations
+from inverse_service.expressions.reader import read_equation, read_formula, read_tokens, split_equations
 from inverse_service.expressions.tokens import LIMITS, refusal
 from inverse_service.expressions.tree import (
     ONE,

@@ -34,7 +34,7 @@ from inverse_service.simulation.schemes import alpha_of, parts_of, program_of
 from inverse_service.simulation.starting import Initial, initial, refusal
 from inverse_service.simulation.watches import RESOLVE, SMALLER_STEP, has_unique_roots
 
-__all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "available", "run"]
+__all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "run"]
 
 METHODS = ("variational", "nonholonomic", "modified", "runge_kutta", "reference", "adaptive", "stiff", "heyoka", *SCIPY)
 
@@ -98,18 +98,6 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
 MONOTONE = "The step is far beyond what the guard allows, but its equation is monotone: the root found is the only one."
 NO_GUARD = "The guard was off: that each step took the root that belongs to small steps was not checked."
 FEW, MANY, HALF = 4, 4096, 0.5
-
-
-def available(problem: Problem) -> tuple[str, ...]:
-    """The methods that have what they need: "variational" wants L~ or H~, "nonholonomic" L, "modified" all."""
-    known = {
-        "variational": problem.free_hamiltonian is not None or problem.free_lagrangian is not None,
-        "nonholonomic": problem.lagrangian is not None,
-        "modified": bool(problem.free_lagrangian and problem.constraints),
-        "runge_kutta": problem.accelerations is not None,
-    }
-    known |= dict.fromkeys(("reference", "adaptive", "stiff", "heyoka"), problem.accelerations is not None)
-    return tuple(name for name, has in known.items() if has)
 
 
 def run(

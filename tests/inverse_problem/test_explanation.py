@@ -9,17 +9,20 @@ from collections.abc import Iterator, Mapping
 import pytest
 from mpmath import mp, mpf
 
+from inverse_service.algebra.exact_ring import quotient_tree
+from inverse_service.algebra.rational_functions import Budget
 from inverse_service.catalogue import document, entry, names
+from inverse_service.deadline import now
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, number, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
+from inverse_service.inverse_problem.explanation.hierarchy import hierarchy, smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import entry_symbols, explain_negative
 from inverse_service.inverse_problem.explanation.verification import explain_positive
 from inverse_service.inverse_problem.explanation.wording import Explanation
-from inverse_service.mechanics.conditions import conditions
+from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -88,16 +91,18 @@ class Reader:
 
     def left_side(self, name: str, indices: str) -> mpf:
         """(g T)_ik - (g T)_ki, or the cyclic sum for a curvature, from the tensors themselves."""
-        found = conditions(self.given, depth=2, time_limit=20, term_limit=50_000)
-        tensor = {"Phi": found.Phi, "nabla Phi": found.nabla_Phi, "R": found.R, **dict(found.higher)}[name]
+        exact = motion_in_ring(self.given, 4, Budget(50_000, now() + 20))
+        (tensor,) = (each for known, each in hierarchy(exact.motion, 2).items() if known.name == name)
         span, places = range(len(self.given.coordinates)), [int(digit) - 1 for digit in indices]
         if len(places) == 2:
             i, k = places
-            left = [self.entry(i, j) * self.value(tensor[j][k]) for j in span]
-            return mp.fsum(left) - mp.fsum(self.entry(k, j) * self.value(tensor[j][i]) for j in span)
+            left = [self.entry(i, j) * self.value(quotient_tree(exact.ring, tensor[j][k])) for j in span]
+            right = [self.entry(k, j) * self.value(quotient_tree(exact.ring, tensor[j][i])) for j in span]
+            return mp.fsum(left) - mp.fsum(right)
         i, k, m = places
         cycle = [(i, k, m), (m, i, k), (k, m, i)]
-        return mp.fsum(self.entry(a, j) * self.value(tensor[j][b][c]) for a, b, c in cycle for j in span)
+        terms = [(self.entry(a, j), quotient_tree(exact.ring, tensor[j][b][c])) for a, b, c in cycle for j in span]
+        return mp.fsum(entry * self.value(tree) for entry, tree in terms)
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from inverse_service.algebra.point import Expansion, Variable
+from inverse_service.algebra.point import Variable
 from inverse_service.algebra.series_program import TooLarge
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
@@ -50,9 +50,8 @@ def both(system: SecondOrderSystem, with_time: bool, order: int) -> tuple[tuple[
     )
     prime, registers = forms.at(3, order)
     compiled = helmholtz.compiled_equations(len(velocities), len(variables), prime, order, registers)
-    expansion = Expansion(point, variables, order + 2)
-    speeds, forces = ([expansion.expand(x) for x in some] for some in (velocities, analysis.accelerations))
-    return compiled.equations, equations(local_system(expansion.ring, speeds, forces, with_time)).equations
+    sparse = local_system(*analysis.series(point, with_time, order + 2), with_time)
+    return compiled.equations, equations(sparse).equations
 
 
 def entries(found: Equations, degree: int, prime: int, factor: int) -> list[dict[int, int]]:

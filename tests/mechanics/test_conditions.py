@@ -261,11 +261,6 @@ def test_r_is_antisymmetric_in_its_lower_indices() -> None:
     assert not all(bend[i][k][m].is_zero for i, k, m in indices)
 
 
-def test_higher_tensors_come_on_request() -> None:
-    found = conditions(catalogue_system("three-d-2"), depth=2)
-    assert [name for name, _ in found.higher] == ["nabla^2 Phi", "nabla R", "R[nabla Phi]"]
-
-
 def test_what_is_too_large_is_left_out_with_the_reason() -> None:
     found = conditions(system({"x": "(x+y+x'+y'+1)^60*y'", "y": "x'"}), time_limit=1)
     assert found.R is None

@@ -11,8 +11,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation.array_values import array_value
-from inverse_service.simulation.bounds import bounds
+from inverse_service.simulation.array_values import array_value, bounds
 
 FIXED = ["variational", "stormer-verlet", "runge-kutta", "reference"]
 START = {"initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "step": 0.1, "steps": 30}

@@ -22,7 +22,7 @@ from benchmarks.problems import (
     problem,
 )
 from inverse_service.errors import InputError
-from inverse_service.simulation.methods import available, run
+from inverse_service.simulation.methods import run
 from inverse_service.simulation.scene import Grid, MethodChoice, Observable, Observation, Problem, Start
 
 C = {"c": 1.0}
@@ -187,8 +187,6 @@ def test_a_run_can_be_stopped() -> None:
 
 
 def test_what_a_problem_lacks_is_said() -> None:
-    assert available(CONTACT) == ("nonholonomic", "runge_kutta", "reference", "adaptive", "stiff", "heyoka")
-    assert "variational" in available(DISK)
     with pytest.raises(InputError, match="needs a free Lagrangian"):
         run(CONTACT, MethodChoice("variational"), contact_start(), Grid(0.1, 10), {"k": 1.0})
     without = problem("u", free="1/2*u'^2")

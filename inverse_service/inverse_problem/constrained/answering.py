@@ -26,8 +26,13 @@ from inverse_service.inverse_problem.constrained.lagrangian import (
     lagrangian_of_closed,
     own_system,
 )
-from inverse_service.inverse_problem.constrained.series import series_steps
-from inverse_service.inverse_problem.constrained.wording import finding_steps, freedom, lagrangian_steps, open_reason
+from inverse_service.inverse_problem.constrained.wording import (
+    finding_steps,
+    freedom,
+    lagrangian_steps,
+    open_reason,
+    series_steps,
+)
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.inverse_problem.outcome import Lagrangian, Step, Verdict
 from inverse_service.linear_pde.deciding import Finding

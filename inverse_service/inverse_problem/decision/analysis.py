@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.point import Variable
+from inverse_service.algebra.point import Expansion, Point, Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
+from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.algebra.tower import Tower
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
@@ -45,6 +46,12 @@ class Analysis:
     constrained: Mapping[Velocity, Expression] = field(default_factory=dict)
     towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
 
+    def series(self, point: Point, with_time: bool, order: int) -> tuple[SeriesRing, list[Series], list[Series]]:
+        """The ring of series in (t?, q, v) about the point, and v and f in it; SingularPoint where f has none."""
+        expansion = Expansion(point, moving_variables(self.system, with_time), order)
+        velocities = [expansion.expand(Velocity(name)) for name in self.system.coordinates]
+        return expansion.ring, velocities, [expansion.expand(f) for f in self.accelerations]
+
 
 def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
     """t, q, v and the parameters, and accelerations that are letters."""
@@ -55,6 +62,11 @@ def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
         *(Symbol(name) for name in system.parameters),
         *system.letters,
     )
+
+
+def moving_variables(system: SecondOrderSystem, with_time: bool) -> tuple[Variable, ...]:
+    """(t?, q, v)."""
+    return variables_of(system)[not with_time : 1 + 2 * len(system.coordinates)]
 
 
 def analyse(system: SecondOrderSystem) -> Analysis:

@@ -106,10 +106,8 @@ class HelmholtzAt:
 
     def expanded(self, seed: int, order: int) -> LocalSystem:
         """X, N, Phi by sparse series at the point of this seed, for prolongation to this order."""
-        expansion = Expansion(draw_point(self._analysis.tower, seed), self._variables, order + 2)
-        speeds = [expansion.expand(v) for v in self._velocities]
-        forces = [expansion.expand(f) for f in self._analysis.accelerations]
-        return local_system(expansion.ring, speeds, forces, self._with_time)
+        point = draw_point(self._analysis.tower, seed)
+        return local_system(*self._analysis.series(point, self._with_time, order + 2), self._with_time)
 
 
 def decide(

@@ -23,12 +23,12 @@ from typing import Any, TypeVar
 
 from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.modular import reconstruct, safe_prime
-from inverse_service.algebra.point import Expansion, Point
+from inverse_service.algebra.point import Point
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import PI, Expression, Symbol, Velocity, add, multiply, number, walk
-from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, variables_of
+from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, moving_variables, variables_of
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.inverse_problem.kinds.helmholtz import matrix_of
 from inverse_service.linear_pde.emission import Prolongation, advance, start
@@ -102,12 +102,8 @@ def regular_at(
 
 def prolonged(analysis: Analysis, point: Point, with_time: bool, order: int) -> Prolongation:
     """All rows up to the order at the point; raises SingularPoint where f has no value there."""
-    names = analysis.system.coordinates
-    variables = variables_of(analysis.system)[not with_time : 1 + 2 * len(names)]
-    expansion = Expansion(point, variables, order + 2)
-    speeds = [expansion.expand(Velocity(name)) for name in names]
-    forces = [expansion.expand(f) for f in analysis.accelerations]
-    prolongation = start(equations(local_system(expansion.ring, speeds, forces, with_time)))
+    local = local_system(*analysis.series(point, with_time, order + 2), with_time)
+    prolongation = start(equations(local))
     for _ in range(order + 1):
         advance(prolongation)
     return prolongation
@@ -167,7 +163,7 @@ def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int 
     symbols = symbols_of(analysis)
     if PI in symbols or not is_rational(analysis):
         return None
-    variables = variables_of(analysis.system)[not with_time : 1 + 2 * len(analysis.system.coordinates)]
+    variables = moving_variables(analysis.system, with_time)
     generic = _dimension(analysis, draw_point(analysis.tower, 1), with_time, (order, spare))
     for first in range(1, 1 + _POINTS):
         point = {symbol: first + k for k, symbol in enumerate(symbols)}

@@ -188,7 +188,7 @@ def _at_point(
     if rank != chosen.rank or not _excludes(sums, n):
         return None
     used = {name for each in sums for name in each.factors}
-    bare = {name for f in analysis.accelerations for name in bare_variables(f)}
+    bare = bare_variables(analysis.accelerations)
     named = {key: value for key, value in values.items() if not isinstance(key, tuple)}
     velocities = {Velocity(name) for name in analysis.system.coordinates}
     shown = {key: named[key] for key in named if isinstance(key, Symbol | Velocity) and key in bare | velocities}

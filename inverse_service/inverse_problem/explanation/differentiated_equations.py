@@ -16,10 +16,9 @@ from itertools import combinations_with_replacement, product
 
 from flint import nmod_mat
 
-from inverse_service.algebra.point import Expansion, Point, Variable
+from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.series import Series
-from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.decision.analysis import Analysis, moving_variables
 from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, local_system
 from inverse_service.inverse_problem.explanation.hierarchy import kernel, unknowns
 
@@ -43,11 +42,9 @@ class DerivativeOfEntry:
 Row = Mapping[DerivativeOfEntry, int]
 
 
-def variables_of_question(analysis: Analysis, with_time: bool) -> list[Variable]:
+def variables_of_question(analysis: Analysis, with_time: bool) -> tuple[Variable, ...]:
     """(t?, q, v), in the order of the multi-indices."""
-    names = analysis.system.coordinates
-    moment: list[Variable] = [TIME] if with_time or analysis.system.depends_on_time else []
-    return [*moment, *(Symbol(name) for name in names), *(Velocity(name) for name in names)]
+    return moving_variables(analysis.system, with_time or analysis.system.depends_on_time)
 
 
 def row_names(n: int, size: int, order: int) -> Iterator[RowName]:
@@ -71,14 +68,10 @@ def rows_at(
 
     SingularPoint where f has no series.
     """
-    variables = variables_of_question(analysis, with_time)
-    n = len(analysis.system.coordinates)
-    expansion = Expansion(point, variables, order + 2)
-    forces = [expansion.expand(f) for f in analysis.accelerations]
-    velocities = [expansion.expand(v) for v in variables[-n:]]
-    local = local_system(expansion.ring, velocities, forces, len(variables) > 2 * n)
+    timed = with_time or analysis.system.depends_on_time
+    local = local_system(*analysis.series(point, timed, order + 2), timed)
     table = _Table(local)
-    wanted = row_names(n, len(variables), order) if names is None else names
+    wanted = row_names(local.dimension, local.ring.size, order) if names is None else names
     return {name: table.row(name) for name in wanted}
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, cast
@@ -24,11 +25,9 @@ from typing import TYPE_CHECKING, cast
 from flint import nmod_mat
 
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.point import Expansion, Variable
 from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.mechanics.conditions import (
     Motion,
     S,
@@ -39,7 +38,6 @@ from inverse_service.mechanics.conditions import (
     jacobi_endomorphism,
     nabla,
     nabla_of_curvature,
-    power_name,
 )
 
 if TYPE_CHECKING:
@@ -84,15 +82,7 @@ class LocalScalar:
         return ps.value_at_point(self.series)
 
 
-@dataclass(frozen=True, slots=True)
-class LocalMotion:
-    """A motion over truncated series."""
-
-    ring: SeriesRing
-    motion: Motion[LocalScalar]
-
-
-def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> LocalMotion:
+def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> Motion[LocalScalar]:
     """The motion from the series of v and f in the displacements (t?, q, v); t is the one before q, if any."""
     n = len(forces)
     offset = ring.size - 2 * n
@@ -111,34 +101,25 @@ def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Se
         return LocalScalar(ring, total)
 
     partials = [partial(index) for index in range(ring.size)]
-    motion = Motion(
+    return Motion(
         tuple(LocalScalar(ring, force) for force in forces),
         tuple(partials[offset : offset + n]),
         tuple(partials[offset + n :]),
         along,
         LocalScalar(ring, ring.constant(0)),
     )
-    return LocalMotion(ring, motion)
 
 
-def local_motion(analysis: Analysis, seed: int, order: int) -> LocalMotion:
+def local_motion(analysis: Analysis, seed: int, order: int) -> Motion[LocalScalar]:
     """The motion about the random point of this seed, f known to `order`.
 
     A point where a denominator vanishes is passed over for the next one. Raises IrreducibleAtoms
     where no point was found.
     """
-    system = analysis.system
-    coordinates: list[Variable] = [Symbol(name) for name in system.coordinates]
-    velocities: list[Variable] = [Velocity(name) for name in system.coordinates]
-    variables: list[Variable] = [*([TIME] if system.depends_on_time else []), *coordinates, *velocities]
     for attempt in range(_POINTS):
         point = draw_point(analysis.tower, seed * _POINTS + attempt)
-        expansion = Expansion(point, variables, order)
-        try:
-            forces = [expansion.expand(f) for f in analysis.accelerations]
-        except SingularPoint:
-            continue
-        return motion_of_series(expansion.ring, [expansion.expand(v) for v in velocities], forces)
+        with suppress(SingularPoint):
+            return motion_of_series(*analysis.series(point, analysis.system.depends_on_time, order))
     raise IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
 
 
@@ -185,6 +166,13 @@ def unknowns(n: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(n) for j in range(i, n)]
 
 
+def _power_name(operator: str, exponent: int, operand: str) -> str:
+    """ "Phi", "nabla Phi", "nabla^2 Phi"."""
+    if exponent == 0:
+        return operand
+    return f"{operator} {operand}" if exponent == 1 else f"{operator}^{exponent} {operand}"
+
+
 def hierarchy(motion: Motion[S], depth: int) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
     """The tensors that need at most depth + 2 derivatives of f; curvatures only for n >= 3."""
     n = connection(motion)
@@ -193,15 +181,15 @@ def hierarchy(motion: Motion[S], depth: int) -> dict[ConditionName, Tensor11[S] 
         endomorphisms.append(nabla(motion, n, endomorphisms[-1]))
     table: dict[ConditionName, Tensor11[S] | Tensor12[S]] = {}
     for k, tensor in enumerate(endomorphisms):
-        table[ConditionName(power_name("nabla", k, "Phi"), k + 2, False)] = tensor
+        table[ConditionName(_power_name("nabla", k, "Phi"), k + 2, False)] = tensor
     if motion.size < 3:
         return table
     bend: Tensor12[S] | None = None
     for k in range(depth):
         bend = curvature(motion, endomorphisms[0]) if bend is None else nabla_of_curvature(motion, n, bend)
-        table[ConditionName(power_name("nabla", k, "R"), k + 3, True)] = bend
+        table[ConditionName(_power_name("nabla", k, "R"), k + 3, True)] = bend
         if k:
-            name = f"R[{power_name('nabla', k, 'Phi')}]"
+            name = f"R[{_power_name('nabla', k, 'Phi')}]"
             table[ConditionName(name, k + 3, True)] = curvature(motion, endomorphisms[k])
     return table
 
@@ -243,18 +231,18 @@ class PointwiseConditions:
         return kernel([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
 
 
-def tensors_at(local: LocalMotion, depth: int) -> PointwiseConditions:
+def tensors_at(motion: Motion[LocalScalar], depth: int) -> PointwiseConditions:
     """The equations of the hierarchy to `depth` at the point of the series."""
-    n = local.motion.size
+    n, prime = motion.size, motion.zero.ring.prime
     position = {pair: column for column, pair in enumerate(unknowns(n))}
     rows: dict[EquationName, Row] = {}
-    for condition, tensor in hierarchy(local.motion, depth).items():
+    for condition, tensor in hierarchy(motion, depth).items():
         for name, terms in equation_terms(condition, tensor, n).items():
             row = [0] * len(position)
             for pair, sign, coefficient in terms:
                 row[position[pair]] += sign * coefficient.value
-            rows[name] = tuple(entry % local.ring.prime for entry in row)
-    return PointwiseConditions(n, local.ring.prime, rows)
+            rows[name] = tuple(entry % prime for entry in row)
+    return PointwiseConditions(n, prime, rows)
 
 
 def kernel(rows: Sequence[Row], columns: int, prime: int) -> list[Row]:

@@ -22,7 +22,7 @@ from typing import Any, TypeVar, cast
 from flint import fmpq, fmpq_mat
 
 from inverse_service.algebra.modular import is_positive, reconstruct, safe_prime
-from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, number_value, variables_in
+from inverse_service.algebra.point import Point, Variable, evaluate, number_value, variables_in
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import AngleRule, ExponentialRule, atoms_in_order, replay
 from inverse_service.deadline import now
@@ -30,7 +30,6 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     PI,
-    TIME,
     Apply,
     Arbitrary,
     Expression,
@@ -95,7 +94,7 @@ class PlainPoint(Point):
 def has_points(analysis: Analysis) -> bool:
     """Whether values can be put for all atoms: not where numbers such as pi, sin(1) or exp(2) occur."""
     radians = any(isinstance(rule, AngleRule) and rule.radians for rule in analysis.tower.rules)
-    bare = {name for f in analysis.accelerations for name in bare_variables(f)}
+    bare = bare_variables(analysis.accelerations)
     numbers = any(isinstance(atom, Apply) and not variables_in(atom) for atom in atoms_in_order(analysis.accelerations))
     return not radians and PI not in bare and not numbers
 
@@ -107,7 +106,7 @@ def is_real(analysis: Analysis) -> bool:
     variables that occur nowhere else, and these combinations are independent: they can then be chosen to fit.
     Else they are values that the same algebraic relations allow.
     """
-    bare = {name for f in analysis.accelerations for name in bare_variables(f)}
+    bare = bare_variables(analysis.accelerations)
     arguments: list[Mapping[Variable, Fraction]] = []
     for rule in analysis.tower.rules:
         if isinstance(rule, ExponentialRule) and rule.constant:
@@ -141,13 +140,15 @@ def _combination(expression: Expression) -> dict[Variable, Fraction] | None:
     return None
 
 
-def bare_variables(expression: Expression) -> set[Variable]:
+def bare_variables(expressions: Iterable[Expression]) -> set[Variable]:
     """Variables that occur outside transcendental atoms."""
-    if isinstance(expression, Apply):
-        return set()
-    if isinstance(expression, Symbol | Velocity):
-        return {expression}
-    return {name for child in children(expression) for name in bare_variables(child)}
+    found: set[Variable] = set()
+    for each in expressions:
+        if isinstance(each, Symbol | Velocity):
+            found.add(each)
+        elif not isinstance(each, Apply):
+            found |= bare_variables(children(each))
+    return found
 
 
 def atoms_and_jets(analysis: Analysis, further: int) -> list[Expression]:
@@ -297,7 +298,7 @@ def _collected(
 ) -> NumbersAtAPoint:
     """The values by what they are values of."""
     size = range(len(analysis.system.coordinates))
-    bare = {name for f in analysis.accelerations for name in bare_variables(f)}
+    bare = bare_variables(analysis.accelerations)
     variables = {key: value for key, value in values.items() if isinstance(key, Symbol | Velocity) and key in bare}
     atoms = {atom: values[atom] for atom in _atoms(analysis, chosen)}
     tensors = {
@@ -321,16 +322,9 @@ def _atoms(analysis: Analysis, chosen: SufficientSet) -> list[Expression]:
 
 def _conditions(analysis: Analysis, chosen: SufficientSet, point: Point) -> dict[object, int]:
     """The tensors' components and the rows of the equations at the point."""
-    system = analysis.system
     depth = max(condition.order for condition in chosen.conditions) - 2
-    moment: list[Variable] = [TIME] if system.depends_on_time else []
-    positions: list[Variable] = [Symbol(name) for name in system.coordinates]
-    velocities: list[Variable] = [Velocity(name) for name in system.coordinates]
-    variables = [*moment, *positions, *velocities]
-    expansion = Expansion(point, variables, depth + 2)
-    forces = [expansion.expand(f) for f in analysis.accelerations]
-    local = motion_of_series(expansion.ring, [expansion.expand(v) for v in velocities], forces)
-    tensors, rows = hierarchy(local.motion, depth), tensors_at(local, depth).rows
+    local = motion_of_series(*analysis.series(point, analysis.system.depends_on_time, depth + 2))
+    tensors, rows = hierarchy(local, depth), tensors_at(local, depth).rows
     found: dict[object, int] = {}
     for condition in chosen.conditions:
         if not condition.cyclic:

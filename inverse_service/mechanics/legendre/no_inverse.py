@@ -54,10 +54,9 @@ from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, split
 from inverse_service.mechanics.legendre.forms import quotient, simplified
 from inverse_service.mechanics.legendre.homogeneous import rays
-from inverse_service.mechanics.legendre.linear import linear_branches
+from inverse_service.mechanics.legendre.linear import linear_branches, routh_branches
 from inverse_service.mechanics.legendre.quadratic import form_matrix
 from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
-from inverse_service.mechanics.legendre.routh import routh_branches
 from inverse_service.mechanics.legendre.scalar import LARGEST_BLOCK, last_equations
 
 _DRAWS, _FEW = 80, 4

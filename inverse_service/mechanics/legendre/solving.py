@@ -35,9 +35,8 @@ def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
         return
     # Most Lagrangians are quadratic: what solves the others is loaded for them.
     from inverse_service.mechanics.legendre.homogeneous import homogeneous_branches
-    from inverse_service.mechanics.legendre.linear import linear_branches
+    from inverse_service.mechanics.legendre.linear import linear_branches, routh_branches
     from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
-    from inverse_service.mechanics.legendre.routh import routh_branches
     from inverse_service.mechanics.legendre.scalar import elimination_branches, scalar_branches
 
     inner = partial(solve, reach=Reach(reach.depth - 1, reach.deadline))

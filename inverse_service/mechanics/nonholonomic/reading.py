@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.equations import read_equation
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula, split_equations
+from inverse_service.expressions.reader import read_equation, read_formula, split_equations
 from inverse_service.expressions.tokens import LIMITS
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Velocity, substitute, walk
 from inverse_service.mechanics.document_names import Declared, Parameters, known_names, parameter_values, with_values

@@ -36,7 +36,6 @@ ENGINE = (
     "inverse_problem.search.ladder",
     "mechanics.legendre.linear",
     "mechanics.legendre.radial",
-    "mechanics.legendre.routh",
     "mechanics.legendre.scalar",
 )
 

@@ -10,9 +10,9 @@ from typing import Any
 from markupsafe import Markup
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.equations import equation_line
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.reader import equation_line
 from inverse_service.expressions.tokens import LETTER_COMMANDS, PRIMES
 from inverse_service.expressions.tree import Acceleration, Symbol
 from inverse_service.service.jobs.outcome import faults_of

@@ -7,7 +7,7 @@ import re
 import sympy as sp
 
 from inverse_service.inverse_problem.constrained.deciding import decide_motion
-from inverse_service.inverse_problem.constrained.series import series_steps
+from inverse_service.inverse_problem.constrained.wording import series_steps
 from tests.inverse_problem.constrained.motions import analysed, knife_edge, particle
 
 X, Y, Z, U, V = sp.symbols("x y z u v")
