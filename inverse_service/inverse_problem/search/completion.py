@@ -84,8 +84,33 @@ def expressions_without_acceleration(names: Sequence[str], terms: Terms) -> list
         for other in names:
             slope = derivative_of_terms(momentum, Symbol(other))
             total = add_terms(total, multiply_terms(slope, {monomial(Velocity(other)): Fraction(1)}))
-        found.append(total)
+        found.append(_in_one_square(total))
     return found
+
+
+# p^2 = a + b q^2 for the pairs of functions p, q of one argument.
+_SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1), "cosh": ("sinh", 1, 1)}
+
+
+def _in_one_square(terms: Terms) -> Terms:
+    """sin(u)^2/cos(u)^k as 1/cos(u)^k - 1/cos(u)^(k - 2) and so on, so that what is equal looks so."""
+    result: Terms = {}
+    for key, value in terms.items():
+        result = add_terms(result, _of_one_square(key), value)
+    return result
+
+
+def _of_one_square(key: Monomial) -> Terms:
+    powers = dict(key)
+    for letter, e in key:
+        if e >= 2 and isinstance(letter, Apply) and letter.function in _SQUARES:
+            name, a, b = _SQUARES[letter.function]
+            partner = Apply(name, letter.argument)
+            if powers.get(partner, 0) < 0:
+                less = times(key, monomial(letter), -2)
+                parts = {less: Fraction(a), times(less, monomial(partner), 2): Fraction(b)}
+                return _in_one_square(parts)
+    return {key: Fraction(1)}
 
 
 def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:
@@ -144,6 +169,7 @@ def _beside(terms: Terms, velocity: Velocity) -> Terms:
 
 def _completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:
     columns: dict[Monomial, list[Terms]] = {}
+    wanted = [_in_one_square(terms) for terms in wanted]
     fresh = [(i, key) for i, terms in enumerate(wanted) for key in terms]
     if any(not _is_affine(key) for _, key in fresh):
         return None

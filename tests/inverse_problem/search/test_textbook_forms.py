@@ -256,6 +256,7 @@ ORDERED = [
     ({"x": "b/cosh(x)^2"}, "x'^2/2 + b*tanh(x)"),
     ({"x": "b*x/cos(x)^2"}, "x'^2/2 + b*(log(cos(x)) + x*tan(x))"),
     ({"x": "b*log(a*x + 1)"}, "x'^2/2 - b*x + b*log(a*x + 1)*(a*x + 1)/a"),
+    ({"x": "b/cosh(a*x)^2"}, "x'^2/2 + b*tanh(a*x)/a"),
 ]
 
 
