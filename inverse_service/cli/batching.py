@@ -131,7 +131,7 @@ def progress(summary: Summary, total: int | None) -> Iterator[Report]:
 
 def write_table(path: Path) -> ExitCode:
     """Print one row of CSV for each line of a batch's output; raises InputError for a line that is no JSON object."""
-    from inverse_service.sympy.result import row_of  # for this command only
+    from inverse_service.sympy.many import row_of  # for this command only
 
     with open_source(path) as source:
         for place, line in enumerate(read_lines(source)):

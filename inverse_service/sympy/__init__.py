@@ -121,14 +121,14 @@ def solve_many(
 
     `output` keeps the answers in a file, so that an interrupted run goes on.
     """
-    from inverse_service.sympy.result import answers_to_many
+    from inverse_service.sympy.many import answers_to_many
 
     return answers_to_many(systems, workers, None if output is None else Path(output), time_limit)
 
 
 def table(results: Iterable[Mapping[str, Any]]) -> Any:
     """One row a result: a pandas DataFrame where pandas is installed, else a list of dictionaries."""
-    from inverse_service.sympy.result import table_of
+    from inverse_service.sympy.many import table_of
 
     return table_of(results)
 

@@ -6,20 +6,13 @@ SymPy is imported by the first attribute that is an expression.
 from __future__ import annotations
 
 import html
-import importlib.util
 import json
 import re
-import subprocess
-import sys
-import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from inverse_service.errors import InputError
-from inverse_service.service.documents.text_page import first_answer
 
 if TYPE_CHECKING:
     from inverse_service.sympy.names import Table
@@ -310,75 +303,3 @@ def result_of(data: Mapping[str, Any], names: Any = None) -> Result:
     from inverse_service.sympy.names import table_of_result
 
     return Result(data, table_of_result(data, names))
-
-
-COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
-
-
-def answers_to_many(
-    systems: Iterable[Any], workers: int, output: Path | None, time_limit: float
-) -> Iterator[Result | dict[str, Any]]:
-    """The answers in the order of the systems."""
-    from inverse_service.service.documents.answers import of_input_error
-
-    readings = [_asked(system) for system in systems]
-    lines = [
-        json.dumps({**reading[0], "id": place}, default=str)
-        for place, reading in enumerate(readings)
-        if not isinstance(reading, InputError)
-    ]
-    answers = {each["id"]: each for each in _answered(lines, workers, output, time_limit)}
-    for place, reading in enumerate(readings):
-        if isinstance(reading, InputError):
-            problem = of_input_error(reading)
-            yield {"id": place, **problem, "error": problem}
-        elif str(answers[place].get("format", "")).startswith("inverse-service/"):
-            yield result_of(answers[place], reading[1])
-        else:
-            yield answers[place]
-
-
-def _asked(system: Any) -> tuple[dict[str, Any], Any] | InputError:
-    from inverse_service.sympy import asked
-
-    try:
-        return asked(system)
-    except InputError as error:
-        return error
-
-
-def _answered(lines: list[str], workers: int, output: Path | None, time_limit: float) -> list[dict[str, Any]]:
-    """The answers to the lines, from a batch of its own, so that a script needs no guard against being imported."""
-    with tempfile.TemporaryDirectory() as folder:
-        source, target = Path(folder) / "systems.ndjson", output or Path(folder) / "results.ndjson"
-        source.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-        command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(target)]
-        command += ["--workers", str(workers), "--time-limit", str(time_limit)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False) if lines else None
-        found = [json.loads(line) for line in target.read_text("utf-8").splitlines()] if target.exists() else []
-    if done is not None and len(found) < len(lines):
-        raise InputError(done.stderr.strip()[-500:] or "The systems could not be answered.")
-    return found
-
-
-def table_of(results: Iterable[Mapping[str, Any]]) -> Any:
-    """One row a result."""
-    rows = [row_of(result) for result in results]
-    if importlib.util.find_spec("pandas") is None:
-        return rows
-    return importlib.import_module("pandas").DataFrame(rows)
-
-
-def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns that are compared first: verdicts, L, H, how many multipliers, seconds, size."""
-    if not isinstance(result, Mapping):
-        raise InputError("A table needs results.")
-    row = {key: result.get(key) for key in COLUMNS}
-    if error := result.get("error"):
-        row |= {"verdict": "error", "reason": error["detail"]}
-    for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")):
-        row[letter] = (first_answer(result).get(key) or {}).get("text")
-    space, system = result.get("solution_space") or {}, result.get("system") or {}
-    seconds = (result.get("provenance") or {}).get("seconds") or {}
-    row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
-    return row | {"seconds": sum(seconds.values()) if seconds else None}

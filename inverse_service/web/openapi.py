@@ -63,27 +63,17 @@ JOB_HEADERS = {
     "Location": {"description": "The address of the job.", "schema": {"type": "string"}},
     "Retry-After": {"description": "Seconds until it is worth to ask.", "schema": {"type": "integer"}},
 }
-TIME_LIMIT = {
-    "name": "time_limit",
-    "in": "query",
-    "required": False,
-    "description": "Seconds; at most the limit of the service.",
-    "schema": {"type": "number", "exclusiveMinimum": 0},
-}
-PREFER = {
-    "name": "Prefer",
-    "in": "header",
-    "required": False,
-    "description": "respond-async, or wait=S with at most 20 s.",
-    "schema": {"type": "string"},
-}
-BATCH_KEY = {
-    "name": "Idempotency-Key",
-    "in": "header",
-    "required": False,
-    "description": "Tells batches of the same lines apart.",
-    "schema": {"type": "string", "maxLength": 255},
-}
+
+
+def _parameter(place: str, name: str, description: str, **schema: Any) -> dict[str, Any]:
+    return {"name": name, "in": place, "required": False, "description": description, "schema": schema}
+
+
+LIMIT = "Seconds; at most the limit of the service."
+TIME_LIMIT = _parameter("query", "time_limit", LIMIT, type="number", exclusiveMinimum=0)
+PREFER = _parameter("header", "Prefer", "respond-async, or wait=S with at most 20 s.", type="string")
+KEY = "Tells batches of the same lines apart."
+BATCH_KEY = _parameter("header", "Idempotency-Key", KEY, type="string", maxLength=255)
 TIME_LIMIT_QUERY = {"parameters": [TIME_LIMIT, PREFER]}
 BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, BATCH_KEY]}
 

@@ -135,17 +135,13 @@ async def metrics(request: Request) -> Response:
     found = [
         *engine.counters.metrics(),
         gauge("inverse_service_jobs", "Stored jobs by status.", by_status),
-        gauge("inverse_service_queue_length", "Jobs that wait for a worker.", {(): float(counts.get("accepted", 0))}),
-        gauge("inverse_service_queue_age_seconds", "How long the oldest of them waits.", {(): age}),
-        gauge("inverse_service_store_bytes", "Size of the database.", {(): float(size)}),
-        gauge("inverse_service_connections", "Open connections.", {(): float(len(engine.connections))}),
-        gauge(
-            "inverse_service_quick_waiting", "Requests that are read or wait for that.", {(): float(len(engine.places))}
-        ),
-        gauge("inverse_service_workers", "Worker processes.", {(): float(engine.settings.workers)}),
-        gauge(
-            "inverse_service_jobs_taken", "Jobs that this process has taken.", {(): float(engine.supervisor.running)}
-        ),
+        gauge("inverse_service_queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
+        gauge("inverse_service_queue_age_seconds", "How long the oldest of them waits.", age),
+        gauge("inverse_service_store_bytes", "Size of the database.", size),
+        gauge("inverse_service_connections", "Open connections.", len(engine.connections)),
+        gauge("inverse_service_quick_waiting", "Requests that are read or wait for that.", len(engine.places)),
+        gauge("inverse_service_workers", "Worker processes.", engine.settings.workers),
+        gauge("inverse_service_jobs_taken", "Jobs that this process has taken.", engine.supervisor.running),
         *_of_the_process(engine),
     ]
     return Response(written(found), media_type=PROMETHEUS)
@@ -156,7 +152,7 @@ def _of_the_process(engine: Engine) -> list[Metric]:
     version: Labels = (("engine", engine_version()), ("version", __version__))
     return [
         gauge("inverse_service_info", "What runs.", {version: 1.0}),
-        gauge("inverse_service_uptime_seconds", "Since the start.", {(): time.time() - engine.started}),
+        gauge("inverse_service_uptime_seconds", "Since the start.", time.time() - engine.started),
         Metric(
             "inverse_service_process_cpu_seconds_total",
             "counter",
@@ -166,6 +162,6 @@ def _of_the_process(engine: Engine) -> list[Metric]:
         gauge(
             "inverse_service_process_memory_peak_bytes",
             "Largest resident memory of the service itself.",
-            {(): float(own.ru_maxrss * RSS_UNIT)},
+            own.ru_maxrss * RSS_UNIT,
         ),
     ]

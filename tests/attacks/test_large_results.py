@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from inverse_service.service.jobs.identity import JobOptions, batch_id
-from inverse_service.service.jobs.kinds import request_of
 from inverse_service.service.jobs.model import BatchLine
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.tasks import request_of
 from inverse_service.service.scenes.simulating import simulate
 from tests.attacks.harness import Attacked, Watch, attacked
 

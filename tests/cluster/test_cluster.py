@@ -27,12 +27,12 @@ pytestmark = [
 from inverse_service.errors import InputError  # noqa: E402
 from inverse_service.service.cluster import front, remote  # noqa: E402
 from inverse_service.service.cluster.front import Cluster  # noqa: E402
-from inverse_service.service.cluster.orders import (  # noqa: E402
+from inverse_service.service.cluster.remote import (  # noqa: E402
     Order,
+    Terms,
     difference,
     fingerprint,
 )
-from inverse_service.service.cluster.remote import Terms  # noqa: E402
 from inverse_service.service.jobs import tasks  # noqa: E402
 from inverse_service.service.jobs.opening import open_cluster  # noqa: E402
 from inverse_service.service.jobs.outcome import Call  # noqa: E402

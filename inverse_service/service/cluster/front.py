@@ -24,8 +24,7 @@ from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
 from inverse_service.service.cluster import remote
-from inverse_service.service.cluster.orders import Fingerprint, Order, difference, fingerprint
-from inverse_service.service.cluster.remote import Terms
+from inverse_service.service.cluster.remote import Fingerprint, Order, Terms, difference, fingerprint
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.worker_process import Report
 from inverse_service.service.jobs.workers import Running
@@ -237,7 +236,7 @@ class Cluster:
 
     def _refuse_strangers(self) -> None:
         """Raises InputError where a worker that is there now has another program, or none of ours."""
-        found = self._client.run(remote.describe, on_error="return")
+        found = self._client.run(remote.fingerprint, on_error="return")
         for theirs in found.values():
             if not isinstance(theirs, Fingerprint):
                 raise InputError(

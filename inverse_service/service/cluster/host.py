@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from multiprocessing.connection import Connection
 from typing import Any
 
-from inverse_service.service.cluster.orders import DONE, REPORT, Cancel, Order
+from inverse_service.service.cluster.remote import DONE, REPORT, Cancel, Order
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.workers import Running, Workers
 

@@ -14,18 +14,67 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as WaitedTooLong
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, Final
 
-from inverse_service.service.cluster.orders import DONE, Cancel, Fingerprint, Order, difference, fingerprint
+from inverse_service.service.jobs.identity import engine_version
 from inverse_service.service.jobs.isolation import MOST_CROWDED
-from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.outcome import Call, Outcome
 
 # A cold machine loads the engine and its kernels first; the deadline itself is the host's.
 GRACE = 60.0
 MODULE = "inverse_service.service.cluster.host"
 Report = Callable[[str, Any], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Fingerprint:
+    """Versions: of this program with a digest of its text, of Python, and of the packages that matter."""
+
+    engine: str
+    python: str
+    distributed: str
+    flint: str
+
+
+def fingerprint() -> Fingerprint:
+    """That of this process."""
+    python = f"{sys.version_info.major}.{sys.version_info.minor}"
+    return Fingerprint(engine_version(), python, _version("distributed"), _version("python-flint"))
+
+
+def difference(ours: Fingerprint, theirs: Fingerprint) -> str:
+    """What differs, in words; empty where nothing does."""
+    mine, yours = asdict(ours), asdict(theirs)
+    return ", ".join(f"{name} {yours[name]} instead of {mine[name]}" for name in mine if mine[name] != yours[name])
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "none"
+
+
+REPORT: Final = "report"
+DONE: Final = "done"
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Do what `call` says; `key` names it in what comes back."""
+
+    key: str
+    call: Call
+
+
+@dataclass(frozen=True, slots=True)
+class Cancel:
+    """Kill the process that works on this order, or forget the order."""
+
+    key: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +173,6 @@ def perform(order: Order, terms: Terms) -> Outcome | str:
         worker.log_event(terms.topic, {"key": key, "value": value})
 
     return _current_host(worker.state.nthreads, terms.memory_limit).order(order, report)
-
-
-def describe() -> Fingerprint:
-    """What this machine has of the program."""
-    return fingerprint()
 
 
 async def cancel(key: str) -> None:

@@ -61,8 +61,9 @@ class Counters:
             return [Metric(name, *self._about[name], dict(samples)) for name, samples in self._values.items()]
 
 
-def gauge(name: str, text: str, values: Mapping[Labels, float]) -> Metric:
-    """A metric that is read when it is asked for."""
+def gauge(name: str, text: str, found: Mapping[Labels, float] | float) -> Metric:
+    """A metric that is read when it is asked for, with labels or without."""
+    values = found if isinstance(found, Mapping) else {(): float(found)}
     return Metric(name, "gauge", text, {("", labels): value for labels, value in values.items()})
 
 

@@ -1,4 +1,4 @@
-"""The tasks that worker processes run: plain functions, whose end `outcome.guard` says as data.
+"""The tasks that worker processes run, plain functions whose end `outcome.guard` says as data; the kinds of jobs.
 
 Light to import: the engine is loaded inside the process.
 """
@@ -9,18 +9,26 @@ import importlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.reading import decode, read_json
 from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs.identity import JobOptions, read_options, split_options, stored_options
+from inverse_service.service.jobs.identity import (
+    JobOptions,
+    job_id,
+    read_options,
+    split_options,
+    stored_options,
+    write_json,
+)
+from inverse_service.service.jobs.model import INTERACTIVE, JobRequest
 from inverse_service.service.jobs.outcome import Place
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.batch_files import BatchTerms
-    from inverse_service.service.jobs.model import BatchLine, JobRequest
+    from inverse_service.service.jobs.model import BatchLine
 
 # What a command loads only for the questions that need it, and a worker before its first.
 ENGINE = (
@@ -57,8 +65,6 @@ class Answer:
 
 def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
     """A stored job to its Answer; JSON is read and written here, so that the web process is never blocked."""
-    from inverse_service.service.jobs.kinds import KINDS, label_of
-
     result = KINDS[kind].work(read_json(document), stored_options(options), report)
     fault = result.get("provenance", {}).get("fault", "") if isinstance(result, dict) else ""
     return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result), fault)
@@ -104,6 +110,9 @@ def check_task(text: str) -> dict[str, Any]:
     return check_document(text)
 
 
+Report = Callable[[Any], None]
+Work = Callable[[Any, JobOptions, Report], Any]
+Look = Callable[[Any], None]
 # The code of a place in a body that cannot be read at all; HTTP answers it with 400 and all others with 422.
 UNREADABLE = "unreadable"
 NO_RESULT = "The body is not a result: send the JSON object that /v1/solve answered."
@@ -122,8 +131,6 @@ class AskingTerms:
 
 def ask_task(body: bytes, terms: AskingTerms) -> JobRequest:
     """A question to its JobRequest."""
-    from inverse_service.service.jobs.kinds import request_of
-
     document, given = split_options(_read(body))
     options = read_options(given, terms.server)
     if terms.time_limit is not None:
@@ -175,3 +182,79 @@ def work_precision_task(
     from inverse_service.service.scenes.work_precision import work_precision
 
     return work_precision(document, report, time_limit)
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """`work` runs the use case, `look` refuses what has not the shape of its documents.
+
+    `limit_is_answer`: stopped at a limit it has an undetermined result. Use cases are imported when they are called:
+    the process that only stores jobs has no engine.
+    """
+
+    work: Work
+    look: Look
+    limit_is_answer: bool = False
+
+
+def _solve(document: Any, options: JobOptions, report: Report) -> Any:
+    return solve_task(document, solve_options(options), report)
+
+
+def _check(document: Any, options: JobOptions, report: Report) -> Any:
+    return check_task(write_json(document))
+
+
+def _simulate(document: Any, options: JobOptions, report: Report) -> Any:
+    from inverse_service.service.scenes.simulating import simulate
+
+    return simulate(document, report, options.time_limit)
+
+
+def _work_precision(document: Any, options: JobOptions, report: Report) -> Any:
+    return work_precision_task(document, options.time_limit, report)
+
+
+def _look_at_scene(document: Any) -> None:
+    from inverse_service.service.scenes.scene_refusals import scene_schema
+
+    scene_schema(document)
+
+
+def _look_at_system(document: Any) -> None:
+    from inverse_service.service.documents.documents import look
+
+    look(document)
+
+
+def _look_at_object(document: Any) -> None:
+    if not isinstance(document, dict):
+        raise InputError("The document must be a JSON object.")
+
+
+def solve_options(options: JobOptions) -> SolveOptions:
+    """The solver's view of the options of a job."""
+    return SolveOptions(seed=options.seed, time_limit=options.time_limit)
+
+
+def label_of(result: Any) -> str:
+    """What a result is counted as: its verdict, or the outcome of a simulation."""
+    verdict = result.get("verdict") if isinstance(result, dict) else None
+    return verdict if isinstance(verdict, str) else "done"
+
+
+KINDS: Final[dict[str, Kind]] = {
+    "solve": Kind(_solve, _look_at_system, limit_is_answer=True),
+    "check": Kind(_check, _look_at_object),
+    "simulate": Kind(_simulate, _look_at_scene),
+    "work-precision": Kind(_work_precision, _look_at_scene),
+}
+
+
+def request_of(
+    kind: str, document: Any, options: JobOptions, client: str = "", priority: int = INTERACTIVE, fresh: bool = False
+) -> JobRequest:
+    """The request. Raises InputError where the document has not the shape that the kind asks for."""
+    KINDS[kind].look(document)
+    chosen = options.canonical()
+    return JobRequest(job_id(kind, document, chosen), kind, write_json(document), chosen, client, priority, fresh)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from inverse_service.certificate.formulas import FORMAT
 from inverse_service.errors import InputError
@@ -17,44 +17,13 @@ from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
 from inverse_service.service.documents.text_page import answers_of, regular_where
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.documents import right_side
-from inverse_service.web.pages.glossary import Term, terms_of
 from inverse_service.web.pages.rendering import duration
+from inverse_service.web.pages.steps import Step, matrices_of, said_once, step_of
 
-TENSORS = (("Phi", "Φ", "<mi>Φ</mi>"), ("nabla_Phi", "∇Φ", "<mi>∇</mi><mi>Φ</mi>"))
 QUESTIONS = {"L(q, q')": "L(q, q\u2032)", "L(t, q, q')": "L(t, q, q\u2032)"}
 VERDICTS = {"variational": "a Lagrangian", "not_variational": "no Lagrangian", "undetermined": "undetermined"}
-# Characters of all matrices on a page: typeset they weigh 25 times that.
-LONGEST_MATRICES = 6_000
-LONG = Markup('<p class="hint">{} has {:,} characters: it is in the JSON, under <code>conditions</code>.</p>')
-# What no line can be broken in.
-UNBREAKABLE = ("<mtable", "<mfrac", "<msqrt")
 # A page shows so many steps; the whole is in the JSON.
 MAX_STEPS = 200
-
-
-@dataclass(frozen=True, slots=True)
-class Matrix:
-    """A tensor by name, a curvature as one matrix for each upper index; shown once on the page, at `anchor`."""
-
-    name: str
-    math: Markup
-    key: str
-
-    @property
-    def anchor(self) -> str:
-        """Its place on the page."""
-        return f"matrix-{self.name if self.key == 'R' else self.key}"
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """A sentence, its formula where the sentence does not say it already, and the matrices that it uses."""
-
-    text: Markup
-    formula: Markup | None
-    matrices: list[Matrix]
-    is_wide: bool
-    terms: tuple[Term, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +66,7 @@ def answer_of(part: Mapping[str, Any], question: str, result: Mapping[str, Any])
     integrals = part.get("integrals") or {}
     names = typesetting.names_of(result["system"], integrals)
     matrices = matrices_of(result["conditions"], names)
-    steps = _said_once([step_of(step, names, matrices) for step in part["explanation"][:MAX_STEPS]])
+    steps = said_once([step_of(step, names, matrices) for step in part["explanation"][:MAX_STEPS]])
     return ShownAnswer(
         QUESTIONS[question],
         part["verdict"],
@@ -317,60 +286,6 @@ def _reason(part: Mapping[str, Any]) -> str:
     """Why H is written in the velocities; that of a result from before it had one is short."""
     plain = "Written in coordinates and velocities: no closed form of the velocities in the momenta was found."
     return part.get("reason") or plain if part["implicit"] else ""
-
-
-def matrices_of(conditions: Mapping[str, Any] | None, names: Names) -> list[Matrix]:
-    """Phi, nabla Phi, and each nonzero block of R; what would make the page too long is only named."""
-    if conditions is None:
-        return []
-    wanted = [(symbol, left, key, conditions[key]) for key, symbol, left in TENSORS if conditions.get(key)]
-    for index, block in enumerate(conditions.get("R") or [], start=1):
-        if any(entry != "0" for row in block for entry in row):
-            wanted.append((f"R{index}", f"<msup><mi>R</mi><mn>{index}</mn></msup>", "R", block))
-    found, room = [], LONGEST_MATRICES
-    for symbol, left, key, rows in wanted:
-        length = sum(len(entry) for row in rows for entry in row)
-        fits = length <= room
-        room -= length * fits
-        found.append(Matrix(symbol, _named_matrix(left, rows, names) if fits else LONG.format(symbol, length), key))
-    return found
-
-
-def _named_matrix(left: str, rows: Sequence[Sequence[str]], names: Names) -> Markup:
-    inner = typesetting.matrix_inner(rows, names)
-    if inner is None:
-        return typesetting.matrix(rows, names)
-    return typesetting.math(f"<mrow>{left}<mo>=</mo>{inner}</mrow>", display=True)
-
-
-def step_of(step: Mapping[str, Any], names: Names, matrices: list[Matrix]) -> Step:
-    """The sentence with its formulas set; results of older versions have no parts, and show words only."""
-    parts = step.get("parts") or [{"kind": "text", "text": step["text"]}]
-    sentence = Markup("").join(_part(part, names) for part in parts if part["kind"] in ("text", "formula"))
-    below = [_part(part, names) for part in parts if part["kind"] == "display"]
-    shown = Markup(" ").join(Markup('<span class="part">{}</span>').format(part) for part in below)
-    uses = [use for part in parts for use in part.get("uses", ())]
-    used = [matrix for matrix in matrices if matrix.key in uses]
-    return Step(sentence, shown or None, used, any(tag in sentence for tag in UNBREAKABLE), terms_of(uses))
-
-
-def _part(part: Mapping[str, Any], names: Names) -> Markup:
-    if part["kind"] == "text":
-        return escape(part["text"])
-    mathml = part.get("mathml")
-    return typesetting.math(typesetting.spaced(mathml)) if mathml else typesetting.formula(part["text"], names)
-
-
-def _said_once(steps: Sequence[Step]) -> list[Step]:
-    """Links to matrices and words occur at the first step that uses them."""
-    seen: set[str] = set()
-    found = []
-    for step in steps:
-        matrices = [matrix for matrix in step.matrices if matrix.anchor not in seen]
-        terms = tuple(term for term in step.terms if term.key not in seen)
-        seen |= {matrix.anchor for matrix in matrices} | {term.key for term in terms}
-        found.append(replace(step, matrices=matrices, terms=terms))
-    return found
 
 
 def timing(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -23,7 +23,7 @@ from starlette.responses import HTMLResponse, Response
 from inverse_service.expressions.tokens import greek_letter
 from inverse_service.machine_code import store
 from inverse_service.service.documents.text_page import guessed_words
-from inverse_service.service.jobs.kinds import KINDS
+from inverse_service.service.jobs.tasks import KINDS
 from inverse_service.web.clients import client_of, require_client
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.assets import address, style, style_hash

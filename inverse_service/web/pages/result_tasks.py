@@ -20,7 +20,7 @@ from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs.identity import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.tasks import check_task
-from inverse_service.web.pages import answers, figures, reading_back, simulations, typesetting
+from inverse_service.web.pages import answers, figures, reading_back, simulations, steps, typesetting
 from inverse_service.web.pages.documents import lean_fields, question_address, right_side
 from inverse_service.web.pages.glossary import TERMS
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
@@ -235,11 +235,11 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         names=names,
         cases=found.get("special_cases"),
         motion=motion,
-        motion_steps=[answers.step_of(step, names, []) for step in motion["explanation"]] if motion else [],
+        motion_steps=[steps.step_of(step, names, []) for step in motion["explanation"]] if motion else [],
         constrained=found.get("nonholonomic"),
         also=answers.other_question(found, main),
         advice=advice_for(found, look.time_limit),
-        matrices=answers.matrices_of(found["conditions"], names),
+        matrices=steps.matrices_of(found["conditions"], names),
         languages=["sympy"] if system and system["functions"] else LANGUAGES,
         exports=exports(found, address, job["id"]),
         timing=answers.timing(found["provenance"]),

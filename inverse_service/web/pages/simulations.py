@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
@@ -24,28 +23,6 @@ QUANTITIES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class MethodRow:
-    """One method of a simulation: its outcome and numbers as texts, `why` where it stopped."""
-
-    label: str
-    outcome: str
-    steps: int
-    numbers: list[str]
-    time: str
-    why: str
-    has_points: bool
-
-
-@dataclass(frozen=True, slots=True)
-class FreeLagrangian:
-    """What a variational method discretises, the first method that does, and where it comes from."""
-
-    math: Markup
-    label: str
-    source: str
-
-
 def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HTMLResponse:
     """The page of a job of kind "simulate"; `address` is that of the service."""
     result = job["result"]
@@ -58,7 +35,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         headings=[heading for _, heading in columns],
         formulas=formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
-        rows=[method_row(method, columns) for method in result["methods"]],
+        rows=[(m, _numbers(m, columns), _why(m), figures.columns_of(m)) for m in result["methods"]],
         free=free_lagrangians(result),
         costs=costs(result),
         parts=part_costs(result),
@@ -109,22 +86,15 @@ def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def method_row(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> MethodRow:
-    """A method as a line of the table."""
-    numbers = [short_number(_value(method, key)) for key, _ in columns]
-    stopped = method.get("stopped") or {}
-    why = method.get("reason") or ""
-    if stopped:
-        why = f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
-    return MethodRow(
-        method["label"],
-        method["outcome"].replace("_", " "),
-        method["steps"],
-        numbers,
-        duration((method.get("seconds") or {}).get("run")),
-        why,
-        bool(figures.columns_of(method)),
-    )
+def _numbers(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> list[str]:
+    return [short_number(_value(method, key)) for key, _ in columns]
+
+
+def _why(method: Mapping[str, Any]) -> str:
+    """Why a method stopped, or did not begin."""
+    if stopped := method.get("stopped"):
+        return f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
+    return method.get("reason") or ""
 
 
 def notes_of(result: Mapping[str, Any]) -> list[str]:
@@ -138,15 +108,16 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     return [*result["notes"], *(f"{', '.join(labels)}: {note}" for note, labels in found.items())]
 
 
-def free_lagrangians(result: Mapping[str, Any]) -> list[FreeLagrangian]:
-    """The Lagrangians without constraints that methods of a constrained system used, each once."""
-    found: dict[str, FreeLagrangian] = {}
+def free_lagrangians(result: Mapping[str, Any]) -> list[tuple[Markup, str, str]]:
+    """The Lagrangians without constraints that methods of a constrained system used, each once: typeset, with the first
+    of these methods and where it comes from."""
+    found: dict[str, tuple[Markup, str, str]] = {}
     for method in result["methods"]:
         text = method.get("free_lagrangian")
         if text and text not in found and result["system"].get("constraints"):
             letters = tuple(dict.fromkeys((*result["system"].get("parameters", {}), *(method.get("constants") or {}))))
             math = typesetting.equation("L", text, Names(tuple(result["system"]["coordinates"]), letters))
-            found[text] = FreeLagrangian(math, method["label"], _named(method.get("free_lagrangian_source") or ""))
+            found[text] = (math, method["label"], _named(method.get("free_lagrangian_source") or ""))
     return list(found.values())
 
 

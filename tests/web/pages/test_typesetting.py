@@ -12,7 +12,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.solving import solve_document
-from inverse_service.web.pages import answers, typesetting
+from inverse_service.web.pages import answers, steps, typesetting
 from inverse_service.web.pages.typesetting import low_fences
 
 NAMES = Names(("phi", "x"), ("R", "g_11", "g_12", "p_x"), {"A": ("x",)})
@@ -56,14 +56,14 @@ def test_texts_of_users_cannot_be_markup() -> None:
         "latex": "",
         "parts": [{"kind": "text", "text": "<b>"}, {"kind": "formula", "text": "<script>"}],
     }
-    shown = answers.step_of(step, NAMES, [])
+    shown = steps.step_of(step, NAMES, [])
     assert "<b>" not in shown.text
     assert "<script" not in shown.text
 
 
 def test_a_step_of_an_older_result_keeps_its_words() -> None:
     assert (
-        str(answers.step_of({"text": "There is no Lagrangian.", "latex": ""}, NAMES, []).text)
+        str(steps.step_of({"text": "There is no Lagrangian.", "latex": ""}, NAMES, []).text)
         == "There is no Lagrangian."
     )
 
@@ -140,7 +140,7 @@ def test_a_formula_has_the_text_that_is_copied() -> None:
 def test_matrices_too_long_for_a_page_are_named_with_their_length() -> None:
     entry = " + ".join(f"{k}*x*y'^2" for k in range(2, 40))
     conditions = {"Phi": [[entry, "0"], ["0", entry]], "nabla_Phi": [[entry] * 5] * 5, "R": [[["0", "x"], ["x", "0"]]]}
-    phi, nabla, curvature = answers.matrices_of(conditions, Names(("x", "y"), ()))
+    phi, nabla, curvature = steps.matrices_of(conditions, Names(("x", "y"), ()))
     assert nabla.math.startswith(f'<p class="hint">\u2207\u03a6 has {25 * len(entry):,} characters')
     assert all("<math" in shown.math for shown in (phi, curvature))
     assert sum(len(shown.math) for shown in (phi, nabla, curvature)) < 300_000
