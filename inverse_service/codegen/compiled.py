@@ -22,7 +22,8 @@ import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.codegen.kernel import AdaptiveKernel, Kernel
+from inverse_service.codegen.adaptive_kernel import AdaptiveKernel
+from inverse_service.codegen.kernel import Kernel
 from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import Layout, Program, Solve, changing, layout_of
 from inverse_service.integrators.trajectory import Array

@@ -23,7 +23,8 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.expressions.vocabulary import check_domain
-from inverse_service.mechanics.guessing import guess_names, inferred_coordinates, key_name
+from inverse_service.mechanics.guessing import guess_names
+from inverse_service.mechanics.moving_names import inferred_coordinates, key_name
 
 ParameterValue = str | int | float | None
 

@@ -3,8 +3,6 @@
 An unknown name followed by coordinates or t in brackets is a function of them; any other is a parameter,
 unless it may be something else: kx, dx, sinx, or an r that no equation moves. Then the writer is
 asked. What was guessed is shown to the writer.
-
-Which coordinates a document means where it does not list them.
 """
 
 from __future__ import annotations
@@ -16,16 +14,14 @@ from dataclasses import dataclass, field
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import (
-    DOTTED,
     GREEK_NAMES,
     Names,
     ask_for_the_time,
-    declared_name,
     looks_like_a_coordinate,
     readings,
 )
 from inverse_service.expressions.reader import read_tokens, remark
-from inverse_service.expressions.tokens import Token, check_brackets, joined, refusal, shorten
+from inverse_service.expressions.tokens import Token, check_brackets, refusal, shorten
 from inverse_service.expressions.vocabulary import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -34,152 +30,7 @@ from inverse_service.expressions.vocabulary import (
     RESERVED,
     reason_against,
 )
-
-_LONGEST_ARGUMENTS = 400
-
-
-def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int = 2) -> tuple[str, ...]:
-    """The names with this many time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
-
-    `texts` are given by their pointers; `declared` holds parameters and functions, which are no coordinates.
-    """
-    found: dict[str, None] = {}
-    for pointer, text in texts.items():
-        try:
-            tokens = read_tokens(text, declared)
-            if order == 2:
-                _refuse_products(tokens, declared)
-        except InputError as error:
-            raise error.at(pointer) from None
-        names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
-        found.update(dict.fromkeys(declared_name(name, pointer, "coordinate") for name in names))
-    return tuple(found)
-
-
-# What stands before an acceleration without a sign: m, ml, I, r.
-_FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckgh][0-9]?){1,3}")
-
-
-def _refuse_products(tokens: Sequence[Token], declared: Names) -> None:
-    """InputError for mx'', which is m*x'' to its writer; not where mx stands alone elsewhere and so is a name."""
-    places = [place for place, token in enumerate(tokens) if token.kind == "name"]
-    accelerated = {place for place in places if _primes(tokens[place + 1 :])[0] == 2}
-    alone = {tokens[place].text for place in places if not _is_primed(tokens, place)}
-    for place in sorted(accelerated):
-        name, column = tokens[place].text, tokens[place].column
-        if name in alone | GREEK_NAMES or declared.role(declared.spelling(name)):
-            continue
-        for cut in range(1, len(name)):
-            factor, moving = name[:cut], name[cut:]
-            named = looks_like_a_coordinate(moving) or moving in GREEK_NAMES
-            if named and (_FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES):
-                factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
-                meant = "*".join((*factors, moving))
-                instead = f"did you mean {meant}''? a coordinate of this name? add it to \"coordinates\""
-                raise refusal(f"{name}'' occurs", column, instead, (meant,))
-
-
-def key_coordinate(key: str, names: Names, pointer: str) -> str:
-    """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if it is none."""
-    name = names.spelling(key_name(key, names))
-    if name not in names.coordinates:
-        raise InputError(
-            f"there is an equation for '{shorten(key)}', which is not a coordinate: the coordinates are "
-            f"{joined(names.coordinates)}.",
-            pointer,
-        )
-    return name
-
-
-def key_name(key: str, names: Names) -> str:
-    """The name that a key of `equations` holds, with or without two derivatives."""
-    pointer = "/equations/" + key.replace("~", "~0").replace("/", "~1")
-    if names.role(key):
-        return key
-    try:
-        tokens = read_tokens(key[:200], names)
-    except InputError:
-        tokens = []
-    accelerated = moving_names(tokens, 2)
-    if len(accelerated) == 1 and all(token.kind == "prime" for token in tokens[1:]):
-        return accelerated[0]
-    return declared_name(key, pointer, "coordinate")
-
-
-def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
-    """The names that stand with at least this many time derivatives, in order of appearance; V''(x) is no motion."""
-    return [name for name, times in _motions(tokens) if times >= order]
-
-
-def _motions(tokens: Sequence[Token]) -> list[tuple[str, int]]:
-    """Names with the number of their time derivatives, those of diff(diff(x, t), t) together."""
-    found: list[tuple[str, int]] = []
-    place = 0
-    while place < len(tokens):
-        token = tokens[place]
-        place += 1
-        if token.kind != "name":
-            continue
-        primes, after = _primes(tokens[place:])
-        if token.text in DERIVATIVE_NAMES:
-            inner, length = _differentiated(tokens[place : place + _LONGEST_ARGUMENTS])
-            found += inner
-            place += length
-        elif primes and (after[:1] != ["("] or after == ["(", "t", ")"]):
-            found.append((token.text, primes))
-        elif stem := derived_stem(token.text, 2) or derived_stem(token.text):
-            found.append((stem, 2 if derived_stem(token.text, 2) else 1))
-    return found
-
-
-def derived_stem(word: str, order: int = 1) -> str:
-    """The x of x_ddot, xddot, x_dot_dot, of at least this order; empty for other words."""
-    endings = (ending for ending, times in DOTTED if times >= order and word.endswith(ending))
-    return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
-
-
-def _primes(tokens: Sequence[Token]) -> tuple[int, list[str]]:
-    """The order of the primes that come first, and the three texts after them."""
-    primes = list(itertools.takewhile(lambda token: token.kind == "prime", tokens[:4]))
-    after = [token.text for token in tokens[len(primes) : len(primes) + 3]]
-    return sum(int(prime.value) for prime in primes), after
-
-
-def _differentiated(tokens: Sequence[Token]) -> tuple[list[tuple[str, int]], int]:
-    """The names that diff moves, from its bracket on, and how long that is: (x, t, 2), (x(t), (t, 2)), (m*x', t)."""
-    parts = _arguments(tokens)
-    length = sum(len(part) + 1 for part in parts) + 1 if parts else 0
-    times = _times([token.text for part in parts[1:] for token in part])
-    if not times:
-        return [], length
-    first = parts[0]
-    alone = [token.text for token in first[1:]] in ([], ["(", "t", ")"])
-    inner = [(first[0].text, 0)] if alone and first and first[0].kind == "name" else _motions(first)
-    return [(name, order + times) for name, order in inner], length
-
-
-def _arguments(tokens: Sequence[Token]) -> list[list[Token]]:
-    """The arguments in the bracket that comes first; none where it is not closed."""
-    parts: list[list[Token]] = [[]]
-    depth = 0
-    for place, token in enumerate(tokens):
-        depth += token.is_operator("(") - token.is_operator(")")
-        if depth == 0:
-            return parts if place else []
-        if depth == 1 and token.is_operator(","):
-            parts.append([])
-        elif place:
-            parts[-1].append(token)
-    return []
-
-
-def _times(words: Sequence[str]) -> int:
-    """The order of a derivative by t, t and by t, 2 and by (t, 2); 0 where it is another."""
-    plain = [word for word in words if word not in ("(", ")", ",")]
-    if len(plain) == 2 and plain[0] == "t" and plain[1].isdigit():
-        return int(plain[1])
-    return len(plain) if all(word == "t" for word in plain) else 0
-
+from inverse_service.mechanics.moving_names import derived_stem, is_primed
 
 # Refused as functions or as numbers, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = (
@@ -245,7 +96,7 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
                 called.setdefault(token.text, (pointer, token))
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
-            elif not arguments and not _is_primed(line, place) and not _may_be_called(line, place):
+            elif not arguments and not is_primed(line, place) and not _may_be_called(line, place):
                 found_parameters.setdefault(token.text, (pointer, token))
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
     _ask_back(called, Names(coordinates, (), {**declared.functions, **found_functions}))
@@ -382,10 +233,6 @@ def _looks_like_a_function(name: str) -> bool:
 def _may_depend_on_time(name: str) -> bool:
     """Not x(t), a coordinate without an equation, nor delta(t), nor words."""
     return not (looks_like_a_coordinate(name) or name in _IMPULSES or _looks_like_a_function(name))
-
-
-def _is_primed(line: Sequence[Token], place: int) -> bool:
-    return place + 1 < len(line) and line[place + 1].kind == "prime"
 
 
 def _may_be_called(line: Sequence[Token], place: int) -> bool:

@@ -30,13 +30,8 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.document_names import Declared, Parameters, bounded, escaped, known_names
-from inverse_service.mechanics.guessing import (
-    derived_stem,
-    inferred_coordinates,
-    key_coordinate,
-    moving_names,
-)
 from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
+from inverse_service.mechanics.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 
 NOT_PAIRS = (

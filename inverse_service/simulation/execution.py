@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service.codegen.adaptive_kernel import MOST_TRIES
 from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.kernel import CONTROL, MOST_TRIES
+from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.program import (
     GUARDED,
     HIDDEN,

@@ -36,9 +36,9 @@ from inverse_service.simulation.derivation import (
     with_accelerations,
     with_energy,
 )
-from inverse_service.simulation.ensembles import EnsembleRun, run_members
 from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
+from inverse_service.simulation.members import EnsembleRun, run_members
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.quantities import Observed, observed_quantities

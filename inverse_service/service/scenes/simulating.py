@@ -24,8 +24,8 @@ from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.simulation.advice import advice
 from inverse_service.simulation.derivation import Derived, derive
-from inverse_service.simulation.ensembles import EnsembleRun
 from inverse_service.simulation.events import Found, where_ended
+from inverse_service.simulation.members import EnsembleRun
 from inverse_service.simulation.quantities import last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene import FreeLagrangian, Progress, Requested, Scene, Unavailable

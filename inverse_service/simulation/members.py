@@ -1,0 +1,172 @@
+"""The members of an ensemble of a scene: started, run and observed."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.codegen.program import HIDDEN, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.errors import InputError
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.simulation.array_values import NoValue, array_value, table_of
+from inverse_service.simulation.between_steps import hidden_in_members
+from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
+from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
+from inverse_service.simulation.impulses import Ways
+from inverse_service.simulation.observing import energy, point_velocities, why_energy_varies
+from inverse_service.simulation.scene import (
+    EXACT,
+    FreeLagrangian,
+    Members,
+    MethodChoice,
+    Problem,
+    Requested,
+    Scene,
+    Stop,
+    Unavailable,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EnsembleRun:
+    """One method for all members. `series` are columns (N, m) of what is observed, `numbers` (N,) of each member."""
+
+    requested: Requested
+    outcome: Outcome
+    many: Many | None
+    velocities: Array | None = None
+    series: Mapping[str, Array] = field(default_factory=dict)
+    numbers: Mapping[str, Array] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    between: str = ""
+
+
+def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop | None) -> EnsembleRun:
+    """All members by one method."""
+    assert scene.ensemble is not None
+    if requested.method in (EXACT, "heyoka", "modified") or requested.choice is None:
+        return EnsembleRun(requested, Outcome("unavailable", remedy=ALL_METHODS), None)
+    problem = problem_of(scene, requested, derived)
+    if isinstance(problem, Unavailable):
+        return EnsembleRun(requested, Outcome("unavailable", remedy=problem.reason), None)
+    free = derived.free.get(requested.free) if requested.method in USES_FREE else None
+    known = free if isinstance(free, FreeLagrangian) else None
+    members = scene.ensemble
+    values: dict[str, float | Array] = {**scene.values, **(known.constants if known else {})}
+    values |= dict(requested.constants) | dict(members.values)
+    begun = time.perf_counter()
+    momenta = _momenta(known, members, values)
+    try:
+        many = run_ensemble(
+            problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, stop=stop
+        )
+    except InputError as error:
+        return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
+    ran = time.perf_counter()
+    between = "" if many.cancelled else _mark_hidden(scene, problem, requested.choice, many, values, momenta, stop)
+    velocities = _point_velocities(scene, problem, requested, many, values)
+    series, numbers = _observed(scene, many, velocities, values)
+    seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
+    kind = "cancelled" if many.cancelled else _kind(many)
+    return EnsembleRun(requested, Outcome(kind, scene.grid.steps), many, velocities, series, numbers, seconds, between)
+
+
+def _kind(many: Many) -> str:
+    """How the members ended: all completed, some, or, where none did, as most of them."""
+    if many.completed.any():
+        return "completed" if many.completed.all() else "partly"
+    return Counter(many.outcome(member).kind for member in range(len(many.positions))).most_common(1)[0][0]
+
+
+def _mark_hidden(
+    scene: Scene, problem: Problem, choice: MethodChoice, many: Many, values: Mapping[str, float | Array],
+    momenta: Array | None, stop: Stop | None,
+) -> str:  # fmt: skip
+    """End the members that went by something between two points where they did; what was looked at."""
+    members, grid = scene.ensemble, replace(scene.grid, record_every=1)
+    assert members is not None
+
+    def paths(rows: NDArray[np.int64]) -> tuple[Array, Ways]:
+        own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        begun = None if momenta is None else momenta[rows]
+        again = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], grid, own, begun)
+        starts = again.positions[:, :-1].reshape(-1, len(scene.coordinates))
+        moves = np.diff(again.positions, axis=1).reshape(starts.shape)
+        each = {name: np.repeat(value, grid.steps) if np.ndim(value) else value for name, value in own.items()}
+        return again.positions, Ways(starts, moves, np.tile(again.times[:-1], len(rows)), grid.step, each)
+
+    found, sentence = hidden_in_members(scene, choice, len(many.positions), paths, stop)
+    status, at, value = (many.memory[many.card.layout.place(name)] for name in (STATUS, STOPPED_AT, STOPPED_VALUE))
+    for member, (step, impulse) in found.items():
+        if status[member] == 0:
+            status[member], at[member], value[member] = HIDDEN, step, impulse
+            lost = many.times > grid.begin + (step + 0.5) * grid.step
+            many.positions[member, lost] = many.rates[member, lost] = np.nan
+    return sentence
+
+
+def _momenta(free: FreeLagrangian | None, members: Members, values: Mapping[str, float | Array]) -> Array | None:
+    """Those that L~ gives itself (they may be 0/0 in the velocities), member by member where parameters differ."""
+    if free is None or free.start_momenta is None:
+        return None
+    if not members.values:
+        return free.start_momenta(members.positions, members.velocities, {k: float(x) for k, x in values.items()})
+    rows = []
+    for k, (q, v) in enumerate(zip(members.positions, members.velocities, strict=True)):
+        own = {name: float(value[k]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        rows.append(free.start_momenta(q, v, own))
+    return np.array(rows)
+
+
+def _flat(values: Mapping[str, float | Array], points: int) -> Any:
+    """Values of the parameters at all points of all members."""
+    return {name: np.repeat(x, points) if isinstance(x, np.ndarray) else x for name, x in values.items()}
+
+
+def _point_velocities(
+    scene: Scene, problem: Problem, requested: Requested, many: Many, values: Mapping[str, float | Array]
+) -> Array | None:
+    """(N, m, n) at the recorded points."""
+    if many.carried == "v":
+        return many.rates
+    shape = many.positions.shape
+    flat = Trajectory(
+        np.tile(many.times, shape[0]), many.positions.reshape(-1, shape[2]), many.rates.reshape(-1, shape[2]), None,
+        Outcome("completed"), 0, 0, 0.0, 0.0,
+    )  # fmt: skip
+    found = point_velocities(scene, problem, requested.method, flat, _flat(values, shape[1]))
+    return None if found is None else found.reshape(shape)
+
+
+def _observed(
+    scene: Scene, many: Many, velocities: Array | None, values: Mapping[str, float | Array]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Energy, where the scene observes it, and its own observables: columns (N, m), and numbers (N,)."""
+    shape = many.positions.shape
+    speeds = None if velocities is None else velocities.reshape(-1, shape[2])
+    table = table_of(
+        scene.coordinates, many.positions.reshape(-1, shape[2]), speeds, _flat(values, shape[1]),
+        np.tile(many.times, shape[0]),
+    )  # fmt: skip
+    formulas = {one.name: one.expression for one in scene.own}
+    if "energy" in scene.observe and scene.lagrangian is not None:
+        formulas["energy"] = energy(scene.lagrangian, scene.coordinates)
+    series: dict[str, Array] = {}
+    for name, tree in formulas.items():
+        try:
+            series[name] = array_value(tree, table).reshape(shape[:2])
+        except NoValue:
+            continue
+    numbers: dict[str, Array] = {}
+    if "energy" in series and why_energy_varies(scene) is None:
+        start = series["energy"][:, :1]
+        with np.errstate(all="ignore"):
+            errors = np.abs(series["energy"] - start) / np.where(start == 0, 1.0, np.abs(start))
+        numbers["max_energy_error"] = np.where(many.completed, errors.max(axis=1), np.nan)
+    return series, numbers
