@@ -210,6 +210,9 @@ PARTS = [
     ("x'' = -cos(acos(x*y)/3)*y; y'' = -cos(acos(x*y)/3)*x", "variational", "9*x*y*cos(acos(x*y)/3)/8"),
     ("x'' = -y*sin(asin(x)/3); y'' = -x*cos(acos(y)/3)", "not_variational", ""),
     ("x'' = -x + (cos(acos(x)/3) - cos(pi/6 + asin(x)/3))*y'; y'' = -y", "not_variational", ""),
+    ("x'' = -x + (sin(asin(x)/2) - x/(2*sqrt((1 + sqrt(1 - x^2))/2)))*y'; y'' = -y", "variational", ""),
+    ("x'' = -x + (sin(asin(x)/2) + x/(2*sqrt((1 + sqrt(1 - x^2))/2)))*y'; y'' = -y", "not_variational", ""),
+    ("x'' = -sin(asin(x)/2) - sqrt((1 - sqrt(1 - x^2))/2)", "variational", "x'^2/2 - 4*cos(asin(x)/2)/3"),
 ]
 
 

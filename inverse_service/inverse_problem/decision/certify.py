@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 
 from inverse_service.algebra.components import component
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.kernels import is_even_root, to_kernels
 from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined, requirements, varies
+from inverse_service.algebra.tower import AngleRule
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
@@ -202,9 +203,18 @@ def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
 
 def _signs(analysis: Analysis, domain: Domain) -> list[dict[str, str]]:
     """Which signs functions under roots have, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
-    signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
+    signed = (*(factor if sign > 0 else -factor for factor, sign in analysis.tower.signs), *_halves(analysis))
     found = (u for u in signed if u not in domain.positive and any(isinstance(node, Apply) for node in walk(u)))
     return [{"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)} for u in found]
+
+
+def _halves(analysis: Analysis) -> list[Expression]:
+    """cos(atan(w)/2), which is positive, where f has roots: nested ones may be products of it and others."""
+    if not any(is_even_root(node) and varies(node) for node in distinct_nodes(analysis.system.given)):
+        return []
+    rules = [rule for rule in analysis.tower.rules if isinstance(rule, AngleRule) and not rule.turns]
+    halved = (atom for rule in rules for atom, a in rule.arctangents if a.denominator % 2 == 0)
+    return [apply("cos", atom / 2) for atom in dict.fromkeys(halved)]
 
 
 def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:
