@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import Token, refusal
+from inverse_service.expressions.tokens import Token, closing, refusal
 
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
@@ -53,7 +53,7 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
         primes, slash = primes + int(tokens[slash].value), slash + 1
     called: list[Token] = []  # the (x) of dV(x)/dx
     if above.name is not None and tokens[slash].is_operator("("):
-        end = _closing(tokens, slash) + 1
+        end = closing(tokens, slash) + 1
         called, slash = tokens[slash:end], end
     if slash >= len(tokens) or not tokens[slash].is_operator("/"):
         return None
@@ -94,22 +94,12 @@ def _of_bracket(tokens: list[Token], place: int, names: Names) -> tuple[list[Tok
     """d(m x')/dt as diff(m x', t)."""
     if not tokens[place + 1 : place + 2] or not tokens[place + 1].is_operator("("):
         return None
-    end = _closing(tokens, place + 1)
+    end = closing(tokens, place + 1)
     below = _below(tokens, end + 2, 1) if tokens[end + 1 : end + 2] and tokens[end + 1].is_operator("/") else None
     following = tokens[end + 2 + below.length :][:1] if below else []
     if below is None or below.name is None or (following and following[0].is_operator("^")):
         return None
     return _call(with_differentials(tokens[place + 2 : end], names), below.name, 1), end + 2 + below.length
-
-
-def _closing(tokens: list[Token], opening: int) -> int:
-    """The place of the bracket that closes the one at `opening`; the end where none does."""
-    depth = 0
-    for place in range(opening, len(tokens)):
-        depth += tokens[place].is_operator("(") - tokens[place].is_operator(")")
-        if depth == 0:
-            return place
-    return len(tokens)
 
 
 def _above(tokens: list[Token], place: int, names: Names) -> _Part | None:
@@ -161,7 +151,7 @@ def _below(tokens: list[Token], place: int, order: int) -> _Part | None:
 
 def _power_of_operator(tokens: list[Token], place: int, names: Names) -> tuple[list[Token], int] | None:
     """(d/dt)^2 u as diff(u, t, t)."""
-    end = _closing(tokens, place) if tokens[place].is_operator("(") else len(tokens)
+    end = closing(tokens, place) if tokens[place].is_operator("(") else len(tokens)
     if [token.text for token in tokens[place + 1 : place + 3]] != ["d", "/"] or names.role("d"):
         return None
     below = _below(tokens, place + 3, 1)
@@ -178,7 +168,7 @@ def _operator(
     if place >= len(tokens):
         return None
     if tokens[place].is_operator("("):
-        end = _closing(tokens, place)
+        end = closing(tokens, place)
         inner = tokens[place + 1 : end]
         if end == len(tokens):
             return None

@@ -228,15 +228,7 @@ class FormulaParser(OperandParser):
 
     def _compares(self) -> bool:
         """Whether a condition, and no formula, stands in the bracket ahead."""
-        depth = 0
-        for distance in itertools.count():
-            token = self._stream.look(distance)
-            depth += token.is_operator("(") - token.is_operator(")")
-            if depth == 0 or token.kind == "end":
-                return False
-            if token.is_operator("<", ">", "~", "&", "true"):
-                return True
-        return False
+        return any(token.is_operator("<", ">", "~", "&", "true") for token in self._stream.group())
 
     def _inequality(self) -> Expression:
         """u > w, or a chain 0 < x < 1."""

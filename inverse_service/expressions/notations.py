@@ -16,7 +16,15 @@ from functools import partial
 
 from inverse_service.expressions.differentials import with_differentials
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import FACTOR, Token, never_closed, refusal, unexpected
+from inverse_service.expressions.tokens import (
+    FACTOR,
+    Token,
+    closing,
+    never_closed,
+    refusal,
+    split_at_commas,
+    unexpected,
+)
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
 
 Tokens = list[Token]
@@ -67,8 +75,8 @@ def _with_indices(tokens: Tokens, names: Names) -> Tokens:
 
 def _is_indexed(tokens: Tokens, place: int) -> bool:
     """Whether x[1] begins here, which is no call x[1](...) of a function."""
-    name, opening, index, closing = tokens[place : place + 4]
-    whole = name.kind == "name" and opening.is_operator("[") and index.text.isdigit() and closing.is_operator("]")
+    name, opening, index, end = tokens[place : place + 4]
+    whole = name.kind == "name" and opening.is_operator("[") and index.text.isdigit() and end.is_operator("]")
     after = [token.text for token in tokens[place + 4 : place + 7]]
     return whole and (after[:1] != ["("] or after == ["(", "t", ")"])
 
@@ -81,7 +89,7 @@ def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
     found: Tokens = []
     calls = {(a.text, b.text) for a, b in itertools.pairwise(tokens) if b.is_operator("[") or a.is_operator("[")}
     mathematica = any((first == "[" and second == "t") or first != _small(first) for first, second in calls)
-    closing: list[str] = []
+    ends: list[str] = []
     opened: list[Token] = []
     for place, token in enumerate(tokens):
         if token.is_operator("[", "{"):
@@ -89,7 +97,7 @@ def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
             orders = (
                 token.text == "[" and place > 0 and tokens[place - 1].kind == "name" and _holds_orders(tokens, place)
             )
-            closing.append("]" if orders else ")")
+            ends.append("]" if orders else ")")
             called = token.text == "[" and place > 0 and tokens[place - 1].kind == "name" and not orders
             if called:
                 listed = [each.text for each in tokens[place - 1 : place + 2]] == ["Piecewise", "[", "{"]
@@ -97,9 +105,9 @@ def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
             unclear = called and not mathematica and names.role(found[-1].text) is None
             space = unclear or (token.space_before and not called)
             found.append(token if orders else replace(token, text="(", space_before=space))
-        elif token.is_operator("]", "}") and closing:
+        elif token.is_operator("]", "}") and ends:
             opened.pop()
-            found.append(replace(token, text=closing.pop()))
+            found.append(replace(token, text=ends.pop()))
         else:
             found.append(token)
     if opened:
@@ -155,28 +163,12 @@ def _opens(tokens: Sequence[Token], place: int) -> bool:
     return place < len(tokens) and tokens[place].is_operator("(")
 
 
-def _close(tokens: Sequence[Token], opening: int) -> int:
-    """The place of the bracket that closes the one at `opening`."""
-    depth = 0
-    for place in range(opening, len(tokens)):
-        depth += tokens[place].is_operator("(") - tokens[place].is_operator(")")
-        if depth == 0:
-            return place
-    raise never_closed(tokens[opening])
-
-
 def _arguments(tokens: Sequence[Token], opening: int) -> tuple[list[Sequence[Token]], int]:
     """The arguments in the bracket at `opening`, and the place after it."""
-    end = _close(tokens, opening)
-    parts: list[list[Token]] = [[]]
-    depth = 0
-    for token in tokens[opening + 1 : end]:
-        depth += token.is_operator("(") - token.is_operator(")")
-        if depth == 0 and token.is_operator(","):
-            parts.append([])
-        else:
-            parts[-1].append(token)
-    return [part for part in parts if part], end + 1
+    end = closing(tokens, opening)
+    if end == len(tokens):
+        raise never_closed(tokens[opening])
+    return [part for part in split_at_commas(tokens[opening + 1 : end]) if part], end + 1
 
 
 def _after_dot(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
@@ -228,8 +220,8 @@ def _derivative_of(tokens: Sequence[Token], place: int, order: int, found: Token
     start, inner = place, 0
     while [token.text for token in tokens[place + 1 : place + 3]] == ["D", "("]:  # D(D(x))
         place, inner = place + 2, inner + 1
-    name, *closing = tokens[place + 1 : place + 3 + inner]
-    closed = len(closing) == 1 + inner and all(token.is_operator(")") for token in closing)
+    name, *ends = tokens[place + 1 : place + 3 + inner]
+    closed = len(ends) == 1 + inner and all(token.is_operator(")") for token in ends)
     if not _opens(tokens, start) or name.kind != "name" or not closed:
         raise refusal("a derivative of a name occurs", tokens[start - 1].column, "write x'' or diff(x, t, 2)")
     found += [name, Token("prime", "'" * (order + inner), name.column, False, Fraction(order + inner))]
@@ -255,11 +247,16 @@ def _mathematica_derivative(tokens: Sequence[Token], place: int, found: Tokens, 
 def _call(tokens: Sequence[Token], place: int, found: Tokens, names: Names, name: str) -> int:
     """The same call under our name, its arguments rewritten."""
     arguments, after = _arguments(tokens, place + 1)
-    found += [replace(tokens[place], text=name), tokens[place + 1]]
+    found += [replace(tokens[place], text=name), tokens[place + 1], *_listed(arguments, names), tokens[after - 1]]
+    return after
+
+
+def _listed(arguments: Sequence[Sequence[Token]], names: Names) -> Tokens:
+    """The arguments rewritten, with commas between them."""
+    found: Tokens = []
     for position, argument in enumerate(arguments):
         found += ([_sign(",", argument[0])] if position else []) + _rewritten(argument, names)
-    found.append(tokens[after - 1])
-    return after
+    return found
 
 
 def _quoted(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
@@ -317,9 +314,7 @@ def _logarithm(tokens: Sequence[Token], place: int, found: Tokens, names: Names)
     """Mathematica's Log[x] is log(x), and Log[b, x] is log(x, b)."""
     arguments, after = _arguments(tokens, place + 1)
     found += [replace(tokens[place], text="log"), tokens[place + 1]]
-    for position, argument in enumerate(reversed(arguments)):
-        found += ([_sign(",", argument[0])] if position else []) + _rewritten(argument, names)
-    found.append(tokens[after - 1])
+    found += [*_listed(arguments[::-1], names), tokens[after - 1]]
     return after
 
 
@@ -352,7 +347,7 @@ def _differential(tokens: Sequence[Token], place: int, found: Tokens, names: Nam
 def _column(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
     """SymPy's Matrix([[u], [v]]) is u, v: its entries without the brackets of the rows' list."""
     arguments, after = _arguments(tokens, place + 1)
-    if len(arguments) != 1 or not _opens(arguments[0], 0) or _close(arguments[0], 0) != len(arguments[0]) - 1:
+    if len(arguments) != 1 or not _opens(arguments[0], 0) or closing(arguments[0], 0) != len(arguments[0]) - 1:
         raise refusal("a matrix occurs", tokens[place].column, "write its entries, separated by ;")
     found += _rewritten(arguments[0][1:-1], names)
     return after
@@ -380,9 +375,4 @@ def _without_list(tokens: Tokens) -> Tokens:
     plain = [token for token in tokens if token.kind != "newline"]
     if len(plain) < 3 or not plain[0].is_operator("[", "(") or not any(token.is_operator("=") for token in plain):
         return tokens
-    depth = 0
-    for place, token in enumerate(plain):
-        depth += token.is_operator("[", "(") - token.is_operator("]", ")")
-        if depth == 0:
-            return plain[1:-1] if place == len(plain) - 1 else tokens
-    return tokens
+    return plain[1:-1] if closing(plain, 0) == len(plain) - 1 else tokens

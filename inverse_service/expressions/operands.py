@@ -224,15 +224,11 @@ class OperandParser(ABC):
             self._stream.position += 3
 
     def _group_has_time(self) -> bool:
-        distance, open_groups = 0, 0
-        while self._stream.look(distance).kind != "end":
-            token = self._stream.look(distance)
+        open_groups = 0
+        for distance, token in enumerate(self._stream.group()):
             open_groups += token.is_operator("(") - token.is_operator(")")
             if token.kind == "name" and token.text == "t" and not self._only_names_time(distance, open_groups):
                 return True
-            if open_groups == 0:
-                return False
-            distance += 1
         return False
 
     def _only_names_time(self, distance: int, open_groups: int) -> bool:

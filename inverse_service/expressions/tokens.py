@@ -74,6 +74,29 @@ def refusal(
     return InputError(f"{what} at column {column}: {instead}.", column=column, instead=meant, span=span)
 
 
+def closing(tokens: Sequence[Token], opening: int) -> int:
+    """The place of the bracket that closes the one at `opening`; the end where none does."""
+    depth = 0
+    for place in range(opening, len(tokens)):
+        depth += tokens[place].is_operator("(", "[") - tokens[place].is_operator(")", "]")
+        if depth == 0:
+            return place
+    return len(tokens)
+
+
+def split_at_commas(tokens: Sequence[Token]) -> list[list[Token]]:
+    """The parts between commas that stand in no bracket."""
+    parts: list[list[Token]] = [[]]
+    depth = 0
+    for token in tokens:
+        depth += token.is_operator("(") - token.is_operator(")")
+        if depth == 0 and token.is_operator(","):
+            parts.append([])
+        else:
+            parts[-1].append(token)
+    return parts
+
+
 def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
     """InputError for 1,5: a decimal comma to some, two numbers to others. B[1,0] holds orders and is none."""
     square = 0
@@ -171,12 +194,12 @@ class TokenStream:
 
     def must_close(self) -> None:
         """InputError where the formula ends before the bracket ahead is closed."""
-        depth = 0
-        for token in self._tokens[self.position :]:
-            depth += token.is_operator("(") - token.is_operator(")")
-            if depth == 0:
-                return
-        raise never_closed(self.ahead)
+        if closing(self._tokens, self.position) == len(self._tokens):
+            raise never_closed(self.ahead)
+
+    def group(self) -> Sequence[Token]:
+        """The tokens of the bracket ahead, up to its end or that of the formula."""
+        return self._tokens[self.position : closing(self._tokens, self.position)]
 
     @contextmanager
     def nested(self) -> Iterator[None]:

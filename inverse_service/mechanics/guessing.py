@@ -21,7 +21,7 @@ from inverse_service.expressions.names import (
     readings,
 )
 from inverse_service.expressions.reader import read_tokens, remark
-from inverse_service.expressions.tokens import Token, check_brackets, refusal, shorten
+from inverse_service.expressions.tokens import Token, check_brackets, closing, refusal, shorten
 from inverse_service.expressions.vocabulary import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -106,12 +106,7 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
 
 def _product_or_function(line: Sequence[Token], place: int, argument: str, text: str) -> InputError:
     """The refusal of k (x) and k [x], with both ways to write it."""
-    name, depth, end = line[place], 0, line[place].column
-    for other in line[place + 1 :]:
-        depth += other.is_operator("(") - other.is_operator(")")
-        if depth == 0:
-            end = other.column
-            break
+    name, end = line[place], line[closing(line, place + 1)].column
     plain = text[end - 1 : end] in (")", "]")  # and no \\right)
     both = (f"{name.text}*({argument})", f"{name.text}({argument})")
     instead, what = f"write {both[0]} for a product, {both[1]} for a function", f"{name.text} ( could be"

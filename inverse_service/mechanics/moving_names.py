@@ -15,7 +15,7 @@ from inverse_service.expressions.names import (
     looks_like_a_coordinate,
 )
 from inverse_service.expressions.reader import read_tokens
-from inverse_service.expressions.tokens import Token, joined, refusal, shorten
+from inverse_service.expressions.tokens import Token, closing, joined, refusal, shorten, split_at_commas
 from inverse_service.expressions.vocabulary import (
     DERIVATIVE_NAMES,
 )
@@ -132,30 +132,17 @@ def _primes(tokens: Sequence[Token]) -> tuple[int, list[str]]:
 
 def _differentiated(tokens: Sequence[Token]) -> tuple[list[tuple[str, int]], int]:
     """The names that diff moves, from its bracket on, and how long that is: (x, t, 2), (x(t), (t, 2)), (m*x', t)."""
-    parts = _arguments(tokens)
-    length = sum(len(part) + 1 for part in parts) + 1 if parts else 0
+    end = closing(tokens, 0)
+    if not 0 < end < len(tokens):
+        return [], 0
+    parts = split_at_commas(tokens[1:end])
     times = _times([token.text for part in parts[1:] for token in part])
     if not times:
-        return [], length
+        return [], end + 1
     first = parts[0]
     alone = [token.text for token in first[1:]] in ([], ["(", "t", ")"])
     inner = [(first[0].text, 0)] if alone and first and first[0].kind == "name" else _motions(first)
-    return [(name, order + times) for name, order in inner], length
-
-
-def _arguments(tokens: Sequence[Token]) -> list[list[Token]]:
-    """The arguments in the bracket that comes first; none where it is not closed."""
-    parts: list[list[Token]] = [[]]
-    depth = 0
-    for place, token in enumerate(tokens):
-        depth += token.is_operator("(") - token.is_operator(")")
-        if depth == 0:
-            return parts if place else []
-        if depth == 1 and token.is_operator(","):
-            parts.append([])
-        elif place:
-            parts[-1].append(token)
-    return []
+    return [(name, order + times) for name, order in inner], end + 1
 
 
 def _times(words: Sequence[str]) -> int:
