@@ -151,12 +151,13 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 
 def main(arguments: Sequence[str] | None = None, report: Callable[[str], None] = print) -> None:
     chosen = options(arguments)
-    systems = generated(chosen.count, chosen.seed, chosen.disguised, chosen.shapes, chosen.start)
-    if systems:
-        measure(systems[0], chosen.limit)  # loads the compiled kernels
     measured: list[Measured] = []
-    for system in systems:
+    for index in range(chosen.start, chosen.start + chosen.count):
+        (system,) = generated(1, chosen.seed, chosen.disguised, chosen.shapes, index)
+        if not measured:
+            measure(system, chosen.limit)  # loads the compiled kernels
         measured.append(measure(system, chosen.limit))
         last = measured[-1]
-        print(f"{last.name}: {last.ansatz or 'no closed form'}, {last.seconds:.2f} s", file=sys.stderr, flush=True)
+        said = f"{last.ansatz or 'no closed form'}{'' if last.closed_hamiltonian or not last.ansatz else ', no H'}"
+        print(f"{last.name}: {said}, {last.seconds:.2f} s", file=sys.stderr, flush=True)
     report(markdown(measured))

@@ -234,8 +234,9 @@ class _Cell(SignedRing):
             return []
         nodes = dict.fromkeys(node for tree in trees for node in walk(tree))
         names = [node for node in nodes if isinstance(node, Symbol | Velocity) and node != PI]
-        center = {name: Fraction(mpmath.nstr(self.table[name], 3)) for name in names}
-        for width in _WIDTHS:
+        for k, width in enumerate(_WIDTHS):
+            digits = 3 + k // 3  # the point stays within a sixteenth of the reach, so it is in the box itself
+            center = {name: Fraction(mpmath.nstr(self.table[name], digits)) for name in names}
             reach = {name: width * max(abs(value), Fraction(1, 100)) for name, value in center.items()}
             if all(encloses_positive(tree, center, reach) for tree in trees):
                 above = [subtract(name, number(center[name] - reach[name])) for name in names]

@@ -68,6 +68,14 @@ def test_what_is_asked_for_is_positive_wherever_the_conditions_are(text: str) ->
     assert inside
 
 
+def test_a_narrow_box_contains_its_point() -> None:
+    """What is positive at the point grows towards the point of three digits: a box about that one may leave it out."""
+    table = {Symbol("x"): mpmath.mpf("1.2251"), Symbol("y"): mpmath.mpf("0.765")}
+    limit = mpmath.exp(table[Symbol("x")] * table[Symbol("y")]) + mpmath.sin(sum(table.values())) - 0.0005
+    formula = read_formula(f"sqrt(exp(x*y) + sin(x+y) - {mpmath.nstr(limit, 12)})", NAMES)
+    assert are_positive(component(requirements([formula], table), table), table)
+
+
 @pytest.mark.parametrize("text", [*EXPECTED, *FURTHER])
 def test_two_points_of_a_domain_are_joined_by_a_path_in_it(text: str) -> None:
     """By a walk of small random steps among many points: a coarse test, but it fails for two components."""

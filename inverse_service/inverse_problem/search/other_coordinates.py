@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
@@ -187,7 +188,7 @@ def _exponential_changes(material: Material) -> Iterator[Change]:
 
 
 def _polar_changes(material: Material) -> Iterator[Change]:
-    """For each angle all other coordinates as radius."""
+    """For each angle all other coordinates as radius, those first that its acceleration is divided by."""
     names = material.analysis.system.coordinates
     trees = [to_kernels(f) for f in material.analysis.system.accelerations]
     for angle in names:
@@ -197,7 +198,8 @@ def _polar_changes(material: Material) -> Iterator[Change]:
         }
         occurs = {node for tree in trees for node in walk(tree)} & set(circular)
         bare = any(node == Symbol(angle) for tree in trees for node in walk(substitute(tree, circular)))
-        for radius in names if occurs and not bare else ():
+        divisors = {node.base for node in walk(trees[names.index(angle)]) if isinstance(node, Power)}
+        for radius in sorted(names, key=lambda name: Symbol(name) not in divisors) if occurs and not bare else ():
             if radius != angle:
                 yield _polar(radius, angle)
 
@@ -215,9 +217,9 @@ def _polar(radius: str, angle: str) -> Change:
 
 
 _MOST_CHANGES = 2
-# To write f in other coordinates; what takes longer is not the shorter system that is wanted.
-_WORK_OF_A_CHANGE = 60_000
-_TERMS, _WORK_TO_SIMPLIFY = 500, 150_000
+# To write f in other coordinates, in one change and in all; what takes longer is not the shorter system that is wanted.
+_WORK_OF_A_CHANGE, _WORK_OF_CHANGES = 300_000, 500_000
+_TERMS, _WORK_TO_SIMPLIFY = 500, 30_000
 
 
 def applies(material: Material) -> bool:
@@ -227,7 +229,7 @@ def applies(material: Material) -> bool:
 
 def in_shorter_coordinates(material: Material, seed: int) -> Iterator[Smaller]:
     """The system in the shortest of the suggested coordinates; its Lagrangians in the given ones again."""
-    for change, system in _shorter(material)[:_MOST_CHANGES]:
+    for change, system in shorter(material)[:_MOST_CHANGES]:
         yield Smaller(
             (system,), material.motion.with_time, partial(_carried_back, _table(change.new, system.coordinates))
         )
@@ -243,33 +245,38 @@ def _plain_arguments(tree: Expression) -> Expression:
     return rebuild(tree, collected_inside) if isinstance(tree, Apply) else tree
 
 
-def _shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
+def shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
     """The changes that make f shorter, the best first, with the system in the new coordinates."""
     system = material.analysis.system
-    settled = [_settled(f, system.coordinates) for f in system.accelerations]
-    own = min(_size(system.accelerations), _size(settled))
-    found = list(_transformed(material, own))
-    return sorted(found, key=lambda pair: _size(pair[1].accelerations))
+    own = size(system.accelerations)
+    found: list[tuple[Change, SecondOrderSystem]] = []
+    with suppress(OutOfTime), within(_WORK_OF_CHANGES):
+        own = min(own, size([_settled(f, system.coordinates) for f in system.accelerations]))
+        for pair in _transformed(material, own):
+            found.append(pair)
+            if 2 * size(pair[1].accelerations) < own:
+                break
+    return sorted(found, key=lambda pair: size(pair[1].accelerations))
 
 
-def _size(trees: Sequence[Expression]) -> int:
+def size(trees: Sequence[Expression]) -> int:
     return sum(1 for tree in trees for _ in walk(tree))
 
 
-def _transformed(material: Material, size: int) -> Iterator[tuple[Change, SecondOrderSystem]]:
+def _transformed(material: Material, most: int) -> Iterator[tuple[Change, SecondOrderSystem]]:
     """The changes that make f smaller than that."""
     for change in suggested(material):
         check()
         try:
             with within(_WORK_OF_A_CHANGE):
-                other = transformed(material.analysis.system, change, size)
+                other = transformed(material.analysis.system, change, most)
         except (ArithmeticError, ValueError, OutOfTime):
             continue
         if other is not None:
             yield change, other
 
 
-def transformed(system: SecondOrderSystem, change: Change, size: float = math.inf) -> SecondOrderSystem | None:
+def transformed(system: SecondOrderSystem, change: Change, most: float = math.inf) -> SecondOrderSystem | None:
     """The system in the new coordinates: Q'' = W_q f + (W_qq v) v with q = psi(Q); None where f gets that large."""
     names = system.coordinates
     forces = dict(zip(names, system.accelerations, strict=True))
@@ -281,7 +288,7 @@ def transformed(system: SecondOrderSystem, change: Change, size: float = math.in
         whole = add(_rate(rate, names), *along)
         placed = substitute(to_kernels(whole) if change.functions else whole, table)
         accelerations.append(_settled(placed, names))
-        if _size(accelerations) >= size:
+        if size(accelerations) >= most:
             return None
     return replace(system, accelerations=tuple(accelerations))
 
@@ -301,17 +308,12 @@ def _table(functions: Mapping[str, Expression], names: Sequence[str]) -> dict[Ex
 
 
 def _settled(tree: Expression, names: Sequence[str]) -> Expression:
-    """The tree as factored quotients, arguments of functions and radicands first."""
-    return _quotient(_inside(collect(tree), names), names)
-
-
-def _inside(tree: Expression, names: Sequence[str]) -> Expression:
-    tree = rebuild(tree, lambda part: _inside(part, names))
-    if isinstance(tree, Apply):
-        return Apply(tree.function, _quotient(tree.argument, names))
-    if isinstance(tree, Power) and isinstance(tree.exponent, Number) and tree.exponent.value.denominator > 1:
-        return Power(_quotient(tree.base, names), tree.exponent)
-    return tree
+    """Each sum and product, the innermost first, as it is, multiplied out or as a factored quotient: the shortest."""
+    tree = rebuild(tree, lambda part: _settled(part, names))
+    if not isinstance(tree, Sum | Product):
+        return tree
+    whole = collect(tree)
+    return min((tree, whole, _quotient(whole, names)), key=lambda form: size([form]))
 
 
 def _quotient(tree: Expression, names: Sequence[str]) -> Expression:

@@ -7,9 +7,10 @@ import pytest
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import Material, gather
-from inverse_service.inverse_problem.search.other_coordinates import suggested, transformed
+from inverse_service.inverse_problem.search.other_coordinates import shorter, size, suggested, transformed
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
+from tests.generator import disguised, random_system
 from tests.inverse_problem.search.forty_digits import defects, legendre_defects, same_value
 
 # x'' = x' x, y'' = 2 y' in (3 X + 4 Y, 3 Y - 4 X), and w'' = 0, s'' = w' s' cos(w)/sin(w) with w = u + 2 s^2.
@@ -62,6 +63,20 @@ def test_a_disguised_system_gets_a_lagrangian_and_a_hamiltonian(kind: str) -> No
     assert max(residual for residual, _ in defects(system, answer.lagrangian)) < 1e-25
     assert min(determinant for _, determinant in defects(system, answer.lagrangian)) > 1e-25
     assert max(legendre_defects(system, answer.lagrangian, answer.hamiltonian)) < 1e-25
+
+
+# Systems of the generator in other coordinates whose right sides are longer in each single form than as given, or
+# hold quotients of the new velocities.
+LONG = {30: "shear", 84: "polar", 91: "polar", 93: "polar"}
+
+
+@pytest.mark.parametrize("index", LONG)
+def test_long_equations_are_brought_back(index: int) -> None:
+    given = disguised(random_system(index, 34), 34)
+    whole = gather(analyse(read_system(given.coordinates, given.equations)), given.time_dependent)
+    change, system = shorter(whole)[0]
+    assert change.name == LONG[index]
+    assert 2 * size(system.accelerations) < size(whole.analysis.system.accelerations)
 
 
 def test_an_angle_outside_sine_and_cosine_is_no_polar_angle() -> None:
