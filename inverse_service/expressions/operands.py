@@ -97,8 +97,11 @@ def _along_motion(expression: Expression, variable: Variable, names: Names) -> E
         raise _third(variable.column) from None
 
 
+OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
+
+
 def _third(column: int) -> InputError:
-    return refusal("a third derivative occurs", column, "write equations of second order")
+    return refusal("a third derivative occurs", column, OF_SECOND_ORDER)
 
 
 class OperandParser(ABC):
@@ -194,7 +197,7 @@ class OperandParser(ABC):
     def _coordinate(self, name: str, order: int, token: Token) -> Expression:
         order += self._primes()
         if order > 2:
-            raise refusal("a third derivative occurs", token.column, "write equations of second order")
+            raise _third(token.column)
         self._skip_time_argument()
         ahead = self._stream.ahead
         touches = self._opens_arguments() and not ahead.space_before

@@ -14,6 +14,7 @@ from sympy.core.function import AppliedUndef
 from sympy.integrals.heurisch import heurisch
 
 from inverse_service.errors import InputError
+from inverse_service.expressions.operands import OF_SECOND_ORDER
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.tree import (
     ELEMENTARY,
@@ -150,7 +151,7 @@ def _derivative(expression: Any, leaves: Leaves) -> Expression:
             raise _refused("a derivative that is not carried out occurs", "call doit()")
         return from_sympy(done, leaves)
     if inner.expr in leaves.trees:
-        raise _refused("a third derivative occurs", "write equations of second order")
+        raise _refused("a third derivative occurs", OF_SECOND_ORDER)
     orders = [0] * len(inner.expr.args)
     for variable, count in inner.variable_count:
         places = [place for place, argument in enumerate(inner.expr.args) if argument == variable]

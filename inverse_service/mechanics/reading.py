@@ -42,10 +42,11 @@ NOT_PAIRS = (
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """The coordinates, and the acceleration of each."""
+    """The coordinates, the acceleration of each, and what the other names are by the equations, p = p(t, q, q')."""
 
     coordinates: tuple[str, ...]
     accelerations: tuple[Expression, ...]
+    others: tuple[tuple[str, Expression], ...]
 
 
 def from_pairs(
@@ -102,7 +103,8 @@ def _solved(slopes: Mapping[str, Expression], chosen: tuple[str, ...]) -> Pairs 
     except InputError:
         return None
     known: dict[Expression, Expression] = dict(zip(map(Symbol, momenta), values, strict=True))
-    return Pairs(chosen, tuple(substitute(_along(slopes[q], slopes, chosen), known) for q in chosen))
+    found = tuple(substitute(_along(slopes[q], slopes, chosen), known) for q in chosen)
+    return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
 
 
 def _along(slope: Expression, slopes: Mapping[str, Expression], chosen: Sequence[str]) -> Expression:
@@ -135,13 +137,14 @@ def read_system(
     and names in `where` are replaced exactly. InputError with JSON
     pointer and column for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
     """
-    names, found = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
+    names, found, others = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
     return SecondOrderSystem(
         coordinates=names.coordinates,
         accelerations=_accelerations(found, names.coordinates),
         parameters=names.parameters,
         functions=tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items()),
         name=name,
+        others=others,
     )
 
 
@@ -161,12 +164,15 @@ def read_given(
     where: Mapping[str, str] | None = None,
 ) -> GivenEquations:
     """The equations of a document as they stand, left side minus right side; InputError as in `read_system`."""
-    names, found = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
+    names, found, _ = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
     return GivenEquations(names, tuple(left - right for left, right, _ in found))
 
 
-def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_Equation]]:
-    """The names that have no value and no formula, and the equations with values and formulas put in."""
+_Others = tuple[tuple[str, Expression], ...]
+
+
+def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_Equation], _Others]:
+    """The names that have no value and no formula, the equations with these put in, what pairs leave out."""
     texts = _texts(equations)
     if not isinstance(equations, Mapping):
         _refuse_definitions(texts, declared)
@@ -179,12 +185,12 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
     ]
     names = known.remaining()
     if not pairs:
-        return names, found
+        return names, found, ()
     system = from_pairs([(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ())
     names = replace(names, coordinates=system.coordinates)
     check_clashes(names)
     trees = zip(system.coordinates, system.accelerations, strict=True)
-    return names, [(Acceleration(name), tree, "/equations") for name, tree in trees]
+    return names, [(Acceleration(name), tree, "/equations") for name, tree in trees], system.others
 
 
 _DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
@@ -215,6 +221,8 @@ def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
                 continue  # what is missing is the motion
             key = '"lagrangian": "…"' if first.text == "L" else f'"where": {{"{first.text}": "…"}}'
             what = f"{first.text} = … is a definition, not an equation of motion; it occurs"
+            if [token.text for token in rest[1:]] == ["0"]:
+                what = f"{first.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
             raise refusal(what, first.column, f"write it in the document as {key}").at(pointer)
 
 

@@ -43,6 +43,7 @@ class SecondOrderSystem:
 
     Parameters are generic constants (those with values were substituted); no Acceleration node
     is left in `accelerations`. `branch` is None where roots of squares were not looked for.
+    `others` says what the names are that first-order equations have beside the coordinates.
     """
 
     coordinates: tuple[str, ...]
@@ -51,6 +52,7 @@ class SecondOrderSystem:
     functions: tuple[FunctionDeclaration, ...] = ()
     name: str = ""
     branch: Branch | None = None
+    others: tuple[tuple[str, Expression], ...] = ()
 
     @property
     def names(self) -> Names:

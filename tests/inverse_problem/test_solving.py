@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from inverse_service.algebra.real_point import are_positive, table_at
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.errors import CertificateRefused
 from inverse_service.expressions.tree import Symbol, add, multiply, number, power
@@ -142,3 +143,15 @@ def test_accelerations_too_long_for_a_certificate_are_undetermined_with_the_reas
     assert answer is not None
     assert answer.verdict == "undetermined"
     assert "60,000 characters" in answer.reason
+
+
+def test_the_lagrangian_of_predators_and_prey_holds_where_both_are_positive() -> None:
+    """y = (a x - x')/(b x) is positive for x' < a x; what y is stands in the explanation."""
+    system = read_system(None, ["x' = a*x - b*x*y", "y' = -c*y + d*x*y"], ["a", "b", "c", "d"])
+    answer = solve(system, SolveOptions()).autonomous
+    assert answer is not None
+    assert answer.lagrangian is not None
+    for rate in ("-1", "0.5"):
+        here = dict.fromkeys(["x", "a", "b", "c", "d"], "1") | {"x'": rate}
+        assert are_positive(answer.lagrangian.positive, table_at(here))
+    assert "give y = (a*x - x')/(x*b);" in answer.explanation[0].text

@@ -191,3 +191,10 @@ def test_coordinates_are_found_under_every_second_derivative(equation: str) -> N
 def test_other_derivatives_make_no_coordinate(equation: str) -> None:
     with pytest.raises(InputError):
         read_system(None, equation)
+
+
+def test_of_first_order_equations_it_is_known_what_the_other_names_are() -> None:
+    system = read_system(None, ["x' = a*x - b*x*y", "y' = -c*y + d*x*y"], ["a", "b", "c", "d"])
+    assert system.coordinates == ("x",)
+    assert [(name, to_text(tree)) for name, tree in system.others] == [("y", "(a*x - x')/(x*b)")]
+    assert read_system(None, ["x'' = -x"]).others == ()

@@ -80,7 +80,11 @@ def analyse(system: SecondOrderSystem) -> Analysis:
     given = [to_kernels(substitute(f, steps)) for f in system.given] if system.positive else []
     if steps and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, system.positive) is None:
         raise IrreducibleAtoms(_alone(system))
-    table = find_real_point([*kernels, *given], variables, seed=1, positive=system.positive)
+    # Of predators and prey, of which one is a coordinate, both are positive, as are their rates.
+    positive = [*map(Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
+    sides = [*system.positive, *positive]
+    points = (find_real_point([*kernels, *given], variables, 1, tuple(side)) for side in (sides, system.positive))
+    table = next((point for point in points if point is not None), None)
     tower = reduce_atoms(kernels, variables, table)
     return Analysis(system, kernels, tower, table)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from inverse_service.algebra.real_point import own_requirements
 from inverse_service.errors import InputError
 from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import Formula, listed, row
-from inverse_service.expressions.tree import TIME, Expression
+from inverse_service.expressions.tree import TIME, Expression, Symbol
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.explanation.verification import euler_lagrange_steps, explain_positive
 from inverse_service.inverse_problem.explanation.wording import Piece, said, separated
@@ -115,7 +116,11 @@ def of_lagrangian(
 
 
 def branch_steps(system: SecondOrderSystem, positive: Sequence[Expression]) -> tuple[Step, ...]:
-    """On which set the answer holds, and what the rewritten roots are there."""
+    """What first-order equations leave out, on which set the answer holds, and what the rewritten roots are there."""
+    if system.others:
+        known = listed([row(Symbol(name), " = ", tree) for name, tree in system.others])
+        first = said("The equations of first order give ", known, "; put in, these are equations of second order.")
+        return (first, *branch_steps(replace(system, others=()), positive))
     if not positive:
         return ()
     where = listed([inequality(tree) for tree in positive])
