@@ -254,3 +254,5 @@ def test_of_a_parameter_it_is_said_for_which_values_a_step_holds() -> None:
     said = _sentences({"x": "-a*y'", "y": "-a*y"}, ("a",))
     assert any(sentence.endswith("For a != 0, g_12 = 0.") for sentence in said)
     assert not any("a is not zero identically" in sentence for sentence in said)
+    both = _sentences({"x": "a*y' - sin(x)", "y": "-y"}, ("a",))
+    assert any(line.endswith("For a != 0, as cos(x) - 1 is not zero identically, g_11 = 0.") for line in both)

@@ -6,7 +6,7 @@ Phi, nabla Phi and R of a solution, written out for people.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
@@ -231,13 +231,22 @@ def equation_step(
     pieces: list[Piece] = [equation_name(name), ": ", row(original, " = 0"), ". "]
     if reduced != original:
         pieces += ["With what is known already: ", row(reduced, " = 0"), ". "]
-    factors = [formula_of(divisor) for divisor in dict.fromkeys(divisors)]
-    verb = "is" if len(factors) == 1 else "are"
-    reason: list[Piece] = ["As ", *enumerated(factors), f" {verb} not zero identically, "] if factors else ["Hence "]
-    leaves = {node for tree in divisors for node in walk(tree) if isinstance(node, Symbol | Velocity)}
-    if leaves and all(isinstance(leaf, Symbol) and leaf.name in parameters for leaf in leaves):
-        reason = ["For ", *separated([row(factor, " != 0") for factor in factors], " and "), ", "]
-    return said(*pieces, *reason, row(pivot, " = ", result), ".")
+    return said(*pieces, *_divided_by(dict.fromkeys(divisors), parameters), row(pivot, " = ", result), ".")
+
+
+def _divided_by(divisors: Iterable[Expression], parameters: Collection[str]) -> list[Piece]:
+    """For a != 0, as x is not zero identically, …"""
+    numbers, others = list[Formula](), list[Formula]()
+    for divisor in divisors:
+        leaves = [node for node in walk(divisor) if isinstance(node, Symbol | Velocity)]
+        constant = leaves and all(isinstance(leaf, Symbol) and leaf.name in parameters for leaf in leaves)
+        (numbers if constant else others).append(formula_of(divisor))
+    if not numbers and not others:
+        return ["Hence "]
+    values: list[Piece] = ["For ", *separated([row(one, " != 0") for one in numbers], " and "), ", "] if numbers else []
+    verb = "is" if len(others) == 1 else "are"
+    word = "as " if numbers else "As "
+    return [*values, *([word, *enumerated(others), f" {verb} not zero identically, "] if others else [])]
 
 
 def block_sentence(symbols: Mapping[Unknown, Symbol], rows: tuple[int, ...], columns: tuple[int, ...], n: int) -> Step:

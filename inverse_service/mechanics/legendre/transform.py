@@ -16,7 +16,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import merge_powers, minus_inside
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import ZERO, Arbitrary, Expression, Symbol, Velocity, add, substitute, walk
+from inverse_service.expressions.tree import ZERO, Apply, Arbitrary, Expression, Symbol, Velocity, add, substitute, walk
 from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.forms import (
@@ -116,13 +116,13 @@ def legendre(
         from inverse_service.mechanics.legendre.no_inverse import equation_of
 
         equation = equation_of([block for block in parts.blocks if block.names in missing], _REASON_LIMIT)
-        return _noted(implicit, _implicit(equation.reason if equation else _no_closed_form(missing)))
+        return _noted(implicit, _implicit(equation.reason if equation else _no_closed_form(missing, functions)))
     branches = [chosen for chosen in found.values() if chosen]
     closed = _closed(implicit, names, parts, branches)
     table = _shifts(implicit, names, parts)
     conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgement.conditions]
     if judge(claim_of(closed, names), conditions, points) is None:
-        return _noted(implicit, _implicit(_no_closed_form(list(found))))
+        return _noted(implicit, _implicit(_no_closed_form(list(found), functions)))
     # Each block needs its own; few points would not show that of one in the presence of another.
     every = [substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
     every += signs_of_momenta(claim_of(closed, names), table, positive, points)
@@ -269,11 +269,23 @@ def _noted(transform: LegendreTransform, note: str) -> LegendreTransform:
     return replace(transform, note=" ".join(part for part in (transform.note, note) if part))
 
 
-def _no_closed_form(groups: Sequence[Sequence[str]]) -> str:
-    named = "; ".join(", ".join(group) for group in groups)
-    return (
-        f"No closed form of the velocities was found that passes the check: p = dL/dv could not be solved for "
+def _no_closed_form(groups: Sequence[Sequence[str]], momenta: Sequence[Expression]) -> str:
+    named, rates = "; ".join(map(", ".join, groups)), [name for group in groups for name in group]
+    reason = (
+        "No closed form of the velocities was found that passes the check: p = dL/dv could not be solved for "
         f"the velocities of {named}."
+    )
+    inner = {node: velocities_in(node, rates) for p in momenta for node in walk(p) if isinstance(node, Apply)}
+    found = {name: node.function for name in rates for node, held in inner.items() if name in held}
+    plain = [substitute(p, {node: ZERO for node, held in inner.items() if held}) for p in momenta]
+    both = [name for name in found if any(velocities_in(p, [name]) for p in plain)]
+    if len(both) < 2:
+        return reason
+    functions = ", ".join(dict.fromkeys(found[name] for name in both))
+    listed = ", ".join(f"{name}'" for name in both)
+    return (
+        f"{reason} Of {listed} each stands in a function ({functions}) and outside of it, and no step is known that "
+        "leaves one of them alone; that there is no closed form is not proven."
     )
 
 
