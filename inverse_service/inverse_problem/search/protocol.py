@@ -17,7 +17,7 @@ from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import end
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plainly_positive
-from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.outcome import Lagrangian, Matrix
@@ -151,11 +151,12 @@ def _varies(tree: Expression) -> bool:
 
 
 def _denominators(lagrangian: Expression, multiplier: Matrix) -> Iterable[Expression]:
-    """Bases of negative powers in L and in g."""
+    """Bases of negative powers in L and in g, without factors that are numbers."""
     for tree in (lagrangian, *(entry for row in multiplier for entry in row)):
         for node in walk(tree):
             if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value < 0:
-                yield node.base
+                parts = node.base.factors if isinstance(node.base, Product) else (node.base,)
+                yield multiply(*filter(_varies, parts))
 
 
 def _distinct(trees: Iterable[Expression]) -> tuple[Expression, ...]:
