@@ -122,7 +122,7 @@ def legendre(
     table = _shifts(implicit, names, parts)
     conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgement.conditions]
     if judge(claim_of(closed, names), conditions, points) is None:
-        return _noted(implicit, _implicit(_no_closed_form(list(found), functions)))
+        return _noted(implicit, _implicit(_no_closed_form(list(found))))
     # Each block needs its own; few points would not show that of one in the presence of another.
     every = [substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
     every += signs_of_momenta(claim_of(closed, names), table, positive, points)
@@ -269,7 +269,7 @@ def _noted(transform: LegendreTransform, note: str) -> LegendreTransform:
     return replace(transform, note=" ".join(part for part in (transform.note, note) if part))
 
 
-def _no_closed_form(groups: Sequence[Sequence[str]], momenta: Sequence[Expression]) -> str:
+def _no_closed_form(groups: Sequence[Sequence[str]], momenta: Sequence[Expression] = ()) -> str:
     named, rates = "; ".join(map(", ".join, groups)), [name for group in groups for name in group]
     reason = (
         "No closed form of the velocities was found that passes the check: p = dL/dv could not be solved for "
