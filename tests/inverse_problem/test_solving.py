@@ -95,7 +95,7 @@ def test_a_refused_system_has_conditions_and_an_explanation() -> None:
     assert solution.autonomous.lagrangian is None
 
 
-@pytest.mark.parametrize("force", ["log(x-x)*y", "sin(atan(x)/2)*y*y'", "sqrt(-1-x^2)*y"])
+@pytest.mark.parametrize("force", ["log(x-x)*y", "atan(1/(x-x))*y", "sqrt(-1-x^2)*y"])
 def test_what_cannot_be_reduced_is_undetermined_with_the_reason_in_each_answer(force: str) -> None:
     solution = solved({"x": force, "y": "x*x'"})
     for answer in (solution.autonomous, solution.with_time):
