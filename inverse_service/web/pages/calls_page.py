@@ -6,7 +6,6 @@ import json
 import re
 import shlex
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 from fastapi import APIRouter
@@ -47,16 +46,12 @@ GROUPS = (
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One call: what it does, its parameters, its answers, and a line for a shell."""
+    """One call as OpenAPI describes it, with a line for a shell and a body to try."""
 
     method: str
     path: str
-    summary: str
-    details: list[str]
-    parameters: list[tuple[str, str, str]]
-    answers: list[tuple[str, str]]
-    example: str
-    body: str
+    about: dict[str, Any]
+    address: str
 
     @property
     def key(self) -> str:
@@ -66,7 +61,26 @@ class Call:
     @property
     def tried(self) -> str:
         """Where the page sends it."""
-        return self.path.replace("{name}", _some_name())
+        return self.path.replace("{name}", catalogue.names()[0])
+
+    @property
+    def paragraphs(self) -> list[str]:
+        """What it does; the first says it in a sentence."""
+        return [part.replace("\n", " ").strip() for part in self.about.get("description", "").split("\n\n")]
+
+    @property
+    def body(self) -> Any:
+        """What is sent, None where that is nothing or up to the reader."""
+        return BODIES.get(self.path) if self.method == "POST" else None
+
+    @property
+    def example(self) -> str:
+        """The call with curl, empty where it needs an id."""
+        if self.body is not None:
+            sent = f"-H 'Content-Type: application/json' -d {shlex.quote(json.dumps(self.body))}"
+            return f"curl -s {self.address}{self.path} {sent}"
+        is_plain = self.method == "GET" and "{" not in self.tried
+        return f"curl -s {self.address}{self.tried}" if is_plain else ""
 
 
 @router.get("/docs")
@@ -82,44 +96,5 @@ def groups(description: dict[str, Any], address: str) -> list[tuple[str, list[Ca
     found: dict[str, list[Call]] = {heading: [] for heading, _ in GROUPS}
     for path, calls in description["paths"].items():
         heading = next(heading for heading, starts in GROUPS if path.startswith(starts))
-        found[heading] += [_call(method, path, call, address) for method, call in calls.items()]
+        found[heading] += [Call(method.upper(), path, about, address) for method, about in calls.items()]
     return [(heading, calls) for heading, calls in found.items() if calls]
-
-
-def _call(method: str, path: str, call: dict[str, Any], address: str) -> Call:
-    paragraphs = [part.replace("\n", " ").strip() for part in call.get("description", "").split("\n\n")]
-    parameters = [
-        (
-            p["name"],
-            {"path": "address", "query": "query", "header": "header"}.get(p["in"], p["in"]),
-            p.get("description", ""),
-        )
-        for p in call.get("parameters", [])
-    ]
-    answers = [(status, answer.get("description", "")) for status, answer in call.get("responses", {}).items()]
-    return Call(
-        method.upper(),
-        path,
-        paragraphs[0],
-        paragraphs[1:],
-        parameters,
-        answers,
-        _example(method, path, address),
-        json.dumps(BODIES[path], indent=1) if method == "post" and path in BODIES else "",
-    )
-
-
-def _example(method: str, path: str, address: str) -> str:
-    if method == "get" and "{" not in path:
-        return f"curl -s {address}{path}"
-    if method == "post" and path in BODIES:
-        body = json.dumps(BODIES[path])
-        return f"curl -s {address}{path} -H 'Content-Type: application/json' -d {shlex.quote(body)}"
-    if path == "/v1/catalogue/{name}":
-        return f"curl -s {address}/v1/catalogue/{_some_name()}"
-    return ""
-
-
-@lru_cache(maxsize=1)
-def _some_name() -> str:
-    return catalogue.names()[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import json
 import re
 import sys
 from collections.abc import Mapping
@@ -148,6 +149,7 @@ def environment() -> Environment:
     found.filters["guessed_words"] = guessed_words
     found.filters["short_number"] = short_number
     found.filters["duration"] = duration
+    found.filters["indented"] = lambda value: json.dumps(value, indent=1)
     found.filters["code_marks"] = code_marks
     found.filters["capitalized"] = lambda text: text[:1].upper() + text[1:]
     found.filters["progress_text"] = progress_text
