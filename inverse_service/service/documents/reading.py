@@ -6,6 +6,7 @@ of thousands of digits, YAML anchors and deep nesting are refused. Decimal numbe
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from collections.abc import Iterable, Mapping
@@ -53,16 +54,49 @@ def read_yaml(data: bytes | str) -> Any:
     """The value of a YAML text; scalars other than true, false and null stay text, so 0.1 is exact."""
     import yaml
 
-    from inverse_service.service.documents.yaml_loading import PlainLoader
-
     try:
-        value = yaml.load(decode(data), Loader=PlainLoader)
+        value = yaml.load(decode(data), Loader=_plain_loader())
     except yaml.YAMLError as error:
         raise InputError(f"The document is not YAML that can be read here: {_yaml_reason(error)}.") from None
     except RecursionError:
         raise _too_deep() from None
     refuse_surrogates(value)
     return value
+
+
+@functools.cache
+def _plain_loader() -> Any:
+    """A loader that reads every scalar but true, false and null as text, and takes no tags, anchors or keys twice.
+
+    YAML's own numbers would turn 0.1 into a binary fraction and 1:30 into 90. A few lines of anchors stand for billions
+    of values. It is made at the first use, as few documents are YAML.
+    """
+    import yaml
+
+    class PlainLoader(yaml.SafeLoader):
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                event = self.peek_event()  # type: ignore[no-untyped-call]
+                raise yaml.composer.ComposerError(None, None, "aliases (*name) are not accepted", event.start_mark)
+            return super().compose_node(parent, index)
+
+    def mapping(loader: Any, node: Any) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            key = loader.construct_object(key_node, deep=True)
+            if not isinstance(key, str):
+                raise yaml.constructor.ConstructorError(None, None, "a key must be text", key_node.start_mark)
+            if key in found:
+                raise yaml.constructor.ConstructorError(None, None, "a key is given twice", key_node.start_mark)
+            found[key] = loader.construct_object(value_node, deep=True)
+        return found
+
+    PlainLoader.yaml_implicit_resolvers = {}
+    PlainLoader.add_constructor("tag:yaml.org,2002:map", mapping)
+    bools, nothing = re.compile(r"^(?:true|True|TRUE|false|False|FALSE)$"), re.compile(r"^(?:~|null|Null|NULL|)$")
+    PlainLoader.add_implicit_resolver("tag:yaml.org,2002:bool", bools, list("tTfF"))
+    PlainLoader.add_implicit_resolver("tag:yaml.org,2002:null", nothing, ["~", "n", "N", ""])
+    return PlainLoader
 
 
 def read_toml(data: bytes | str) -> Any:
