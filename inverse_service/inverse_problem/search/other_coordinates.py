@@ -313,6 +313,7 @@ def _settled(tree: Expression, names: Sequence[str]) -> Expression:
     if not isinstance(tree, Sum | Product):
         return tree
     whole = collect(tree)
+    check(size([tree, whole]))  # about what it costs to multiply out
     return min((tree, whole, _quotient(whole, names)), key=lambda form: size([form]))
 
 
