@@ -37,10 +37,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     apply,
-    multiply,
-    negate,
     number,
-    subtract,
     walk,
 )
 
@@ -136,7 +133,7 @@ class _Cell(SignedRing):
         if not varies(tree):
             return []
         sign = real_sign(tree, self.table)
-        replaced = self._simpler(tree if sign > 0 else negate(tree))
+        replaced = self._simpler(tree if sign > 0 else -tree)
         if replaced is not None:
             return [piece for each in replaced for piece in self._pieces_of(each)]
         polynomial = factor * sign
@@ -175,11 +172,11 @@ class _Cell(SignedRing):
         sign, inner = _signed(tree)
         match inner:
             case Apply("sin" | "cos" as function, u):
-                return self._between(u if function == "sin" else add(u, multiply(HALF, PI)))
+                return self._between(u if function == "sin" else u + HALF * PI)
             case Apply("log", u):
-                return [multiply(number(sign), subtract(u, number(1))), u]
+                return [sign * (u - 1), u]
             case Apply("atan" | "sinh" | "tanh" | "asin" | "asinh" | "atanh", u):
-                return [multiply(number(sign), u)]
+                return [sign * u]
             case Apply("exp" | "cosh" | "sech"):
                 return []
         return None
@@ -191,20 +188,20 @@ class _Cell(SignedRing):
             sign, inner = _signed(node)
             if len(terms) != 2 or not isinstance(inner, Apply) or inner.function not in ("sin", "cos", "cosh"):
                 continue
-            if multiply(number(sign), inner) != node or number(-1 if inner.function == "cosh" else 1) not in terms:
+            if sign * inner != node or number(-1 if inner.function == "cosh" else 1) not in terms:
                 continue
             u = inner.argument
             if inner.function == "cosh":
-                return [u if real_sign(u, self.table) > 0 else negate(u)] if sign > 0 else None
+                return [u if real_sign(u, self.table) > 0 else -u] if sign > 0 else None
             turns = Fraction(sign, 2) if inner.function == "sin" else Fraction(sign + 1, 2)
-            return self._between(multiply(HALF, add(u, multiply(number(turns), PI))))
+            return self._between(HALF * (u + turns * PI))
         return None
 
     def _between(self, u: Expression) -> list[Expression]:
         """k pi < u < (k + 1) pi, as at the point."""
         with mpmath.workdps(_DIGITS):
             k: int = int(mpmath.floor(evaluate(u, self.table) / mpmath.pi))
-        return [subtract(u, multiply(number(k), PI)), subtract(multiply(number(k + 1), PI), u)]
+        return [u - k * PI, (k + 1) * PI - u]
 
     def connected(self) -> list[Expression]:
         """The conditions with those that make the set connected; definite ones are left out."""
@@ -239,8 +236,8 @@ class _Cell(SignedRing):
             center = {name: Fraction(mpmath.nstr(self.table[name], digits)) for name in names}
             reach = {name: width * max(abs(value), Fraction(1, 100)) for name, value in center.items()}
             if all(encloses_positive(tree, center, reach) for tree in trees):
-                above = [subtract(name, number(center[name] - reach[name])) for name in names]
-                return above + [subtract(number(center[name] + reach[name]), name) for name in names]
+                above = [name - (center[name] - reach[name]) for name in names]
+                return above + [center[name] + reach[name] - name for name in names]
         raise IrreducibleAtoms("no connected set was found on which all functions are defined")
 
 
@@ -255,7 +252,7 @@ def _beyond_exponential(tree: Expression) -> list[Expression] | None:
         return None
     ratio = -constant / factor
     limit = apply("log", number(ratio)) if ratio != 1 else number(0)
-    return [multiply(number(1 if factor > 0 else -1), subtract(inner.argument, limit))] if ratio > 0 else None
+    return [(1 if factor > 0 else -1) * (inner.argument - limit)] if ratio > 0 else None
 
 
 def _signed(tree: Expression) -> tuple[int, Expression]:
@@ -307,5 +304,5 @@ def bound_of(tree: Expression) -> tuple[Variable, int, Expression] | None:
     variable = parts[-1]
     if len(parts) > 2 or (len(parts) == 2 and slope == 1) or not isinstance(variable, Symbol | Velocity):
         return None
-    rest = [multiply(number(-1 / slope), term) for term in terms if term is not varying[0]]
+    rest = [-1 / slope * term for term in terms if term is not varying[0]]
     return variable, 1 if slope > 0 else -1, add(*rest)

@@ -42,12 +42,8 @@ from inverse_service.expressions.tree import (
     Power,
     Symbol,
     Velocity,
-    add,
     children,
     distinct_nodes,
-    multiply,
-    number,
-    power,
     split_exponent,
 )
 
@@ -132,8 +128,8 @@ def root_generator(ring: ExactRing, radicand: Quotient, tree: Expression, degree
     for relation in ring.field.relations.values():
         if relation.degree % degree == 0 and relation.right == polynomial and _is_root(ring, relation.generator):
             return ring.generator(relation.generator) ** (relation.degree // degree) / below
-    root = power(tree, Fraction(1, degree))
-    index = ring.new_generator(multiply(polynomial_tree(ring, below.numerator), root))
+    root = tree ** Fraction(1, degree)
+    index = ring.new_generator(polynomial_tree(ring, below.numerator) * root)
     ring.field.relate(index, degree, polynomial)
     whole = Quotient(ring.field, polynomial, ())
     ring.set_slopes(index, [(ring.generator(index) / whole.scaled(degree), whole)])
@@ -151,8 +147,8 @@ def adjoin_inverse(ring: ExactRing, node: Apply) -> None:
     argument = ring.value(node.argument)
     below = ring.constant(constant) + (argument * argument).scaled(quadratic)
     if exponent.denominator == 2:
-        square = power(node.argument, 2)
-        tree = add(number(constant), multiply(number(quadratic), square))
+        square = node.argument**2
+        tree = constant + quadratic * square
         below = root_generator(ring, below, tree, 2)
     index = ring.new_generator(node)
     ring.set_slopes(index, [(below.inverse().scaled(sign), argument)])

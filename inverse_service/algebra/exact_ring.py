@@ -36,7 +36,6 @@ from inverse_service.expressions.tree import (
     add,
     multiply,
     number,
-    power,
 )
 
 
@@ -205,7 +204,7 @@ def add_symbols(ring: ExactRing, symbols: Sequence[Symbol | Velocity]) -> None:
 
 def scaled_tree(tree: Expression, divisor: int) -> Expression:
     """tree / divisor."""
-    return tree if divisor == 1 else multiply(number(Fraction(1, divisor)), tree)
+    return tree if divisor == 1 else Fraction(1, divisor) * tree
 
 
 # Factoring costs more than it helps the reader beyond this many terms, or this degree.
@@ -320,9 +319,9 @@ def generator_power(tree: Expression, exponent: Fraction) -> Expression:
     """tree ^ exponent, with (u^c)^e = u^(c e) for a root and exp(u)^e = exp(e u)."""
     match tree:
         case Power(base, Number(inner)) if inner.denominator != 1:
-            return power(base, inner * exponent)
+            return base ** (inner * exponent)
         case Power(base, inner_exponent) if not isinstance(inner_exponent, Number):
-            return power(base, multiply(number(exponent), inner_exponent))
+            return base ** (exponent * inner_exponent)
         case Apply("exp", argument):
-            return Apply("exp", multiply(number(exponent), argument)) if exponent != 1 else tree
-    return power(tree, exponent)
+            return Apply("exp", exponent * argument) if exponent != 1 else tree
+    return tree**exponent

@@ -41,9 +41,7 @@ from inverse_service.expressions.tree import (
     add,
     apply,
     multiply,
-    negate,
     number,
-    power,
 )
 
 _MOST_TERMS = 3_000
@@ -90,7 +88,7 @@ class Generators:
         """The polynomial as a tree."""
         parts = []
         for exponents, coefficient in polynomial.to_dict().items():
-            factors = [power(self.trees[k], int(e)) for k, e in enumerate(exponents) if e]
+            factors = [self.trees[k] ** int(e) for k, e in enumerate(exponents) if e]
             parts.append(multiply(number(Fraction(int(coefficient.p), int(coefficient.q))), *factors))
         return add(*parts)
 
@@ -179,7 +177,7 @@ def _root(ring: Generators, base: Expression, exponent: Fraction) -> Quotient:
     sign = 1 if even else _content_sign(quotient) ** exponent.numerator
     result = Quotient(ring.constant(Fraction(sign)), ring.constant(Fraction(1)))
     for tree, multiplicity in positive_factors(ring, quotient):
-        positive = negate(tree) if even and ring.sign(tree) < 0 else tree
+        positive = -tree if even and ring.sign(tree) < 0 else tree
         result = _product(ring, [result, _root_power(ring, positive, exponent * multiplicity)])
     return result
 
@@ -204,7 +202,7 @@ def _root_power(ring: Generators, base: Expression, exponent: Fraction) -> Quoti
     part = exponent - whole
     result = _integer_power(_to_quotient(ring, base), whole)
     if part:
-        root = power(base, Fraction(1, part.denominator))
+        root = base ** Fraction(1, part.denominator)
         if part.denominator == 2:
             ring.squares[root] = base
         else:
@@ -266,9 +264,9 @@ def _dependent_exponential(ring: Generators, rule: ExponentialRule) -> Quotient:
 
 
 def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> Quotient:
-    parts = [to_quotient(ring, multiply(number(a), u)) for u, a in rule.linear]
+    parts = [to_quotient(ring, a * u) for u, a in rule.linear]
     if isinstance(rule, ArctangentRule):
-        parts.append(to_quotient(ring, multiply(number(rule.turns), PI)))
+        parts.append(to_quotient(ring, rule.turns * PI))
     else:
         parts.append(_constant_logarithm(ring, rule))
     return _sum(ring, parts)

@@ -12,24 +12,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from functools import lru_cache
 
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    PI,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    add,
-    divide,
-    multiply,
-    negate,
-    number,
-    power,
-    rebuild,
-    square_root,
-    subtract,
-)
+from inverse_service.expressions.tree import HALF, PI, Apply, Expression, Number, Power, rebuild, square_root
 
 
 @lru_cache(maxsize=8192)
@@ -45,9 +28,9 @@ def to_kernels(expression: Expression) -> Expression:
 
 def _rational_power(node: Power) -> Expression:
     if not isinstance(node.exponent, Number):
-        return _exp(multiply(node.exponent, Apply("log", node.base)))
+        return _exp(node.exponent * Apply("log", node.base))
     if isinstance(node.base, Apply) and node.base.function == "exp":
-        return _exp(multiply(node.exponent, node.base.argument))
+        return _exp(node.exponent * node.base.argument)
     return node
 
 
@@ -64,38 +47,38 @@ def _cos(u: Expression) -> Expression:
 
 
 def _cosh(u: Expression) -> Expression:
-    return multiply(HALF, add(_exp(u), _exp(negate(u))))
+    return HALF * (_exp(u) + _exp(-u))
 
 
 def _sinh(u: Expression) -> Expression:
-    return multiply(HALF, subtract(_exp(u), _exp(negate(u))))
+    return HALF * (_exp(u) - _exp(-u))
 
 
 def _asin(u: Expression) -> Expression:
-    return Apply("atan", divide(u, square_root(subtract(ONE, power(u, 2)))))
+    return Apply("atan", u / square_root(1 - u**2))
 
 
 def _log_with_root(u: Expression, sign: int) -> Expression:
-    return Apply("log", add(u, square_root(add(power(u, 2), number(sign)))))
+    return Apply("log", u + square_root(u**2 + sign))
 
 
 _REWRITE: dict[str, Callable[[Expression], Expression]] = {
-    "tan": lambda u: divide(_sin(u), _cos(u)),
-    "cot": lambda u: divide(_cos(u), _sin(u)),
-    "sec": lambda u: power(_cos(u), -1),
-    "csc": lambda u: power(_sin(u), -1),
+    "tan": lambda u: _sin(u) / _cos(u),
+    "cot": lambda u: _cos(u) / _sin(u),
+    "sec": lambda u: _cos(u) ** -1,
+    "csc": lambda u: _sin(u) ** -1,
     "cosh": _cosh,
     "sinh": _sinh,
-    "tanh": lambda u: divide(_sinh(u), _cosh(u)),
-    "coth": lambda u: divide(_cosh(u), _sinh(u)),
-    "sech": lambda u: power(_cosh(u), -1),
-    "csch": lambda u: power(_sinh(u), -1),
+    "tanh": lambda u: _sinh(u) / _cosh(u),
+    "coth": lambda u: _cosh(u) / _sinh(u),
+    "sech": lambda u: _cosh(u) ** -1,
+    "csch": lambda u: _sinh(u) ** -1,
     "asin": _asin,
-    "Heaviside": lambda u: multiply(HALF, add(ONE, divide(u, square_root(power(u, 2))))),
-    "acos": lambda u: subtract(multiply(HALF, PI), _asin(u)),
+    "Heaviside": lambda u: HALF * (1 + u / square_root(u**2)),
+    "acos": lambda u: HALF * PI - _asin(u),
     "asinh": lambda u: _log_with_root(u, 1),
     "acosh": lambda u: _log_with_root(u, -1),
-    "atanh": lambda u: multiply(HALF, Apply("log", divide(add(ONE, u), subtract(ONE, u)))),
+    "atanh": lambda u: HALF * Apply("log", (1 + u) / (1 - u)),
 }
 
 

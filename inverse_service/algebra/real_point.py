@@ -28,12 +28,8 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
-    add,
     apply,
     distinct_nodes,
-    negate,
-    number,
-    subtract,
     walk,
 )
 
@@ -58,7 +54,7 @@ def find_real_point(
     generator = random.Random(f"real {seed}")
     with mpmath.workdps(_DIGITS):
         for margin in (_MARGIN, 0) if positive else (0,):
-            inside = [subtract(tree, number(margin)) for tree in positive]
+            inside = [tree - margin for tree in positive]
             for scale in map(mpmath.mpf, [*_SCALES, *_sizes(positive)]):
                 for attempt in range(_TRIES_PER_SCALE):
                     table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
@@ -165,7 +161,7 @@ def requirements(formulas: Iterable[Expression], table: RealTable) -> list[Expre
     for node in distinct_nodes(formulas):
         for pole in distinct_nodes(_branch_arguments(node)):
             for tree in _poles(pole):
-                found[tree if real_sign(tree, table) > 0 else negate(tree)] = None
+                found[tree if real_sign(tree, table) > 0 else -tree] = None
     return [tree for tree in found if varies(tree)]
 
 
@@ -188,9 +184,9 @@ def _own_requirements(node: Expression) -> list[Expression]:
         case Apply("log", u):
             return [u]
         case Apply("asin" | "acos" | "atanh", u):
-            return [add(number(1), negate(u)), add(number(1), u)]
+            return [1 - u, 1 + u]
         case Apply("acosh", u):
-            return [subtract(u, number(1))]
+            return [u - 1]
         case _:
             return []
 

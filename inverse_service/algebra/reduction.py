@@ -39,14 +39,10 @@ from inverse_service.expressions.tree import (
     Number,
     Symbol,
     Velocity,
-    add,
     distinct_nodes,
-    divide,
     multiply,
-    negate,
     number,
     square_root,
-    subtract,
 )
 
 _SAMPLES = 24
@@ -82,7 +78,7 @@ def _fix_factor(ring: Generators, factor: Expression, table: RealTable, depth: i
     sign = real_sign(factor, table)
     polynomial = to_quotient(ring, factor).numerator
     if ring.has_roots(polynomial) and _has_constant_symbol(ring.tower, factor):
-        positive = factor if sign > 0 else negate(factor)
+        positive = factor if sign > 0 else -factor
         root = _denested(ring, positive, table, depth)
         known.append((root, real_sign(root, table)))
     known.append((factor, sign))
@@ -117,7 +113,7 @@ def _denested(ring: Generators, factor: Expression, table: RealTable, depth: int
         else:
             first, second = square_root(root[0]), square_root(root[1])
             sign = real_sign(root[2], table)
-            return add(first, second) if sign > 0 else subtract(first, second)
+            return first + second if sign > 0 else first - second
     raise IrreducibleAtoms("a nested root depends on other roots in a way that was not found; denest it by hand")
 
 
@@ -136,8 +132,8 @@ def _split_root(
     if root is None or split_square(ring, polynomial, k)[1]:
         return None
     middle, half = ring.tree_of(rest), number(Fraction(1, 2))
-    e = divide(root, square_root(ring.tree_of(radicand.denominator)))
-    return multiply(half, add(middle, e)), multiply(half, subtract(middle, e)), ring.tree_of(slope)
+    e = root / square_root(ring.tree_of(radicand.denominator))
+    return half * (middle + e), half * (middle - e), ring.tree_of(slope)
 
 
 def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> Expression | None:

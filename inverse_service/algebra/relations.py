@@ -35,20 +35,7 @@ from inverse_service.algebra.tower import (
     replay,
 )
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    PI,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    add,
-    distinct_nodes,
-    multiply,
-    power,
-)
+from inverse_service.expressions.tree import HALF, PI, Apply, Expression, Number, Power, Product, distinct_nodes
 
 # A residue of 61 bits is a fraction below the bound by chance with probability 10^-6.
 _COEFFICIENT_BOUND = 10**6
@@ -355,11 +342,11 @@ def _angle_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Ru
 
 def _radicands(w: Expression, number: int) -> Iterator[Expression]:
     """What has a root where the number-th part of atan w is an angle: 1 + w^2, and for each half 1 + cos."""
-    yield (square := add(ONE, power(w, 2)))
-    cosine = power(square, Fraction(-1, 2))
+    yield (square := 1 + w**2)
+    cosine = square ** Fraction(-1, 2)
     while number % 2 == 0:
-        yield (half := multiply(HALF, add(ONE, cosine)))
-        cosine, number = power(half, Fraction(1, 2)), number // 2
+        yield (half := HALF * (1 + cosine))
+        cosine, number = half ** Fraction(1, 2), number // 2
 
 
 def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[Expression, Fraction]]) -> None:

@@ -32,13 +32,9 @@ from inverse_service.expressions.tree import (
     Number,
     Power,
     Product,
-    add,
     multiply,
-    negate,
     number,
-    power,
     substitute,
-    subtract,
 )
 
 Factors = dict[Expression, int]
@@ -82,7 +78,7 @@ def _split(case: Case) -> Iterator[Case]:
 
 def _is_empty(positive: Sequence[Expression]) -> bool:
     """Whether two of these cannot be positive at once because their sum is a number that is not: x - 3 and 2 - x."""
-    sums = (collect(add(one, other)) for one, other in combinations(positive, 2))
+    sums = (collect(one + other) for one, other in combinations(positive, 2))
     return any(isinstance(each, Number) and each.value <= 0 for each in sums)
 
 
@@ -103,19 +99,19 @@ def _inverse_ways(node: Apply) -> list[Way]:
     """Heaviside(u) on both sides; asin(sin u), acos(cos u), atan(tan u) on the two intervals next to 0."""
     inner = node.argument
     if node.function == STEP:
-        return [(ONE, (inner,)), (ZERO, (negate(inner),))]
+        return [(ONE, (inner,)), (ZERO, (-inner,))]
     if not isinstance(inner, Apply) or (node.function, inner.function) not in _INVERSE_PAIRS:
         return []
-    u, quarter = inner.argument, multiply(HALF, PI)
-    before, after = add(u, quarter), subtract(quarter, u)
-    beyond = (subtract(u, quarter), subtract(multiply(number(Fraction(3, 2)), PI), u))
+    u, quarter = inner.argument, HALF * PI
+    before, after = u + quarter, quarter - u
+    beyond = (u - quarter, Fraction(3, 2) * PI - u)
     match node.function:
         case "asin":
-            return [(u, (before, after)), (subtract(PI, u), beyond)]
+            return [(u, (before, after)), (PI - u, beyond)]
         case "acos":
-            return [(u, (u, subtract(PI, u))), (negate(u), (negate(u), add(u, PI)))]
+            return [(u, (u, PI - u)), (-u, (-u, u + PI))]
         case _:
-            return [(u, (before, after)), (subtract(u, PI), beyond)]
+            return [(u, (before, after)), (u - PI, beyond)]
 
 
 _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
@@ -133,22 +129,19 @@ def _root_ways(node: Expression, positive: Sequence[Expression]) -> list[Way]:
     number_square, number_rest = _number_parts(content)
     if not square and number_square == 1:
         return []
-    left = power(multiply(number(number_rest), _product(rest)), exponent)
+    left = (number_rest * _product(rest)) ** exponent
     odd = [factor for factor, k in square.items() if k % 2 and factor not in positive]
     if (2 * exponent).numerator % 2 == 0 or not odd:
-        return [(multiply(_power(number_square, square, 2 * exponent), left), ())]
+        return [(_power(number_square, square, 2 * exponent) * left, ())]
     side = _product(dict.fromkeys(odd, 1))
-    return [
-        (multiply(_power(sign * number_square, square, 2 * exponent), left), (multiply(number(sign), side),))
-        for sign in (1, -1)
-    ]
+    return [(_power(sign * number_square, square, 2 * exponent) * left, (sign * side,)) for sign in (1, -1)]
 
 
 def _power(content: Fraction, found: Factors, exponent: Fraction) -> Expression:
     """(content prod p^k)^exponent."""
     if exponent.denominator > 1:
-        return power(multiply(number(content), _product(found)), exponent)
-    return multiply(number(content**exponent.numerator), power(_product(found), exponent))
+        return (content * _product(found)) ** exponent
+    return content**exponent.numerator * _product(found) ** exponent
 
 
 def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way]:
@@ -157,8 +150,8 @@ def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way
     if not found or any(k % degree for k in found.values()):
         return []
     root = _product({factor: k // degree for factor, k in found.items()})
-    value = power(multiply(number(1 if content > 0 else -1), root), int(exponent.numerator))
-    return [(multiply(power(number(abs(content)), exponent), value), ())]
+    value = ((1 if content > 0 else -1) * root) ** int(exponent.numerator)
+    return [(number(abs(content)) ** exponent * value, ())]
 
 
 def root_factors(tree: Expression) -> tuple[Fraction, Factors]:
@@ -218,7 +211,7 @@ def _number_parts(content: Fraction) -> tuple[Fraction, Fraction]:
 
 
 def _product(found: Factors) -> Expression:
-    return multiply(*(power(factor, k) for factor, k in found.items())) if found else ONE
+    return multiply(*(factor**k for factor, k in found.items())) if found else ONE
 
 
 def _dependent_ways(case: Case, roots: Sequence[Power]) -> list[Case] | None:
@@ -226,15 +219,15 @@ def _dependent_ways(case: Case, roots: Sequence[Power]) -> list[Case] | None:
     for node in _dependent(roots):
         content, found = root_factors(node.base)
         for factor in found:
-            if factor not in case.positive and negate(factor) not in case.positive:
-                return [case.assuming(factor), case.assuming(negate(factor))]
+            if factor not in case.positive and -factor not in case.positive:
+                return [case.assuming(factor), case.assuming(-factor)]
         signs = {factor: 1 if factor in case.positive else -1 for factor in found}
         if (content < 0) != (math.prod(signs[factor] ** abs(k) for factor, k in found.items()) < 0):
             return []  # the base would be negative
         assert isinstance(node.exponent, Number)
         exponent = node.exponent.value
-        parts = [power(multiply(number(signs[factor]), factor), k * exponent) for factor, k in found.items()]
-        numbers = [power(number(ell), k * exponent) for ell, k in _primes(content).items()]
+        parts = [(signs[factor] * factor) ** (k * exponent) for factor, k in found.items()]
+        numbers = [number(ell) ** (k * exponent) for ell, k in _primes(content).items()]
         return [case.rewritten(node, multiply(*numbers, *parts), ())]
     return None
 

@@ -38,7 +38,6 @@ from inverse_service.expressions.tree import (
     children,
     multiply,
     number,
-    power,
     walk,
 )
 
@@ -75,8 +74,8 @@ class ExponentialRule:
     @property
     def tree(self) -> Expression:
         """The product, where it is not free."""
-        primes = (power(number(ell), exponent) for ell, exponent in self.prime_powers)
-        atoms = (power(tree, exponent) for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms))
+        primes = (number(ell) ** exponent for ell, exponent in self.prime_powers)
+        atoms = (tree**exponent for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms))
         constant = [apply("exp", number(self.constant))] if self.constant else []
         return multiply(*constant, *primes, *atoms)
 
@@ -102,7 +101,7 @@ class LogarithmRule:
     def tree(self) -> Expression:
         """The sum, where it is not free."""
         logarithm = ZERO if self.constant == 1 else apply("log", number(self.constant))
-        return add(_sum_tree(self.linear), multiply(number(Fraction(1, self.root)), logarithm))
+        return _sum_tree(self.linear) + Fraction(1, self.root) * logarithm
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,11 +156,11 @@ class ArctangentRule:
     @property
     def tree(self) -> Expression:
         """The sum, where it is not free."""
-        return add(_sum_tree(self.linear), multiply(number(self.turns), PI))
+        return _sum_tree(self.linear) + self.turns * PI
 
 
 def _sum_tree(linear: Combination) -> Expression:
-    return add(*(multiply(number(a), u) for u, a in linear))
+    return add(*(a * u for u, a in linear))
 
 
 Rule = ExponentialRule | LogarithmRule | AngleRule | ArctangentRule
@@ -183,7 +182,7 @@ def replay(rule: Rule, point: Point, scale: Scale) -> None:
 
 def half_angle(angle: Expression, scale: int) -> Expression:
     """tan(angle / (2 scale)), in which cos and sin of angle/scale are rational."""
-    return Apply("tan", multiply(number(Fraction(1, 2 * scale)), angle))
+    return Apply("tan", Fraction(1, 2 * scale) * angle)
 
 
 def circle_product(left: tuple[int, int], right: tuple[int, int], prime: int) -> tuple[int, int]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import ONE, Acceleration, Expression, Symbol, Velocity, add, subtract
+from inverse_service.expressions.tree import ONE, Acceleration, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.search.completion import completed, expressions_without_acceleration
 from inverse_service.inverse_problem.search.motion import split_velocities
 from inverse_service.inverse_problem.search.terms import (
@@ -62,7 +62,7 @@ def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[Expression] =
     if rest is None:
         return None
     sign = -1 if all(value < 0 for value in kinetic.values()) else 1
-    whole = add(tree_of(kinetic), rest)
+    whole = tree_of(kinetic) + rest
     return whole if sign > 0 else tree_of({key: -value for key, value in terms_of(whole).items()})
 
 
@@ -77,7 +77,7 @@ def written_masses(system: SecondOrderSystem, given: Sequence[Expression]) -> li
 
 def _solved(system: SecondOrderSystem) -> list[Expression]:
     pairs = zip(system.coordinates, system.accelerations, strict=True)
-    return [subtract(Acceleration(name), f) for name, f in pairs]
+    return [Acceleration(name) - f for name, f in pairs]
 
 
 def _equations(system: SecondOrderSystem, given: Sequence[Expression]) -> _Equations:

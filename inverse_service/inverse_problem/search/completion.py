@@ -27,11 +27,8 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    multiply,
-    power,
     square_root,
     substitute,
-    subtract,
     walk,
 )
 from inverse_service.inverse_problem.search.material import antiderivatives
@@ -150,9 +147,9 @@ def _of_round_field(names: Sequence[str], wanted: Sequence[Terms], i: int, j: in
     flux = _completed([x.name], [radial])
     if flux is None:
         return None
-    square = add(power(x, 2), power(y, 2))
-    table = {power(x, 2): square, Apply("log", x): multiply(HALF, Apply("log", square)), x: square_root(square)}
-    return multiply(substitute(flux, table), power(square, -1), subtract(multiply(x, w), multiply(y, v)))
+    square = x**2 + y**2
+    table = {x**2: square, Apply("log", x): HALF * Apply("log", square), x: square_root(square)}
+    return substitute(flux, table) * square**-1 * (x * w - y * v)
 
 
 def _is_round(field: Terms, x: Symbol, y: Symbol) -> bool:
@@ -209,7 +206,7 @@ def _with_parameters(
     if len(plain) in found.pivots:
         return None
     parts = [
-        multiply(quotient_tree(ring, row[-1]), monomial_tree(m))
+        quotient_tree(ring, row[-1]) * monomial_tree(m)
         for pivot, row in zip(found.pivots, found.rows, strict=True)
         for m in (list(plain)[pivot],)
     ]

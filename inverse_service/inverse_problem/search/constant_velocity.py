@@ -18,22 +18,7 @@ from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.deadline import end
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    TIME,
-    ZERO,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    divide,
-    multiply,
-    number,
-    power,
-    substitute,
-    walk,
-)
+from inverse_service.expressions.tree import HALF, ONE, TIME, ZERO, Expression, Symbol, Velocity, add, substitute, walk
 from inverse_service.inverse_problem.search.linear_systems import reading as matrices
 from inverse_service.inverse_problem.search.linear_systems.modes import Branch, Multipliers, all_branches, asymmetry
 from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE, LinearSystem, Matrix
@@ -151,7 +136,7 @@ def _rate(
     primitive = _primitive(function, w)
     for factor in factors if primitive is not None else ():
         if {at: multiply_terms(factor, terms) for at, terms in reference.items()} == dict(entries):
-            return multiply(tree_of(factor), primitive) if primitive is not None else None
+            return tree_of(factor) * primitive if primitive is not None else None
     return None
 
 
@@ -165,7 +150,7 @@ def _primitive(function: Monomial, w: Symbol) -> Expression | None:
         except TooManyTerms:
             continue
         if list(slope) == [function]:
-            return divide(monomial_tree(candidate), number(slope[function]))
+            return monomial_tree(candidate) / slope[function]
     return None
 
 
@@ -192,7 +177,7 @@ def propose(material: Material, seed: int) -> Sequence[Expression]:
         return ()
     if not all(chosen):
         return ()
-    kinetic = multiply(HALF, power(parts.carrier, 2))
+    kinetic = HALF * parts.carrier**2
     sums = [[options[min(k, len(options) - 1)] for options in chosen] for k in range(max(map(len, chosen)))]
     return tuple(dict.fromkeys(add(kinetic, *terms) for terms in sums))
 
@@ -225,7 +210,7 @@ def _multipliers(system: LinearSystem) -> Multipliers:
 
 def _kinetic(system: LinearSystem, block: Block, carrier: Velocity, branch: Branch) -> Expression:
     return add(*(
-        multiply(collect(substitute(phi, {TIME: block.rate})), term)
+        collect(substitute(phi, {TIME: block.rate})) * term
         for phi, matrix in branch.parts
         for term in _quadratic_form(system, matrix, block, carrier)
     ))  # fmt: skip
@@ -235,5 +220,5 @@ def _quadratic_form(system: LinearSystem, matrix: Matrix, block: Block, carrier:
     """The terms of x'^T G x'/(2 w')."""
     for i, j in matrices.places(system.size):
         if not matrix[i][j].is_zero:
-            weight = multiply(number(Fraction(1, 1 + (i == j))), quotient_tree(system.ring, matrix[i][j]))
-            yield divide(multiply(weight, block.velocities[i], block.velocities[j]), carrier)
+            weight = Fraction(1, 1 + (i == j)) * quotient_tree(system.ring, matrix[i][j])
+            yield weight * block.velocities[i] * block.velocities[j] / carrier

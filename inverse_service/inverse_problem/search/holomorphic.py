@@ -33,14 +33,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
-    add,
-    divide,
-    multiply,
-    negate,
-    number,
-    power,
     substitute,
-    subtract,
 )
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.protocol import Smaller
@@ -61,31 +54,31 @@ class ComplexTree:
     imaginary: Expression = ZERO
 
     def __add__(self, other: ComplexTree) -> ComplexTree:
-        return ComplexTree(add(self.real, other.real), add(self.imaginary, other.imaginary))
+        return ComplexTree(self.real + other.real, self.imaginary + other.imaginary)
 
     def __mul__(self, other: ComplexTree) -> ComplexTree:
         return ComplexTree(
-            subtract(multiply(self.real, other.real), multiply(self.imaginary, other.imaginary)),
-            add(multiply(self.real, other.imaginary), multiply(self.imaginary, other.real)),
+            self.real * other.real - self.imaginary * other.imaginary,
+            self.real * other.imaginary + self.imaginary * other.real,
         )
 
     def inverse(self) -> ComplexTree:
         if self.imaginary == ZERO:
-            return ComplexTree(power(self.real, -1))
+            return ComplexTree(self.real**-1)
         below = squared_modulus(self)
-        return ComplexTree(divide(self.real, below), divide(negate(self.imaginary), below))
+        return ComplexTree(self.real / below, -self.imaginary / below)
 
 
 def squared_modulus(value: ComplexTree) -> Expression:
-    return add(power(value.real, 2), power(value.imaginary, 2))
+    return value.real**2 + value.imaginary**2
 
 
 def logarithm(value: ComplexTree) -> ComplexTree:
     """log|z| + i atan(Im z/Re z), a branch of log z where Re z > 0 and up to a constant elsewhere."""
     if value.imaginary == ZERO:
         return ComplexTree(Apply("log", value.real))
-    modulus = multiply(HALF, Apply("log", squared_modulus(value)))
-    return ComplexTree(modulus, Apply("atan", divide(value.imaginary, value.real)))
+    modulus = HALF * Apply("log", squared_modulus(value))
+    return ComplexTree(modulus, Apply("atan", value.imaginary / value.real))
 
 
 def continued(tree: Expression, table: Mapping[Expression, ComplexTree]) -> ComplexTree:
@@ -109,12 +102,12 @@ def continued(tree: Expression, table: Mapping[Expression, ComplexTree]) -> Comp
 def _power(base: ComplexTree, exponent: Fraction) -> ComplexTree:
     """z^e, by products for small whole e, else |z|^e e^(i e arg z)."""
     if base.imaginary == ZERO:
-        return ComplexTree(power(base.real, exponent))
+        return ComplexTree(base.real**exponent)
     if exponent.denominator == 1 and abs(exponent) <= _LARGEST_POWER:
         whole = reduce(ComplexTree.__mul__, [base] * abs(int(exponent)))
         return whole if exponent > 0 else whole.inverse()
-    angle = multiply(number(exponent), logarithm(base).imaginary)
-    modulus = ComplexTree(power(squared_modulus(base), exponent / 2))
+    angle = exponent * logarithm(base).imaginary
+    modulus = ComplexTree(squared_modulus(base) ** (exponent / 2))
     return modulus * ComplexTree(Apply("cos", angle), Apply("sin", angle))
 
 
@@ -131,13 +124,13 @@ def _applied(function: str, z: ComplexTree) -> ComplexTree:
         sine, cosine = (Apply(name, z.real) for name in ("sin", "cos"))
         odd, even = (Apply(name, z.imaginary) for name in ("sinh", "cosh"))
         if function == "sin":
-            return ComplexTree(multiply(sine, even), multiply(cosine, odd))
-        return ComplexTree(multiply(cosine, even), negate(multiply(sine, odd)))
+            return ComplexTree(sine * even, cosine * odd)
+        return ComplexTree(cosine * even, -(sine * odd))
     if function in ("sinh", "cosh"):
         odd, even = (Apply(name, z.real) for name in ("sinh", "cosh"))
         sine, cosine = (Apply(name, z.imaginary) for name in ("sin", "cos"))
         pair = (odd, even) if function == "sinh" else (even, odd)
-        return ComplexTree(multiply(pair[0], cosine), multiply(pair[1], sine))
+        return ComplexTree(pair[0] * cosine, pair[1] * sine)
     raise NotAnalytic
 
 
@@ -206,8 +199,8 @@ def _values(structure: Structure) -> dict[Expression, ComplexTree]:
     """x -> x + i s y, x' -> x' + i s y'."""
     table: dict[Expression, ComplexTree] = {}
     for x, y, s in structure:
-        table[Symbol(x)] = ComplexTree(Symbol(x), multiply(number(s), Symbol(y)))
-        table[Velocity(x)] = ComplexTree(Velocity(x), multiply(number(s), Velocity(y)))
+        table[Symbol(x)] = ComplexTree(Symbol(x), s * Symbol(y))
+        table[Velocity(x)] = ComplexTree(Velocity(x), s * Velocity(y))
     return table
 
 

@@ -28,9 +28,6 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
-    add,
-    multiply,
-    number,
     substitute,
     walk,
 )
@@ -296,7 +293,7 @@ def _raised_powers(key: Monomial, variable: Expression) -> list[Monomial]:
         if not isinstance(letter, Power) or isinstance(letter.exponent, Number):
             continue
         base, beside = letter.base, dict(key).get(letter.base, Fraction(0))
-        raised_exponent = add(multiply(number(times_over), letter.exponent), number(beside + 1))
+        raised_exponent = times_over * letter.exponent + beside + 1
         if isinstance(raised_exponent, Sum) and not has_velocity(base):
             whole = times(times(key, monomial(base)), monomial(raised_exponent), -1)
             found += [times(whole, unit, -1) for unit in letter_derivative(base, variable)]

@@ -36,14 +36,10 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    divide,
-    multiply,
     number,
-    power,
     rebuild,
     square_root,
     substitute,
-    subtract,
     walk,
 )
 from inverse_service.inverse_problem.search.material import Material
@@ -149,7 +145,7 @@ def _is_multiple(rest: Expression) -> bool:
 
 
 def _shear(x: str, rest: Expression) -> Change:
-    return Change("shear", {x: add(Symbol(x), rest)}, {x: subtract(Symbol(x), rest)})
+    return Change("shear", {x: Symbol(x) + rest}, {x: Symbol(x) - rest})
 
 
 def _directions(form: Form, names: tuple[str, ...]) -> Iterator[tuple[str, str, Fraction]]:
@@ -168,10 +164,10 @@ def _rotation(x: str, y: str, c: Fraction) -> Change:
     a, b = number(c.denominator), number(c.numerator)
     length = number(c.denominator**2 + c.numerator**2)
     first, second = Symbol(x), Symbol(y)
-    new = {x: add(multiply(a, first), multiply(b, second)), y: subtract(multiply(a, second), multiply(b, first))}
+    new = {x: a * first + b * second, y: a * second - b * first}
     old = {
-        x: divide(subtract(multiply(a, first), multiply(b, second)), length),
-        y: divide(add(multiply(b, first), multiply(a, second)), length),
+        x: (a * first - b * second) / length,
+        y: (b * first + a * second) / length,
     }
     return Change("rotation", new, old)
 
@@ -207,12 +203,12 @@ def _polar_changes(material: Material) -> Iterator[Change]:
 def _polar(radius: str, angle: str) -> Change:
     x, y = Symbol(radius), Symbol(angle)
     sine, cosine = Apply("sin", y), Apply("cos", y)
-    length = square_root(add(power(x, 2), power(y, 2)))
+    length = square_root(x**2 + y**2)
     return Change(
         "polar",
-        {radius: multiply(x, cosine), angle: multiply(x, sine)},
-        {radius: length, angle: Apply("atan", divide(y, x))},
-        {sine: divide(y, length), cosine: divide(x, length)},
+        {radius: x * cosine, angle: x * sine},
+        {radius: length, angle: Apply("atan", y / x)},
+        {sine: y / length, cosine: x / length},
     )
 
 
@@ -284,7 +280,7 @@ def transformed(system: SecondOrderSystem, change: Change, most: float = math.in
     accelerations = []
     for name in names:
         rate = _rate(change.new[name], names) if name in change.new else Velocity(name)
-        along = [multiply(differentiate(rate, Velocity(other)), forces[other]) for other in names]
+        along = [differentiate(rate, Velocity(other)) * forces[other] for other in names]
         whole = add(_rate(rate, names), *along)
         placed = substitute(to_kernels(whole) if change.functions else whole, table)
         accelerations.append(_settled(placed, names))
@@ -295,7 +291,7 @@ def transformed(system: SecondOrderSystem, change: Change, most: float = math.in
 
 def _rate(tree: Expression, names: Sequence[str]) -> Expression:
     """sum v dF/dq."""
-    return add(ZERO, *(multiply(differentiate(tree, Symbol(name)), Velocity(name)) for name in names))
+    return add(ZERO, *(differentiate(tree, Symbol(name)) * Velocity(name) for name in names))
 
 
 def _table(functions: Mapping[str, Expression], names: Sequence[str]) -> dict[Expression, Expression]:

@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 
-from inverse_service.expressions.tree import Apply, Expression, Sum, multiply, power, walk
+from inverse_service.expressions.tree import Apply, Expression, Sum, walk
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -102,18 +102,18 @@ def _magnitude(terms: Terms) -> Terms:
 
 
 def _quotient(above: Terms, below: Terms) -> Terms:
-    return multiply_terms(above, terms_of(power(tree_of(below), -1)))
+    return multiply_terms(above, terms_of(tree_of(below) ** -1))
 
 
 def _logarithm(terms: Terms) -> Monomial:
     """The log of a sum, constant factors left out."""
     _, common, primitive = split_content(terms)
-    return monomial(Apply("log", multiply(monomial_tree(common), primitive)))
+    return monomial(Apply("log", monomial_tree(common) * primitive))
 
 
 def _monomial(terms: Terms) -> Monomial:
     """The sum as one monomial, its number left out."""
-    ((key, _),) = terms_of(power(tree_of(terms), -1)).items()
+    ((key, _),) = terms_of(tree_of(terms) ** -1).items()
     return times(EMPTY, key, -1)
 
 
@@ -124,4 +124,4 @@ def _root(terms: Terms) -> Terms:
         above, below = math.isqrt(abs(value.numerator)), math.isqrt(value.denominator)
         if value > 0 and above**2 == value.numerator and below**2 == value.denominator:
             return {frozenset((letter, e / 2) for letter, e in key): Fraction(above, below)}
-    return terms_of(power(tree_of(terms), _HALF))
+    return terms_of(tree_of(terms) ** _HALF)

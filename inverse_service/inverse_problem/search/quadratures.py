@@ -34,8 +34,6 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
-    negate,
-    power,
     substitute,
     walk,
 )
@@ -60,7 +58,7 @@ def exponential(ring: ExactRing, logarithm: Potential, table: RealTable | None) 
     factors = []
     for exponent, element in bases.items():
         tree = shortest(readable(ring, element), [])
-        factors.append(power(tree if table is None or real_sign(tree, table) > 0 else negated(tree), exponent))
+        factors.append((tree if table is None or real_sign(tree, table) > 0 else negated(tree)) ** exponent)
     rest = logarithm.rest
     return multiply(*factors, *([] if rest.is_zero else [Apply("exp", readable(ring, rest))]))
 
@@ -88,7 +86,7 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
             constant, inner = _without_constants(ring, part)
             argument = ring.variables[place]
             integral = Integral(next(names), (argument,), (0,), (readable(ring, inner),))
-            factors.append(Apply("exp", multiply(readable(ring, constant), integral)))
+            factors.append(Apply("exp", readable(ring, constant) * integral))
     inside = [factor.argument for factor in factors if isinstance(factor, Apply) and factor.function == "exp"]
     others = [factor for factor in factors if not (isinstance(factor, Apply) and factor.function == "exp")]
     return multiply(*others, Apply("exp", add(*inside)))
@@ -119,7 +117,7 @@ def _elementary_factors(slope: Expression, variable: Expression, analysis: Analy
             rest[key] = value
     table = analysis.real_point
     factors = [
-        power(base if table is None or real_sign(base, table) > 0 else negated(base), add(*exponents))
+        (base if table is None or real_sign(base, table) > 0 else negated(base)) ** add(*exponents)
         for base, exponents in powers.items()
     ]
     return [*factors, *([Apply("exp", tree_of(rest))] if rest else [])]
@@ -136,7 +134,7 @@ def antiderivative(
     except (TooManyTerms, TooLarge, ZeroDivisionError):
         found = None
     if found is not None:
-        return negate(substitute(found, {letter: variable}))
+        return -substitute(found, {letter: variable})
     found = _by_sympy(plain, letter, {**table, letter: table[variable]}) if table and variable in table else None
     return None if found is None else substitute(found, {letter: variable})
 
@@ -204,7 +202,7 @@ def _has_slope(tree: Expression, slope: Expression, x: Symbol, table: RealTable)
     system = SecondOrderSystem((x.name,), (slope,), tuple(constants))
     try:
         analysis = replace(analyse(system), real_point={TIME: table[x], **table, velocity: table[x]})
-        certificate = of_lagrangian(analysis, add(multiply(HALF, power(velocity, 2)), tree), with_time=True)
+        certificate = of_lagrangian(analysis, HALF * velocity**2 + tree, with_time=True)
     except IrreducibleAtoms:
         return False
     return check_certificate(certificate, time_limit=left(end())).verdict == "valid"
@@ -256,7 +254,7 @@ def potential_with_integrals(
         rest = antiderivative(system, monomial_tree(own), x, table)
         if rest is None:
             rest = _integral(monomial_tree(own), x, next(fresh))
-        total.append(multiply(tree_of(outside), negate(rest)))
+        total.append(tree_of(outside) * (-rest))
     return add(*total)
 
 

@@ -48,10 +48,8 @@ from inverse_service.expressions.tree import (
     add,
     children,
     distinct_nodes,
-    divide,
     multiply,
     number,
-    power,
     rebuild,
     substitute,
     walk,
@@ -148,7 +146,7 @@ def _short_sum(tree: Expression, base: Expression) -> Expression | None:
     if not relation or not relation[0]:
         return None
     weights = (number(Fraction(-c, relation[0])) for c in relation[1:])
-    return add(*(multiply(weight, part) for weight, part in zip(weights, basis, strict=True)))
+    return add(*(weight * part for weight, part in zip(weights, basis, strict=True)))
 
 
 def with_few_constants(forces: tuple[Expression, ...]) -> tuple[Expression, ...]:
@@ -192,9 +190,9 @@ def _rewritten(tree: Expression, letter: Callable[[Number], Symbol]) -> Expressi
     """The tree with letters for long numbers that are no exponents."""
     match tree:
         case Number(value) if max(abs(value.numerator), value.denominator) > _LONGEST:
-            return multiply(number(1 if value > 0 else -1), letter(number(abs(value))))
+            return (1 if value > 0 else -1) * letter(number(abs(value)))
         case Power(base, exponent):
-            return power(_rewritten(base, letter), exponent)
+            return _rewritten(base, letter) ** exponent
         case _:
             return rebuild(tree, lambda part: _rewritten(part, letter))
 
@@ -270,14 +268,14 @@ def without_damping(material: Material, seed: int) -> Iterator[Smaller]:
 
 
 def _damped(factor: Expression, found: Sequence[Sequence[Expression]]) -> list[Expression]:
-    return [multiply(factor, tree) for tree in found[0]]
+    return [factor * tree for tree in found[0]]
 
 
 def _rates(material: Material, seed: int) -> Iterator[tuple[Expression, Expression]]:
     """(c, e^(int c dt)): the coefficient common to all -v_i in f_i, or what the divergence asks for."""
     hidden = None if _is_quadratic(material) else hidden_damping(material.analysis)
     if hidden is not None:
-        yield number(hidden), Apply("exp", multiply(number(hidden), TIME))
+        yield number(hidden), Apply("exp", hidden * TIME)
         return
     common = _common_coefficient(material)
     factor = integrating_factor(material, common, TIME, seed) if common else None
@@ -289,7 +287,7 @@ def _rates(material: Material, seed: int) -> Iterator[tuple[Expression, Expressi
         ((exponential, e),) = whole
         (argument,) = children(exponential)
         rate = tree_of({key - {(TIME, Fraction(1))}: value * e for key, value in terms_of(argument).items()})
-        yield rate, Apply("exp", multiply(rate, TIME))
+        yield rate, Apply("exp", rate * TIME)
 
 
 def _common_coefficient(material: Material) -> Terms | None:
@@ -315,7 +313,7 @@ def _undamped(material: Material, rate: Expression) -> SecondOrderSystem:
     """q'' = f + c v."""
     system = material.analysis.system
     pairs = zip(system.coordinates, system.accelerations, strict=True)
-    without = tuple(collect(add(f, multiply(rate, Velocity(name)))) for name, f in pairs)
+    without = tuple(collect(f + rate * Velocity(name)) for name, f in pairs)
     with suppress(TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
         leaves: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
         if not _is_quadratic(material):
@@ -367,7 +365,7 @@ def _rate_and_rest(force: Expression, carrier: str, material: Material) -> tuple
         return None
     alone = all(node == v or node not in moving for node in walk(rate))
     still = not any(node in (TIME, Symbol(carrier)) or isinstance(node, Velocity) for node in walk(rest))
-    return (collect(multiply(sign, rate)), multiply(sign, rest)) if alone and still else None
+    return (collect(sign * rate), sign * rest) if alone and still else None
 
 
 def in_own_time(material: Material, seed: int) -> Iterator[Smaller]:
@@ -384,8 +382,8 @@ def _quickened(found: Timed, lagrangians: Sequence[Sequence[Expression]]) -> lis
     total: Expression = ZERO
     v, bends = Velocity(found.carrier), False
     for (rate, group), (own, *_) in zip(found.groups.items(), lagrangians, strict=True):
-        root = power(rate, HALF.value)
-        slower: dict[Expression, Expression] = {Velocity(name): divide(Velocity(name), root) for name in group}
-        total = add(total, collect(multiply(root, substitute(own, slower))))
+        root = rate**HALF.value
+        slower: dict[Expression, Expression] = {Velocity(name): Velocity(name) / root for name in group}
+        total = total + collect(root * substitute(own, slower))
         bends = bends or collect(differentiate(differentiate(root, v), v)) != ZERO
-    return [*[total] * bends, add(multiply(HALF, power(v, 2)), total)]
+    return [*[total] * bends, HALF * v**2 + total]

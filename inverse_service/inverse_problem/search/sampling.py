@@ -21,7 +21,7 @@ from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, power
+from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.search.sample_points import Drawn, KnownTower, SamplePoints
 from inverse_service.inverse_problem.search.terms import Monomial
@@ -101,7 +101,7 @@ def _reduced_alone(analysis: Analysis, terms: Sequence[Monomial], table: RealTab
     """The terms of letters each of which can be reduced beside f."""
     plain, fine = [*analysis.accelerations, *analysis.constrained.values()], set[tuple[Expression, Fraction]]()
     for letter, e in dict.fromkeys(item for term in terms for item in term):
-        kernels = [to_kernels(tree) for tree in (letter, power(letter, Fraction(1, e.denominator)))]
+        kernels = [to_kernels(tree) for tree in (letter, letter ** Fraction(1, e.denominator))]
         with suppress(IrreducibleAtoms):
             if table is not None:
                 reduce_atoms([*plain, *kernels], variables_of(analysis.system), table)
@@ -113,7 +113,7 @@ def _defined_together(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Re
     """Of a few points of f the one at which the most terms have values, and these."""
     best: tuple[RealTable | None, list[Monomial]] = (None, [])
     items = dict.fromkeys(item for term in terms for item in term)
-    kernels = {(p, e): to_kernels(power(p, Fraction(1, e.denominator))) for p, e in items}
+    kernels = {(p, e): to_kernels(p ** Fraction(1, e.denominator)) for p, e in items}
     wanted = [*analysis.accelerations, *analysis.constrained.values()]
     for seed in range(2, 2 + _POINTS):
         table = find_real_point(wanted, variables_of(analysis.system), seed, analysis.system.positive)
@@ -130,7 +130,7 @@ def make_sampler(
 
     Ansätze whose letters bring no further atoms have their points in common.
     """
-    extra = [to_kernels(tree) for letter, e in letters for tree in (letter, power(letter, Fraction(1, e.denominator)))]
+    extra = [to_kernels(tree) for letter, e in letters for tree in (letter, letter ** Fraction(1, e.denominator))]
     wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
     table = table or find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)

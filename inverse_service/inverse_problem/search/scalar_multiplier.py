@@ -24,20 +24,7 @@ from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarg
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.deadline import end
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    TIME,
-    Acceleration,
-    Expression,
-    Integral,
-    Velocity,
-    add,
-    multiply,
-    power,
-    subtract,
-    walk,
-)
+from inverse_service.expressions.tree import HALF, ONE, TIME, Acceleration, Expression, Integral, Velocity, add, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given, masses
 from inverse_service.inverse_problem.search.completion import completed
@@ -125,7 +112,7 @@ def _of_masses(material: Material) -> list[Expression]:
         return []
     system = material.analysis.system
     equations = [
-        multiply(setting.phi, tree_of(mass), subtract(Acceleration(name), f))
+        setting.phi * tree_of(mass) * (Acceleration(name) - f)
         for name, f, mass in zip(system.coordinates, system.accelerations, masses(system), strict=True)
     ]
     found = lagrangian_as_given(system, equations)
@@ -166,7 +153,7 @@ def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
         rest = potential_with_integrals(system, setting.phi, wanted, material.analysis.real_point)
     except (TooLarge, TooManyTerms, ZeroDivisionError):
         return []
-    return [] if rest is None else [add(_kinetic(setting, material.motion.velocities, known.matrices[0]), rest)]
+    return [] if rest is None else [_kinetic(setting, material.motion.velocities, known.matrices[0]) + rest]
 
 
 def _prepared(material: Material) -> _Prepared | None:
@@ -304,29 +291,27 @@ def _lagrangian(material: Material, setting: _Setting, matrix: Matrix) -> Expres
     velocities = material.motion.velocities
     wanted = [_wanted(setting, velocities, row) for row in matrix]
     rest = completed(material.analysis.system.coordinates, wanted)
-    return None if rest is None else add(_kinetic(setting, velocities, matrix), rest)
+    return None if rest is None else _kinetic(setting, velocities, matrix) + rest
 
 
 def _kinetic(setting: _Setting, velocities: Sequence[Velocity], matrix: Matrix) -> Expression:
     """phi G_ij v_i v_j / 2."""
     squares = [
-        multiply(
-            HALF if i == j else ONE,
-            quotient_tree(setting.ring, matrix[i][j]),
-            power(velocities[i], 2) if i == j else multiply(velocities[i], velocities[j]),
-        )
+        (HALF if i == j else ONE)
+        * quotient_tree(setting.ring, matrix[i][j])
+        * (velocities[i] ** 2 if i == j else velocities[i] * velocities[j])
         for i, j in _pairs(setting)
     ]
-    return multiply(setting.phi, add(*squares))
+    return setting.phi * add(*squares)
 
 
 def _wanted(setting: _Setting, velocities: Sequence[Velocity], row: Sequence[Quotient]) -> Terms:
     """-phi ((G f)_i + ((G f_v)_ij + alpha_0 G_ij) v_j) at v = 0: what A_i v_i - V has to give."""
     ring, zero, motion = setting.ring, setting.ring.constant(0), setting.exact.motion
     force = sum_of(zero, [-(g * setting.at_rest(f)) for g, f in zip(row, motion.accelerations, strict=True)])
-    total = terms_of(multiply(setting.phi, quotient_tree(ring, force)))
+    total = terms_of(setting.phi * quotient_tree(ring, force))
     for j, v in enumerate(velocities):
         slopes = [-(g * setting.at_rest(setting.slopes[k][j])) for k, g in enumerate(row)]
         tree = quotient_tree(ring, sum_of(zero, [*slopes, -(row[j] * setting.drag)]))
-        total = add_terms(total, multiply_terms(terms_of(multiply(setting.phi, tree)), {monomial(v): Fraction(1)}))
+        total = add_terms(total, multiply_terms(terms_of(setting.phi * tree), {monomial(v): Fraction(1)}))
     return total

@@ -13,11 +13,7 @@ from inverse_service.expressions.tree import (
     Power,
     Sum,
     Velocity,
-    add,
-    divide,
-    multiply,
     number,
-    power,
     square_root,
     walk,
 )
@@ -123,8 +119,8 @@ def complex_logarithms(material: Material) -> list[Monomial]:
     """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i U_x) z' has them."""
     found: list[Monomial] = []
     for v, w in itertools.combinations(material.motion.velocities, 2):
-        modulus = Apply("log", add(power(v, 2), power(w, 2)))
-        angle = Apply("atan", divide(w, v))
+        modulus = Apply("log", v**2 + w**2)
+        angle = Apply("atan", w / v)
         found += [monomial(letter, part) for letter in (v, w) for part in (modulus, angle)]
     return [*found, *quadratic(material)] if found else []
 
@@ -201,7 +197,7 @@ def _arctangents(letter: Expression) -> list[Monomial]:
             return []
     match [(list(key), value / constant.value) for key, value in terms]:
         case [([(Velocity() as v, power)], ratio)] if power == 2 and ratio > 0:
-            return [monomial(Apply("atan", multiply(_root(ratio), v)))]
+            return [monomial(Apply("atan", _root(ratio) * v))]
     return []
 
 

@@ -27,9 +27,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
-    negate,
     number,
-    power,
     split_exponent,
     walk,
 )
@@ -139,11 +137,11 @@ def terms_of(expression: Expression) -> Terms:
             return _exponential(argument)
         case Apply(function, argument) if function in _QUOTIENTS:
             pairs = zip(*_QUOTIENTS[function], strict=True)
-            return terms_of(multiply(*(power(Apply(name, argument), e) for name, e in pairs if e)))
+            return terms_of(multiply(*(Apply(name, argument) ** e for name, e in pairs if e)))
         case Apply(function, Sum() as argument) if function in _PARITY:
             return _with_leading_plus(function, terms_of(argument))
         case Apply(function, Product((Number(factor), *_)) as argument) if factor < 0 and function in _PARITY:
-            return {key: c * _PARITY[function] for key, c in terms_of(Apply(function, negate(argument))).items()}
+            return {key: c * _PARITY[function] for key, c in terms_of(Apply(function, -argument)).items()}
         case _:
             return {monomial(expression): Fraction(1)}
 
@@ -260,7 +258,7 @@ def _exponential(argument: Expression) -> Terms:
 def tree_of(terms: Mapping[Monomial, Fraction]) -> Expression:
     """The sum as a tree, in a fixed order."""
     ordered = sorted(terms.items(), key=lambda item: rank(item[0]))
-    return add(*(multiply(number(value), monomial_tree(key)) for key, value in ordered))
+    return add(*(value * monomial_tree(key) for key, value in ordered))
 
 
 def monomial_tree(key: Monomial) -> Expression:
@@ -269,17 +267,17 @@ def monomial_tree(key: Monomial) -> Expression:
     symbolic: dict[Expression, list[Expression]] = {}
     for letter, exponent in key:
         if isinstance(letter, Power):
-            symbolic.setdefault(letter.base, []).append(multiply(number(exponent), letter.exponent))
+            symbolic.setdefault(letter.base, []).append(exponent * letter.exponent)
     for letter, exponent in sorted(key, key=_letter_rank):
         if isinstance(letter, Power) or letter in symbolic:
             continue
         if isinstance(letter, Apply) and letter.function == "exp":
-            exponents.append(multiply(number(exponent), letter.argument))
+            exponents.append(exponent * letter.argument)
         else:
-            parts.append(power(letter, exponent))
+            parts.append(letter**exponent)
     table = dict(key)
     for base, together in sorted(symbolic.items(), key=lambda item: repr(item[0])):
-        parts.append(power(base, tree_of(terms_of(add(*together, number(table.get(base, Fraction(0))))))))
+        parts.append(base ** tree_of(terms_of(add(*together, number(table.get(base, Fraction(0)))))))
     if exponents:
         parts.append(Apply("exp", add(*exponents)))
     return multiply(*parts)

@@ -31,10 +31,8 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     distinct_nodes,
-    divide,
     multiply,
     number,
-    power,
     rebuild,
     square_root,
     substitute,
@@ -81,9 +79,9 @@ def _algebraic(node: Expression) -> Expression | None:
     u, k = arctangent.argument, abs(int(turns))
     terms = _TURNS[k][node.function == "sin"]
     sign = -1 if turns < 0 and node.function == "sin" else 1
-    above = add(*(multiply(number(sign * a), power(u, e)) for a, e in terms))
-    norm = add(ONE, power(u, 2))
-    return divide(above, power(norm, k // 2) if k % 2 == 0 else multiply(power(norm, k // 2), square_root(norm)))
+    above = add(*(sign * a * u**e for a, e in terms))
+    norm = 1 + u**2
+    return above / (norm ** (k // 2) if k % 2 == 0 else norm ** (k // 2) * square_root(norm))
 
 
 def _multiple(argument: Expression) -> tuple[Fraction, Apply | None]:
@@ -124,7 +122,7 @@ def _with_tangents(tree: Expression) -> Expression:
     factors = list(tree.factors) if isinstance(tree, Product) else []
     for factor in factors:
         if isinstance(factor, Apply) and factor.function in _TANGENTS:
-            below = power(Apply(_TANGENTS[factor.function][0], factor.argument), -1)
+            below = Apply(_TANGENTS[factor.function][0], factor.argument) ** -1
             if below in factors:
                 rest = (one for one in factors if one not in (factor, below))
                 return multiply(*rest, Apply(_TANGENTS[factor.function][1], factor.argument))
@@ -179,7 +177,7 @@ def _merged(tree: Expression) -> Expression:
     tree = rebuild(tree, _merged)
     match tree:
         case Power(Power(base, Number(inner)), Number(outer)) if outer.denominator == 1:
-            return power(base, inner * outer)
+            return base ** (inner * outer)
     if not isinstance(tree, Product) or not any(
         isinstance(f, Power) and not _is_number(f.exponent) for f in tree.factors
     ):
@@ -187,11 +185,11 @@ def _merged(tree: Expression) -> Expression:
     table: dict[Expression, Expression] = {}
     for factor in tree.factors:
         base, e = (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, ONE)
-        table[base] = add(table.get(base, ZERO), e)
-    numbers = [power(base, table.pop(base)) for base in list(table) if isinstance(base, Number)]
+        table[base] = table.get(base, ZERO) + e
+    numbers = [base ** table.pop(base) for base in list(table) if isinstance(base, Number)]
     for base in [base for base, e in table.items() if isinstance(base, Sum) and not _is_number(e)]:
         numbers += _absorbed(base, table)
-    return multiply(*numbers, *(power(base, _ordered(e)) for base, e in table.items()))
+    return multiply(*numbers, *(base ** _ordered(e) for base, e in table.items()))
 
 
 def _ordered(exponent: Expression) -> Expression:
@@ -211,8 +209,8 @@ def _absorbed(base: Expression, table: dict[Expression, Expression]) -> list[Exp
         ratio = next((found.get(key, Fraction(0)) / a for key, a in whole.items()), Fraction(0))
         if ratio and found == {key: ratio * a for key, a in whole.items()} and len({table[p] for p in chosen}) == 1:
             exponents = [table.pop(p) for p in chosen]
-            table[base] = add(table[base], exponents[0])
-            return [power(number(ratio), exponents[0])]
+            table[base] = table[base] + exponents[0]
+            return [number(ratio) ** exponents[0]]
     return []
 
 
@@ -275,8 +273,8 @@ def _with_common_factor(form: Callable[[Expression], Expression], tree: Expressi
     rest = {times(key, common, -1): value / content for key, value in terms.items()}
     moving = {key: value for key, value in rest.items() if any(has_velocity(p) for p, _ in key)}
     kinetic = min(tree_of(moving), form(tree_of(moving)), key=_preference)
-    inside = add(kinetic, tree_of({key: value for key, value in rest.items() if key not in moving}))
-    return multiply(number(content), monomial_tree(common), inside)
+    inside = kinetic + tree_of({key: value for key, value in rest.items() if key not in moving})
+    return content * monomial_tree(common) * inside
 
 
 def _is_exponential_of_time(letter: Expression) -> bool:
@@ -291,7 +289,7 @@ def _by_parameters(parameters: frozenset[Symbol], tree: Expression) -> Expressio
         groups.setdefault(key - constant, {})[constant] = value
     budget = Budget(_TERMS, end(), _WORK)
     coefficients = factored([tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), budget)
-    return add(*(multiply(c, monomial_tree(key)) for c, key in zip(coefficients, groups, strict=True)))
+    return add(*(c * monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
 
 
 def _by_rates(system: SecondOrderSystem, constants: Callable[[Expression], Expression], tree: Expression) -> Expression:
@@ -338,7 +336,7 @@ def _part(outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrd
     moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
     constant, rates = monomial_tree(outer - moving), monomial_tree(moving)
     content, common, rest = split_content(inner) if moving else (Fraction(1), EMPTY, plain)
-    whole = multiply(number(content), constant, monomial_tree(common), rest, rates)
+    whole = content * constant * monomial_tree(common) * rest * rates
     if len(inner) == 1 and next(iter(inner)) == EMPTY:
         return whole
     names = system.coordinates
@@ -349,7 +347,7 @@ def _part(outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrd
         return whole
     if _is_sum_of(quotient, len(inner)):
         return whole
-    return min(whole, multiply(constant, quotient, rates), key=_size)
+    return min(whole, constant * quotient * rates, key=_size)
 
 
 def _is_sum_of(tree: Expression, count: int) -> bool:

@@ -66,7 +66,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
             given = read(look_motion(document))
             pairs = zip(given.free_accelerations, claimed.free_accelerations, strict=True)
             trees, differ = [subtract(*pair) for pair in pairs], given.free != claimed.free
-            constraints = [subtract(v, w) for v, w in given.on_constraints.items()]
+            constraints = [v - w for v, w in given.on_constraints.items()]
         else:
             made = _nonholonomic(document)
             constraints, trees, differ = (

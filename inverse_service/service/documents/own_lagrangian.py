@@ -8,7 +8,7 @@ from typing import Any
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, subtract, walk
+from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.mechanics.document_names import Declared, known_names
@@ -74,7 +74,7 @@ def _residual(lagrangian: Expression, system: SecondOrderSystem, is_valid: bool)
     if not system.is_unsolved:
         return euler_lagrange_residual(lagrangian, system.coordinates, system.accelerations)
     sums = euler_lagrange_sums(lagrangian, system.coordinates, [Acceleration(name) for name in system.coordinates])
-    left = [collect(subtract(e, given)) for e, given in zip(sums, system.given, strict=True)]
+    left = [collect(e - given) for e, given in zip(sums, system.given, strict=True)]
     return tuple(ZERO for _ in left) if is_valid else tuple(left)
 
 

@@ -10,7 +10,7 @@ from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, power, walk
+from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
@@ -216,7 +216,7 @@ def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
     text = f"The system is in the class s' = -A(r1) r2' with r1 = {names[member.r1]}, r2 = {names[member.r2]}"
     if member.has_force:
         text += ", with a potential" + ("" if member.force_fits else " that depends on more than r2")
-    N = _in_time(lambda: formula(power(parts.tree(member.inverse_square_density), Fraction(-1, 2))))
+    N = _in_time(lambda: formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2)))
     return schemas.ClassPart(
         member=True,
         statement=text + ".",

@@ -19,7 +19,7 @@ from inverse_service.expressions.derivative import define_functions
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_condition
-from inverse_service.expressions.tree import Expression, Symbol, negate, walk
+from inverse_service.expressions.tree import Expression, Symbol, walk
 from inverse_service.integrators.trajectory import Array
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.legendre.transform import legendre
@@ -155,7 +155,7 @@ def _domain(
     inner = [wall for tree in scene.accelerations or () for wall in walls(tree, moving)]
     signs += [float(array_value(wall, table)[0]) for wall in inner]
     pairs = zip([*ends, *inner], signs, strict=True)
-    return tuple(dict.fromkeys(end if sign > 0 else negate(end) for end, sign in pairs if sign))
+    return tuple(dict.fromkeys(end if sign > 0 else -end for end, sign in pairs if sign))
 
 
 def _with_hamiltonian(

@@ -11,7 +11,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
 from inverse_service.expressions.names import declared_name
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, negate, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, walk
 from inverse_service.mechanics.document_names import Declared
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.scenes import scene_system
@@ -47,7 +47,7 @@ def read_forces(
         function = _read(schema.rayleigh, system, definitions, "/rayleigh")
         for name in names.coordinates:
             slope = differentiate(function, Velocity(name))
-            found[name] = collect(add(found.get(name, ZERO), negate(slope)))
+            found[name] = collect(found.get(name, ZERO) - slope)
     forces = tuple(found.get(name, ZERO) for name in names.coordinates)
     return forces if any(force != ZERO for force in forces) else ()
 

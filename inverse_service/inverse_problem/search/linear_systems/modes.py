@@ -28,11 +28,8 @@ from inverse_service.expressions.tree import (
     Number,
     Power,
     Product,
-    divide,
     multiply,
-    negate,
     number,
-    power,
     square_root,
 )
 from inverse_service.inverse_problem.search.linear_systems import reading as matrices
@@ -61,8 +58,8 @@ def even_root(radicand: Expression) -> tuple[Expression, Expression]:
                 outside.append(number(Fraction(whole, value.denominator)))
                 inside.append(number(rest))
             case Power(base, Number(exponent)) if exponent.denominator == 1:
-                outside.append(power(base, exponent // 2))
-                inside.append(power(base, exponent % 2))
+                outside.append(base ** (exponent // 2))
+                inside.append(base ** (exponent % 2))
             case _:
                 inside.append(factor)
     return multiply(*outside), multiply(*inside)
@@ -238,7 +235,7 @@ def _chains(space: Multipliers, rate: Quotient, multiplicity: int) -> list[Branc
 def _chain(space: Multipliers, shifted: Matrix, factor: Expression, vector: Vector) -> Branch:
     parts, current, k = [], vector, 0
     while any(not entry.is_zero for entry in current):
-        monomial = multiply(number(Fraction(1, factorial(k))), power(TIME, k), factor)
+        monomial = Fraction(1, factorial(k)) * TIME**k * factor
         parts.append((monomial, space.matrix(current)))
         current, k = matrices.apply(shifted, current), k + 1
     return Branch(tuple(parts), parts[0][1])
@@ -258,7 +255,7 @@ def _pairs(space: Multipliers, coefficients: Sequence[Quotient], table: RealTabl
     found = []
     for vector in matrices.kernel(square, len(space.basis), ring.field)[0]:
         start, slope = space.matrix(vector), space.matrix(matrices.apply(shifted, vector))
-        parts = (multiply(factor, even), start), (multiply(factor, odd), matrices.times(slope, inverse))
+        parts = (factor * even, start), (factor * odd, matrices.times(slope, inverse))
         found.append(Branch(parts, start))
     return found
 
@@ -266,14 +263,14 @@ def _pairs(space: Multipliers, coefficients: Sequence[Quotient], table: RealTabl
 def _even_and_odd(discriminant: Expression, table: RealTable) -> tuple[Expression, Expression, Expression]:
     """(C, r S, r) with C'' = d C, C(0) = 1, S = C'/d, and r the part of sqrt|d| that needs no root."""
     positive = real_sign(discriminant, table) > 0
-    outside, inside = even_root(discriminant if positive else negate(discriminant))
+    outside, inside = even_root(discriminant if positive else -discriminant)
     root = square_root(inside)
     names = ("cosh", "sinh") if positive else ("cos", "sin")
-    even, odd = (Apply(name, multiply(outside, root, TIME)) for name in names)
-    return even, divide(odd, root), outside
+    even, odd = (Apply(name, outside * root * TIME) for name in names)
+    return even, odd / root, outside
 
 
 def _exponential(rate: Expression) -> Expression:
     """e^(rate t)."""
-    argument = multiply(rate, TIME)
+    argument = rate * TIME
     return ONE if argument == number(0) else Apply("exp", argument)

@@ -20,7 +20,7 @@ from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.tree import ZERO, Expression, add, multiply, power
+from inverse_service.expressions.tree import ZERO, Expression, add, multiply
 from inverse_service.inverse_problem.explanation.elimination import common_factor
 from inverse_service.inverse_problem.search.linear_systems import reading as matrices
 from inverse_service.inverse_problem.search.linear_systems.modes import (
@@ -93,7 +93,7 @@ def _combined(weights: Sequence[Fraction], branches: Sequence[Branch]) -> Branch
 def lagrangian(system: LinearSystem, motion: MotionTerms, branch: Branch) -> Expression:
     """L as a sum over the functions of time in g."""
     scaled = _primitive(branch)
-    return add(*(multiply(phi, add(*_terms(system, motion, g))) for phi, g in scaled))
+    return add(*(phi * add(*_terms(system, motion, g)) for phi, g in scaled))
 
 
 def _primitive(branch: Branch) -> list[tuple[Expression, Matrix]]:
@@ -115,9 +115,9 @@ def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[Exp
         lowered = matrices.product(g, stiffness)
         form = matrices.plus(lowered, matrices.transpose(lowered))
         for term in _quadratic_form(system, form, motion.coordinates, Fraction(-1, 4)):
-            yield multiply(phi, term)
+            yield phi * term
     for i, j in itertools.product(range(system.size), repeat=2):
-        yield _expanded(multiply(_term(system, g[i][j], motion.coordinates[i]), system.forcing[j]))
+        yield _expanded(_term(system, g[i][j], motion.coordinates[i]) * system.forcing[j])
 
 
 def _expanded(tree: Expression) -> Expression:
@@ -133,7 +133,7 @@ def _quadratic_form(
 ) -> Iterator[Expression]:
     """factor * letters.form letters for a symmetric form."""
     for i, letter in enumerate(letters):
-        yield _term(system, form[i][i].scaled(factor), power(letter, 2))
+        yield _term(system, form[i][i].scaled(factor), letter**2)
     for i, j in itertools.combinations(range(len(letters)), 2):
         yield _term(system, form[i][j].scaled(2 * factor), letters[i], letters[j])
 

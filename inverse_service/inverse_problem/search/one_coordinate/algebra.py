@@ -23,7 +23,6 @@ from inverse_service.expressions.tree import (
     multiply,
     negate,
     number,
-    power,
     square_root,
     walk,
 )
@@ -55,7 +54,7 @@ def factors_of(tree: Expression) -> list[tuple[Expression, Fraction]]:
 
 def negated(tree: Expression) -> Expression:
     """-tree with the sign in each term of a sum."""
-    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else negate(tree)
+    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else -tree
 
 
 def expanded(tree: Expression) -> Expression:
@@ -95,11 +94,11 @@ def extracted_root(tree: Expression) -> Expression:
             outside.append(number(out))
             inside.append(number(rest))
         elif isinstance(base, Apply) and base.function == "exp":
-            outside.append(Apply("exp", multiply(number(e / 2), base.argument)))
+            outside.append(Apply("exp", e / 2 * base.argument))
         else:
             whole = e // 2 if e.denominator == 1 else Fraction(0)
-            outside.append(power(base, whole))
-            inside.append(power(base, e - 2 * whole))
+            outside.append(base**whole)
+            inside.append(base ** (e - 2 * whole))
     return multiply(*outside, square_root(expanded(multiply(*inside)) if inside else ONE))
 
 

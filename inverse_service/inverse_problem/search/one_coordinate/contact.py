@@ -16,18 +16,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import (
-    TIME,
-    Expression,
-    Symbol,
-    Velocity,
-    divide,
-    multiply,
-    negate,
-    power,
-    substitute,
-    subtract,
-)
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, gather
 from inverse_service.inverse_problem.search.one_coordinate.algebra import factored
@@ -51,15 +40,15 @@ def kinetic_terms(material: Material) -> list[Monomial]:
     if material.motion.size > 1:
         return []
     f, (y,), (v,) = material.analysis.system.accelerations[0], material.motion.coordinates, material.motion.velocities
-    legendre: dict[Expression, Expression] = {TIME: v, y: subtract(multiply(TIME, v), y), v: TIME}
-    exchange: dict[Expression, Expression] = {TIME: y, y: TIME, v: power(v, -1)}
-    changes = [(legendre, power(f, -1), power(f, -1)), (exchange, negate(divide(f, power(v, 3))), power(v, -3))]
+    legendre: dict[Expression, Expression] = {TIME: v, y: TIME * v - y, v: TIME}
+    exchange: dict[Expression, Expression] = {TIME: y, y: TIME, v: v**-1}
+    changes = [(legendre, f**-1, f**-1), (exchange, -(f / v**3), v**-3)]
     found: dict[Monomial, None] = {}
     for table, changed, weight in changes:
         try:
             phi = _multiplier(material, substitute(changed, table))
             if phi is not None:
-                g = factored(multiply(substitute(phi, table), weight), [y, v])
+                g = factored(substitute(phi, table) * weight, [y, v])
                 found.update(dict.fromkeys(_twice_integrated(terms_of(substitute(g, {v: _RATE})))))
         except (TooManyTerms, IrreducibleAtoms, ZeroDivisionError):
             continue

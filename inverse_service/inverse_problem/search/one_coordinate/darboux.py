@@ -22,18 +22,7 @@ import numpy as np
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Expression,
-    Velocity,
-    add,
-    divide,
-    multiply,
-    negate,
-    power,
-    walk,
-)
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Velocity, walk
 from inverse_service.inverse_problem.search.factors import Factors
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of, null_combinations
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
@@ -248,14 +237,14 @@ def inverse_multiplier(material: Material, factors: Factors) -> Expression | Non
         return None
     scale, damping = monomial_tree(factors.along.get(0, EMPTY)), tree_of(parts[1])
     try:
-        ratio = factored(divide(multiply(scale, tree_of(parts[0])), damping), [x])
-        alpha = factored(negate(divide(differentiate(ratio, x), multiply(scale, damping))), [x])
+        ratio = factored(scale * tree_of(parts[0]) / damping, [x])
+        alpha = factored(-(differentiate(ratio, x) / (scale * damping)), [x])
         if alpha == ZERO or any(node in (x, TIME) for node in walk(alpha)):
             return None
-        lowered = expanded(factored(divide(ratio, scale), [x]))
+        lowered = expanded(factored(ratio / scale, [x]))
     except TooManyTerms:
         return None
-    return add(multiply(alpha, power(v, 2)), multiply(lowered, v), power(lowered, 2))
+    return alpha * v**2 + lowered * v + lowered**2
 
 
 def _by_powers(material: Material) -> Mapping[int, Terms] | None:

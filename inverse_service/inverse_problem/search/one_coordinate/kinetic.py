@@ -30,14 +30,10 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
-    divide,
     multiply,
-    negate,
     number,
-    power,
     square_root,
     substitute,
-    subtract,
 )
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.motion import split_velocities
@@ -102,21 +98,21 @@ def double_integral(weight: Expression, factors: Sequence[Factor], place: Place)
     parts = [coefficients(base, place.v) for base, _ in factors]
     degrees = [len(part) - 1 for part in parts]
     if not factors:
-        return multiply(HALF, weight, power(place.v, 2))
+        return HALF * weight * place.v**2
     if degrees == [1]:
         ((base, e),) = factors
-        scale = factored(divide(weight, power(parts[0][1], 2)), [place.x])
-        return multiply(scale, _linear(base, e, place.point))
+        scale = factored(weight / parts[0][1] ** 2, [place.x])
+        return scale * _linear(base, e, place.point)
     if degrees == [2]:
         ((base, e),) = factors
         form = _quadratic(base, parts[0], place)
         if e == -1:
-            return multiply(factored(divide(weight, form.a), [place.x]), _with_arctangent(form, place))
-        return multiply(weight, _recursion(form, e, place))
+            return factored(weight / form.a, [place.x]) * _with_arctangent(form, place)
+        return weight * _recursion(form, e, place)
     if set(degrees) == {1} and all(e == -1 for _, e in factors):
-        return multiply(weight, _partial_fractions([base for base, _ in factors], parts, place))
+        return weight * _partial_fractions([base for base, _ in factors], parts, place)
     if degrees == [1, 1]:
-        return multiply(weight, _of_two(factors, parts, place))
+        return weight * _of_two(factors, parts, place)
     raise NotElementary
 
 
@@ -124,20 +120,20 @@ def _partial_fractions(bases: Sequence[Expression], parts: Sequence[Sequence[Exp
     """int int 1/(P_1 … P_m), the sum of u log u / (a^2 c) over u = P_j = a v + b, c the others at u = 0."""
     terms = []
     for j, (b, a) in enumerate(parts):
-        root = negate(divide(b, a))
-        others = [add(multiply(part[1], root), part[0]) for k, part in enumerate(parts) if k != j]
-        weight = factored(power(multiply(power(a, 2), *others), -1), [place.x])
-        terms.append(multiply(weight, _linear(bases[j], Fraction(-1), place.point)))
+        root = -(b / a)
+        others = [part[1] * root + part[0] for k, part in enumerate(parts) if k != j]
+        weight = factored(multiply(a**2, *others) ** -1, [place.x])
+        terms.append(weight * _linear(bases[j], Fraction(-1), place.point))
     return add(*terms)
 
 
 def _linear(u: Expression, e: Fraction, point: RealTable) -> Expression:
     """int int u^e du du."""
     if e == -1:
-        return multiply(u, _logarithm(u, point))
+        return u * _logarithm(u, point)
     if e == -2:
-        return negate(_logarithm(u, point))
-    return multiply(number(1 / ((e + 1) * (e + 2))), power(u, e + 2))
+        return -_logarithm(u, point)
+    return 1 / ((e + 1) * (e + 2)) * u ** (e + 2)
 
 
 def _logarithm(u: Expression, point: RealTable) -> Expression:
@@ -156,14 +152,14 @@ def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[Expression]], pl
     (b1, a1), (b2, a2) = parts
     if e + h != -3 or -2 in (e, h):
         raise NotElementary
-    difference = factored(subtract(multiply(a1, b2), multiply(a2, b1)), [place.x])
-    product = multiply(power(first, e + 2), power(second, h + 2), power(difference, -2))
-    return multiply(number(-1 / ((e + 2) * (h + 2))), product)
+    difference = factored(a1 * b2 - a2 * b1, [place.x])
+    product = first ** (e + 2) * second ** (h + 2) * difference**-2
+    return -1 / ((e + 2) * (h + 2)) * product
 
 
 def _quadratic(q: Expression, parts: Sequence[Expression], place: Place) -> _Quadratic:
     c, b, a = parts
-    d = factored(subtract(multiply(number(4), a, c), power(b, 2)), [place.x])
+    d = factored(4 * a * c - b**2, [place.x])
     if d == ZERO:
         # A square: the linear factor stands for it.
         raise NotElementary
@@ -173,7 +169,7 @@ def _quadratic(q: Expression, parts: Sequence[Expression], place: Place) -> _Qua
 def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
     """J_e."""
     if e == -1:
-        return divide(_with_arctangent(form, place), form.a)
+        return _with_arctangent(form, place) / form.a
     if e == -2:
         return _of_inverse_square(form, place)
     if e == Fraction(-1, 2):
@@ -182,53 +178,53 @@ def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
         raise NotElementary
     if e < -1:
         weight = 2 * (e + 2) * (2 * e + 3)
-        above = multiply(number(weight), form.a, _recursion(form, e + 1, place)) if weight else ZERO
-        return divide(subtract(above, power(form.q, e + 2)), multiply(number((e + 1) * (e + 2)), form.d))
+        above = weight * form.a * _recursion(form, e + 1, place) if weight else ZERO
+        return (above - form.q ** (e + 2)) / ((e + 1) * (e + 2) * form.d)
     weight = e * (e + 1)
-    below = multiply(number(weight), form.d, _recursion(form, e - 1, place)) if weight else ZERO
-    return divide(add(power(form.q, e + 1), below), multiply(number(2 * (e + 1) * (2 * e + 1)), form.a))
+    below = weight * form.d * _recursion(form, e - 1, place) if weight else ZERO
+    return (form.q ** (e + 1) + below) / (2 * (e + 1) * (2 * e + 1) * form.a)
 
 
 def _with_arctangent(form: _Quadratic, place: Place) -> Expression:
     """a J_(-1) = y atan y - log(Q)/2 with y = u/D^1/2; logarithms where D < 0."""
     if real_sign(form.d, place.point) < 0:
         return _with_logarithms(form, place)
-    y = shortest(divide(form.u, extracted_root(form.d)), [place.x, place.v])
-    return subtract(multiply(y, Apply("atan", y)), multiply(HALF, _logarithm(form.q, place.point)))
+    y = shortest(form.u / extracted_root(form.d), [place.x, place.v])
+    return y * Apply("atan", y) - HALF * _logarithm(form.q, place.point)
 
 
 def _with_logarithms(form: _Quadratic, place: Place) -> Expression:
     """a J_(-1) = ((u - R) log(u - R) - (u + R) log(u + R))/(2R) with R^2 = -D."""
-    root = extracted_root(negate(form.d))
-    low, high = expanded(subtract(form.u, root)), expanded(add(form.u, root))
+    root = extracted_root(-form.d)
+    low, high = expanded(form.u - root), expanded(form.u + root)
     first, second = _logarithm(low, place.point), _logarithm(high, place.point)
-    difference = subtract(multiply(low, first), multiply(high, second))
-    return divide(difference, multiply(number(2), root))
+    difference = low * first - high * second
+    return difference / (2 * root)
 
 
 def _of_inverse_square(form: _Quadratic, place: Place) -> Expression:
     """J_(-2) = 2u atan(u/D^1/2)/D^3/2, for R^2 = -D > 0 it is u log((u - R)/(u + R))/(D R)."""
     if real_sign(form.d, place.point) > 0:
         root = extracted_root(form.d)
-        y = shortest(divide(form.u, root), [place.x, place.v])
-        return divide(multiply(number(2), y, Apply("atan", y)), form.d)
-    root = extracted_root(negate(form.d))
-    low, high = expanded(subtract(form.u, root)), expanded(add(form.u, root))
-    difference = subtract(_logarithm(low, place.point), _logarithm(high, place.point))
-    return divide(multiply(form.u, difference), multiply(form.d, root))
+        y = shortest(form.u / root, [place.x, place.v])
+        return 2 * y * Apply("atan", y) / form.d
+    root = extracted_root(-form.d)
+    low, high = expanded(form.u - root), expanded(form.u + root)
+    difference = _logarithm(low, place.point) - _logarithm(high, place.point)
+    return form.u * difference / (form.d * root)
 
 
 def _with_root(form: _Quadratic, place: Place) -> Expression:
     """int int Q^(-1/2): a logarithm for a > 0, an arcsine for a < 0."""
     a, u, q = form.a, form.u, form.q
-    last = divide(square_root(q), a)
+    last = square_root(q) / a
     if real_sign(a, place.point) > 0:
         root = extracted_root(factored(a, [place.x]))
-        log = _logarithm(add(u, multiply(number(2), root, square_root(q))), place.point)
-        return subtract(divide(multiply(u, log), multiply(number(2), a, root)), last)
+        log = _logarithm(u + 2 * root * square_root(q), place.point)
+        return u * log / (2 * a * root) - last
     root = extracted_root(factored(negated(a), [place.x]))
-    arc = Apply("asin", divide(u, extracted_root(negate(form.d))))
-    return subtract(negate(divide(multiply(u, arc), multiply(number(2), a, root))), last)
+    arc = Apply("asin", u / extracted_root(-form.d))
+    return -(u * arc / (2 * a * root)) - last
 
 
 _SPEEDS = (Fraction(0), Fraction(1), Fraction(2), Fraction(1, 2), Fraction(-1))
@@ -239,11 +235,11 @@ _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 def euler_lagrange(kinetic: Expression, force: Expression, x: Symbol, v: Velocity) -> Expression:
     """f K_vv + v K_vx + K_vt - K_x."""
     momentum = differentiate(kinetic, v)
-    return add(
-        multiply(force, differentiate(momentum, v)),
-        multiply(v, differentiate(momentum, x)),
-        differentiate(momentum, TIME),
-        negate(differentiate(kinetic, x)),
+    return (
+        force * differentiate(momentum, v)
+        + v * differentiate(momentum, x)
+        + differentiate(momentum, TIME)
+        - differentiate(kinetic, x)
     )
 
 
@@ -257,7 +253,7 @@ def potential(kinetic: Expression, force: Expression, place: Place) -> Expressio
             continue
         try:
             fixed = factored(substitute(residual, {place.v: number(speed)}), [place.x])
-            found = completed([place.x.name], [terms_of(negate(fixed))])
+            found = completed([place.x.name], [terms_of(-fixed)])
         except TooManyTerms:
             continue
         if found is not None:

@@ -33,12 +33,8 @@ from inverse_service.expressions.tree import (
     Product,
     Sum,
     add,
-    divide,
     multiply,
     negate,
-    number,
-    power,
-    subtract,
     walk,
 )
 from inverse_service.inverse_problem.search.choice import scaled
@@ -130,7 +126,7 @@ def _simplified(material: Material, factors: Factors) -> Factors:
     x = material.motion.coordinates[0]
     along = {}
     for i, phi in factors.along.items():
-        arguments = [multiply(number(e), p.argument) for p, e in phi if isinstance(p, Apply) and p.function == "exp"]
+        arguments = [e * p.argument for p, e in phi if isinstance(p, Apply) and p.function == "exp"]
         rest = frozenset(item for item in phi if not (isinstance(item[0], Apply) and item[0].function == "exp"))
         try:
             ((key, _),) = terms_of(Apply("exp", factored(add(*arguments), [x]))).items()
@@ -224,12 +220,12 @@ def _of_symbolic_power(material: Material) -> Expression | None:
     place = Place(material.motion.coordinates[0], material.motion.velocities[0], point)
     try:
         _, a = coefficients(base, place.v)
-        below = multiply(subtract(ONE, e), subtract(number(2), e), power(a, 2))
-        kinetic = divide(power(base, subtract(number(2), e)), below)
+        below = (1 - e) * (2 - e) * a**2
+        kinetic = base ** (2 - e) / below
         rest = potential(kinetic, material.analysis.system.accelerations[0], place)
     except (ValueError, NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
         return None
-    return None if rest is None else add(kinetic, rest)
+    return None if rest is None else kinetic + rest
 
 
 def propose_function_of_velocity(material: Material, seed: int) -> list[Expression]:
@@ -252,7 +248,7 @@ def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
 def _functions_of_velocity(material: Material) -> Iterator[Expression]:
     """Candidates for F: the factors of f that hold v alone, and what each term of f holds of v."""
     x = material.motion.coordinates[0]
-    found = [multiply(*(power(base, e) for base, e in _moving_factors(material) if not _holds(base, x, TIME)))]
+    found = [multiply(*(base**e for base, e in _moving_factors(material) if not _holds(base, x, TIME)))]
     found += [monomial_tree(split_velocities(key)[1]) for key in material.motion.forces[0]]
     yield from dict.fromkeys(tree for tree in found if not _holds(tree, x, TIME))
 
@@ -268,26 +264,26 @@ def _of_function(material: Material, function: Expression) -> Expression | None:
     """
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     system = material.analysis.system
-    rest = factored(divide(system.accelerations[0], function), [x, v])
-    rate = factored(multiply(function, negate(differentiate(rest, v))), [x, v])
+    rest = factored(system.accelerations[0] / function, [x, v])
+    rate = factored(function * (-differentiate(rest, v)), [x, v])
     along = factored(differentiate(rate, v), [x, v])
-    in_time = factored(subtract(rate, multiply(v, along)), [x, v])
+    in_time = factored(rate - v * along, [x, v])
     if _holds(along, v, TIME) or _holds(in_time, v, x) or (in_time != ZERO and not material.motion.with_time):
         return None
     phi = multiply(*(exponential_of_integral(c, q, material.analysis) for c, q in ((in_time, TIME), (along, x))))
     names = fresh_names(system, phi)
     integrals = []
-    for slope, c in ((divide(ONE, function), in_time), (divide(v, function), along)):
+    for slope, c in ((1 / function, in_time), (v / function, along)):
         known = antiderivative(system, tree_of(terms_of(slope)), v, material.analysis.real_point)
         if known is None and c != ZERO:
             return None
         tree = Integral(next(names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else known
         integrals.append(tree)
-        rest = add(rest, multiply(c, tree)) if c != ZERO else rest
-    force = multiply(phi, factored(rest, [x, v]))
-    kinetic = multiply(phi, subtract(multiply(v, integrals[0]), integrals[1]))
-    potential_part = potential_with_integrals(system, kinetic, terms_of(negate(force)), material.analysis.real_point)
-    return None if potential_part is None else add(tree_of(terms_of(kinetic)), potential_part)
+        rest = rest + c * tree if c != ZERO else rest
+    force = phi * factored(rest, [x, v])
+    kinetic = phi * (v * integrals[0] - integrals[1])
+    potential_part = potential_with_integrals(system, kinetic, terms_of(-force), material.analysis.real_point)
+    return None if potential_part is None else tree_of(terms_of(kinetic)) + potential_part
 
 
 _MOST_TERMS_OF_FORCE = 30
@@ -326,7 +322,7 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> Expression 
         bases = [(_oriented(base, place), e) for base, e in multiplier.moving]
         kinetic = double_integral(monomial_tree(multiplier.factor), bases, place)
         rest = potential(kinetic, force, place)
-        return None if rest is None else _positive(add(kinetic, rest), place)
+        return None if rest is None else _positive(kinetic + rest, place)
     except (NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
         return None
 
@@ -342,4 +338,4 @@ def _positive(lagrangian: Expression, place: Place) -> Expression:
     hessian = differentiate(differentiate(tree, place.v), place.v)
     if real_sign(hessian, place.point) > 0:
         return tree
-    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else negate(tree)
+    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else -tree
