@@ -15,7 +15,7 @@ from inverse_service.cli.exits import ExitCode, write
 from inverse_service.cli.solving import time_limit_or, warm_alone
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch import AGAIN, BatchPlan, Summary, run_batch
-from inverse_service.service.jobs.batch_files import Line, count_lines, open_source, read_lines
+from inverse_service.service.jobs.batch_files import Line, count_lines, open_source, read_answers
 from inverse_service.service.jobs.batch_output import replaced_path
 from inverse_service.service.jobs.identity import JobOptions
 from inverse_service.settings import read_settings
@@ -130,14 +130,12 @@ def progress(summary: Summary, total: int | None) -> Iterator[Report]:
 
 
 def write_table(path: Path) -> ExitCode:
-    """Print one row of CSV for each line of a batch's output; raises InputError for a line that is no JSON object."""
+    """Print one row of CSV for each line of a batch's output; raises InputError for a line that is no answer."""
     from inverse_service.sympy.many import row_of  # for this command only
 
     with open_source(path) as source:
-        for place, line in enumerate(read_lines(source)):
-            if line.document is None:
-                raise InputError(f"Line {line.number} is not an answer of a batch.")
-            row, text = row_of({**line.document, "id": line.identifier}), io.StringIO()
+        for place, (_, answer) in enumerate(read_answers(source)):
+            row, text = row_of(answer), io.StringIO()
             writer = csv.DictWriter(text, list(row))
             if place == 0:
                 writer.writeheader()

@@ -14,7 +14,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.documents.reading import decode, read_document, read_json
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
-from inverse_service.service.jobs.batch_files import open_source, read_lines
+from inverse_service.service.jobs.batch_files import open_source, read_answers
 from inverse_service.service.jobs.identity import JobOptions, split_options, write_json
 from inverse_service.service.jobs.isolation import run_alone
 from inverse_service.settings import read_settings
@@ -111,10 +111,7 @@ def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
     """Write the results that claim something, by their line numbers; the ids as they are. Counts the others."""
     ids = {}
     with open_source(Path(name)) as source, target.open("w", encoding="utf-8") as stream:
-        for line in read_lines(source):
-            result = read_json(line.raw) if line.fault and line.raw[:1] == b"{" else line.document  # the id may be null
-            if not isinstance(result, dict) or not {"format", "error"} & result.keys():
-                raise InputError(f"Line {line.number} is not an answer of a batch.")
+        for line, result in read_answers(source):
             if "error" in result:
                 others["error"] += 1
             elif "verdict" not in result:

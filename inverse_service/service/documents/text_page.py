@@ -125,8 +125,9 @@ def guessed_words(result: Mapping[str, Any]) -> list[str]:
 
 
 def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The answer that a reader meets first: of a result, or of what has no Lagrangian itself."""
-    return answers_of(result, result)[0][0] if result.get("lagrangian") else result
+    """The answer that a reader meets first: of a result with a verdict; what has none, or no Lagrangian, is its own."""
+    asked = result.get("lagrangian") and "question" in result
+    return answers_of(result, result)[0][0] if asked else result
 
 
 def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:

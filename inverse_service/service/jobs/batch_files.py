@@ -71,6 +71,17 @@ def read_lines(stream: IO[bytes]) -> Iterator[Line]:
             yield marked(_read_line(number, data), first_with)
 
 
+def read_answers(stream: IO[bytes]) -> Iterator[tuple[Line, dict[str, Any]]]:
+    """The lines of a batch's output with their answers, ids included, which may be null; InputError for others."""
+    for line in read_lines(stream):
+        answer = {**line.document, "id": line.identifier} if line.document is not None else None
+        if line.fault and line.raw[:1] == b"{":
+            answer = read_json(line.raw)
+        if not isinstance(answer, dict) or not {"format", "error"} & answer.keys():
+            raise InputError(f"Line {line.number} is not an answer of a batch.")
+        yield line, answer
+
+
 def count_lines(path: Path) -> int | None:
     """How many lines there are, empty ones included; None for what can be read only once."""
     if not path.is_file():
