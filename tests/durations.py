@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 SLOW = Path(__file__).parent / "slow.txt"
-SECONDS = 0.1
-QUICKEST = 0.5  # of the tests of one function the quickest stays in the suite up to here
+SECONDS = 0.05
+QUICKEST = 0.2  # of the tests of one function the quickest stays in the suite up to here
 KEPT = ("tests/docs/test_documents.py", "tests/web/test_schema.py", "tests/test_house.py", "tests/test_layering.py")
 
 _started = pytest.StashKey[float]()
