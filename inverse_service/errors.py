@@ -5,6 +5,8 @@ Mathematics that ends (undetermined, no closed form) is an outcome and never an 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 
 class InverseServiceError(Exception):
     """Root of all errors; `code` is stable, `retry` says whether the same call can succeed later."""
@@ -15,6 +17,18 @@ class InverseServiceError(Exception):
     def __init__(self, detail: str) -> None:
         super().__init__(detail)
         self.detail = detail
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """One fault of the input: pointer into the document, column from 1, a sentence, and what may have been meant."""
+
+    detail: str
+    pointer: str = ""
+    column: int | None = None
+    code: str = "bad-input"
+    instead: tuple[str, ...] = ()
+    span: tuple[int, int] | None = None
 
 
 class InputError(InverseServiceError):
@@ -42,6 +56,11 @@ class InputError(InverseServiceError):
         self.instead = instead
         self.span = span
 
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Every fault that is reported."""
+        return (Place(self.detail, self.pointer, self.column, self.code, self.instead, self.span),)
+
     def at(self, pointer: str) -> InputError:
         """The same error at a place further down in the document."""
         return type(self)(self.detail, pointer + self.pointer, self.column, self.instead, self.span)
@@ -51,6 +70,19 @@ class LimitError(InputError):
     """A documented limit (characters, tokens, depth, digits, exponent, coordinates) is passed."""
 
     code = "limit"
+
+
+class DocumentRefused(InputError):
+    """The document does not have the shape of a system; `places` lists every fault found."""
+
+    def __init__(self, places: tuple[Place, ...]) -> None:
+        super().__init__(places[0].detail, places[0].pointer, places[0].column)
+        self._places = places
+        self.code = places[0].code
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        return self._places
 
 
 class IrreducibleAtoms(InverseServiceError):

@@ -62,7 +62,7 @@ def _checked(text: str) -> dict[str, Any]:
     outcome = run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
     if outcome.status in ("deadline", "memory"):
         return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
-    from inverse_service.service.documents.answers import value_of
+    from inverse_service.service.jobs.outcome import value_of
 
     found: dict[str, Any] = value_of(outcome)
     return found

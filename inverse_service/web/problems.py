@@ -12,10 +12,9 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
-from inverse_service.errors import InputError, NoWorker, WorkerFailed
+from inverse_service.errors import InputError, NoWorker, Place, WorkerFailed
 from inverse_service.service.documents.answers import as_bytes, problem_document
 from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
-from inverse_service.service.jobs.outcome import Place, faults_of
 from inverse_service.service.jobs.tasks import UNREADABLE
 from inverse_service.web.middleware import HEADERS
 
@@ -86,7 +85,7 @@ def _refusal_of(error: Exception) -> Refusal:
     match error:
         case InputError():
             status = 400 if error.code == UNREADABLE else 422
-            return Refusal(status, error.code, error.detail, faults_of(error))
+            return Refusal(status, error.code, error.detail, error.places)
         case NoWorker():
             return Refusal(503, "not-ready", error.detail, headers={"Retry-After": "5"})
         case WorkerFailed():

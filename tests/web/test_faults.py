@@ -9,8 +9,7 @@ import httpx
 import pytest
 
 from inverse_service.errors import NoWorker
-from inverse_service.service.documents.answers import value_of
-from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.outcome import Outcome, value_of
 from inverse_service.settings import Settings
 from inverse_service.web.application import create_application
 from inverse_service.web.engine import Engine

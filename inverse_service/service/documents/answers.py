@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import logging
 from collections.abc import Sequence
 from typing import Any
 
 from api_schemas.result import ResultDocument, UnderstoodSystem
 from inverse_service import __version__
-from inverse_service.errors import InputError, NoWorker, WorkerFailed
+from inverse_service.errors import InputError, Place
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs.outcome import Outcome, Place, faults_of
+from inverse_service.service.jobs.outcome import Outcome, value_of
 
-log = logging.getLogger(__name__)
 UNDERSTAND_DEADLINE = 2.0
 
 
@@ -38,23 +35,6 @@ def result_document(outcome: Outcome, options: SolveOptions, memory_limit: int) 
         return undetermined(outcome.value, reason, options)
     found: dict[str, Any] = value_of(outcome)
     return found
-
-
-def value_of(outcome: Outcome) -> Any:
-    """The value of a task that is done; raises DocumentRefused or WorkerFailed for the others."""
-    if outcome.status == "done":
-        return outcome.value
-    if outcome.status == "refused":
-        raise DocumentRefused(outcome.places)
-    log.error("task ended with %s: %s", outcome.status, outcome.detail)
-    if outcome.status == "deadline":
-        raise WorkerFailed("The work was stopped at its time limit.")
-    if outcome.status == "memory":
-        raise WorkerFailed("The work was stopped at its memory limit.")
-    if outcome.status == "unstarted":
-        raise NoWorker("No worker process can be started; try again in some seconds.")
-    kind = f" ({outcome.value})" if outcome.value else ""
-    raise WorkerFailed(f"The program failed on this document{kind}; that is a fault of the program.")
 
 
 def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[str, Any]:
@@ -122,8 +102,7 @@ def as_bytes(document: dict[str, Any]) -> bytes:
 
 def of_input_error(error: InputError) -> dict[str, Any]:
     """The problem of a document that is refused."""
-    places = faults_of(error)
-    return problem_document(422, places[0].code, error.detail, places)
+    return problem_document(422, error.places[0].code, error.detail, error.places)
 
 
 def of_outcome(outcome: Outcome, time_limit: float, memory_limit: int) -> dict[str, Any]:

@@ -9,9 +9,8 @@ from pydantic import ValidationError
 
 from api_schemas.base import Document
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, SystemDocument
-from inverse_service.errors import InputError
+from inverse_service.errors import DocumentRefused, Place
 from inverse_service.service.documents.reading import escape
-from inverse_service.service.jobs.outcome import Place
 
 Read = TypeVar("Read", bound=Document)
 MAX_PLACES = 10
@@ -48,15 +47,6 @@ BESIDE = {
     "clock": "With constraints the clock is found, see 'reduced' of the result: leave 'clock' out, or give the "
     "equations of the reduced system.",
 }
-
-
-class DocumentRefused(InputError):
-    """The document does not have the shape of a system; `places` lists every fault found."""
-
-    def __init__(self, places: tuple[Place, ...]) -> None:
-        super().__init__(places[0].detail, places[0].pointer, places[0].column)
-        self.places = places
-        self.code = places[0].code
 
 
 def validated(document: Any, schema: type[Read]) -> Read:

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
 from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.errors import DocumentRefused, Place
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
@@ -20,9 +21,8 @@ from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.checking import OPEN_MOTION
-from inverse_service.service.documents.refusals import DocumentRefused, validated
+from inverse_service.service.documents.refusals import validated
 from inverse_service.service.documents.translate import formula, formula_fields, formulas, parsed
-from inverse_service.service.jobs.outcome import Place
 
 T = TypeVar("T")
 

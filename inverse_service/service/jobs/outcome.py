@@ -2,36 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from inverse_service.errors import InputError
+from inverse_service.errors import DocumentRefused, InputError, NoWorker, Place, WorkerFailed
 
+log = logging.getLogger(__name__)
 Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]
 KILL = getattr(signal, "SIGKILL", None)
 OVER_CPU = getattr(signal, "SIGXCPU", None)
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """One fault of the input: pointer into the document, column from 1, a sentence, and what may have been meant."""
-
-    detail: str
-    pointer: str = ""
-    column: int | None = None
-    code: str = "bad-input"
-    instead: tuple[str, ...] = ()
-    span: tuple[int, int] | None = None
-
-
-def faults_of(error: InputError) -> tuple[Place, ...]:
-    """The faults that an error reports: all of those that a schema found, else the one."""
-    alone = Place(error.detail, error.pointer, error.column, error.code, error.instead, error.span)
-    found: tuple[Place, ...] = getattr(error, "places", ())
-    return found or (alone,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +65,7 @@ def guard(task: Callable[..., Any], *arguments: Any, **named: Any) -> Outcome:
     try:
         found = task(*arguments, **named)
     except InputError as error:
-        return Outcome("refused", places=faults_of(error))
+        return Outcome("refused", places=error.places)
     except MemoryError:
         return Outcome("memory")
     except OverflowError:
@@ -92,6 +75,23 @@ def guard(task: Callable[..., Any], *arguments: Any, **named: Any) -> Outcome:
         trace = "".join(traceback.format_exception(error))[-8000:]
         return Outcome("fault", value=f"{type(error).__name__}", detail=trace)
     return found if isinstance(found, Outcome) else Outcome("done", found)
+
+
+def value_of(outcome: Outcome) -> Any:
+    """The value of a task that is done; raises DocumentRefused or WorkerFailed for the others."""
+    if outcome.status == "done":
+        return outcome.value
+    if outcome.status == "refused":
+        raise DocumentRefused(outcome.places)
+    log.error("task ended with %s: %s", outcome.status, outcome.detail)
+    if outcome.status == "deadline":
+        raise WorkerFailed("The work was stopped at its time limit.")
+    if outcome.status == "memory":
+        raise WorkerFailed("The work was stopped at its memory limit.")
+    if outcome.status == "unstarted":
+        raise NoWorker("No worker process can be started; try again in some seconds.")
+    kind = f" ({outcome.value})" if outcome.value else ""
+    raise WorkerFailed(f"The program failed on this document{kind}; that is a fault of the program.")
 
 
 def outcome_of_exit(exitcode: int | None) -> Outcome:

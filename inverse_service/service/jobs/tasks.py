@@ -11,10 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from inverse_service.errors import InputError
+from inverse_service.errors import DocumentRefused, InputError, Place
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.reading import decode, read_json
-from inverse_service.service.documents.refusals import DocumentRefused
 from inverse_service.service.jobs.identity import (
     JobOptions,
     job_id,
@@ -24,7 +23,6 @@ from inverse_service.service.jobs.identity import (
     write_json,
 )
 from inverse_service.service.jobs.model import INTERACTIVE, JobRequest
-from inverse_service.service.jobs.outcome import Place
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.batch_files import BatchTerms

@@ -15,7 +15,7 @@ from api_schemas.base import MAX_SIMULATED
 from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocument, ResultSystem
 from inverse_service import catalogue
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.errors import InputError
+from inverse_service.errors import DocumentRefused, InputError, Place
 from inverse_service.expressions import tree as trees
 from inverse_service.expressions.derivative import Definitions
 from inverse_service.expressions.names import Names
@@ -27,8 +27,6 @@ from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.preparing import inward, prepared, uses_the_letter_t
 from inverse_service.service.documents.reading import escape
-from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs.outcome import Place
 from inverse_service.service.scenes.scene_refusals import SYSTEM
 from inverse_service.simulation.formulas import walls
 

@@ -11,7 +11,6 @@ from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.jobs.identity import split_options, write_json
-from inverse_service.service.jobs.outcome import faults_of
 from inverse_service.service.jobs.tasks import check_task, solve_task, understand_task
 from inverse_service.web.pages import reading_back
 from inverse_service.web.pages.answers import OWN, OwnLagrangian, glance_of, own_of
@@ -43,7 +42,7 @@ def own_task(fields: Fields, text: str) -> OwnLagrangian:
         found = check_task(write_json({"system": document, "lagrangian": right_side(text)}))
         names = names_of(understand_task(document))
     except InputError as error:
-        reasons = [reading_back.without_keys(one.detail) for one in faults_of(error)]
+        reasons = [reading_back.without_keys(one.detail) for one in error.places]
         return OwnLagrangian(text, OWN["unread"], [], reasons)
     return own_of({**found, "lagrangian": text}, names)
 

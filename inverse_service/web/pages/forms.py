@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import parse_qs
 
-from inverse_service.errors import InputError
-from inverse_service.service.documents.refusals import DocumentRefused
-from inverse_service.service.jobs.outcome import Place
+from inverse_service.errors import DocumentRefused, InputError, Place
 from inverse_service.service.jobs.tasks import UNREADABLE
 
 MAX_FIELDS = 120

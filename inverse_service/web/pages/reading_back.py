@@ -15,7 +15,6 @@ from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import equation_line
 from inverse_service.expressions.tokens import LETTER_COMMANDS, PRIMES
 from inverse_service.expressions.tree import Acceleration, Symbol
-from inverse_service.service.jobs.outcome import faults_of
 from inverse_service.web.pages import typesetting
 
 FIELD_NAMES = {
@@ -159,7 +158,7 @@ def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
 
 def problem_of_error(error: InputError, fields: Mapping[str, str]) -> Problem:
     """A fault found while the form was read."""
-    found = (InputError(p.detail, p.pointer, p.column, p.instead, p.span) for p in faults_of(error))
+    found = (InputError(p.detail, p.pointer, p.column, p.instead, p.span) for p in error.places)
     return Problem("Please change this:", [_place(fault, fields) for fault in found])
 
 
