@@ -93,6 +93,7 @@ def _ball(tree: Expression, center: Mapping[Variable, Fraction], reach: Mapping[
 
 _DIGITS = 40
 _WIDTHS = tuple(Fraction(1, 2) ** k for k in range(-3, 30))
+_DOUBLINGS = 8  # of one side of a box
 
 
 def component(positive: Iterable[Expression], table: RealTable, constants: Sequence[Symbol] = ()) -> list[Expression]:
@@ -236,9 +237,34 @@ class _Cell(SignedRing):
             center = {name: Fraction(mpmath.nstr(self.table[name], digits)) for name in names}
             reach = {name: width * max(abs(value), Fraction(1, 100)) for name, value in center.items()}
             if all(encloses_positive(tree, center, reach) for tree in trees):
+                reach = _stretched(trees, center, reach)
                 above = [name - (center[name] - reach[name]) for name in names]
                 return above + [center[name] + reach[name] - name for name in names]
         raise IrreducibleAtoms("no connected set was found on which all functions are defined")
+
+
+def _stretched(
+    trees: Sequence[Expression], center: Mapping[Variable, Fraction], reach: dict[Variable, Fraction]
+) -> dict[Variable, Fraction]:
+    """The reach of each variable by itself, doubled while all trees stay positive."""
+    for name in reach:
+        for _ in range(_DOUBLINGS):
+            wider = {**reach, name: 2 * reach[name]}
+            if not all(encloses_positive(tree, center, wider) for tree in trees):
+                break
+            reach = wider
+    return reach
+
+
+def extent(trees: Iterable[Expression], table: RealTable) -> mpmath.mpf:
+    """The least (b - a)/|z| of the variables with bounds a < z < b among the conditions; infinite where none has."""
+    limits = dict[Variable, dict[int, mpmath.mpf]]()
+    for tree in trees:
+        if (bound := bound_of(tree)) is not None:
+            limits.setdefault(bound[0], {})[bound[1]] = evaluate(bound[2], {})
+    sizes = {name: max(abs(table[name]), mpmath.mpf("0.01")) for name in limits}
+    widths = [(side[-1] - side[1]) / sizes[name] for name, side in limits.items() if len(side) == 2]
+    return min(widths, default=mpmath.inf)
 
 
 def _beyond_exponential(tree: Expression) -> list[Expression] | None:

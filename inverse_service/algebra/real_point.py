@@ -37,8 +37,6 @@ _DIGITS = 40
 _TRIES_PER_SCALE = 60
 _SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
 _LARGEST = 10_000
-# By how much a point is inside, where there is one.
-_MARGIN = Fraction(1, 4)
 _FINEST = 720  # of parts of pi
 _TINY = mpmath.mpf(10) ** -12
 
@@ -46,14 +44,19 @@ RealTable = dict[Expression, mpmath.mpf]
 
 
 def find_real_point(
-    expressions: Sequence[Expression], variables: Sequence[Variable], seed: int, positive: Sequence[Expression] = ()
+    expressions: Sequence[Expression],
+    variables: Sequence[Variable],
+    seed: int,
+    positive: Sequence[Expression] = (),
+    margins: Sequence[Fraction] = (Fraction(1, 4), Fraction(0)),
 ) -> RealTable | None:
-    """A random real point at which all expressions have values and all of `positive` are so, or None."""
+    """A random real point at which all expressions have values and `positive` exceed the first margin with such a
+    point, or None."""
     functions = (node for node in distinct_nodes((*expressions, *positive)) if isinstance(node, Arbitrary))
     names = list(dict.fromkeys([*variables, *functions]))
     generator = random.Random(f"real {seed}")
     with mpmath.workdps(_DIGITS):
-        for margin in (_MARGIN, 0) if positive else (0,):
+        for margin in margins if positive else margins[-1:]:
             inside = [tree - margin for tree in positive]
             for scale in map(mpmath.mpf, [*_SCALES, *_sizes(positive)]):
                 for attempt in range(_TRIES_PER_SCALE):

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from inverse_service.algebra.components import extent
+from inverse_service.algebra.real_point import real_sign
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
@@ -127,6 +129,16 @@ def test_the_real_point_of_the_domain_is_written_down() -> None:
     near = certificate(ROOTS)["near"]
     assert set(near) == {"x", "y", "x'", "y'", "t"}
     assert float(near["x"]) > 0
+
+
+def test_a_domain_that_is_a_box_leaves_room_about_its_point() -> None:
+    """The first point that is met lies close to speed 1, where a box could have but a 64th of its size."""
+    text = "-sqrt(1-(cos(A)*R'-R*sin(A)*A')^2)-sqrt(1-(sin(A)*R'+R*cos(A)*A')^2)+log(R*cos(A))"
+    analysis = analyse(read_system(["R", "A"], {"R": "0", "A": "0"}))
+    domain = certify.domain_of(analysis, parse(text, Names(("R", "A"), ())))
+    assert domain.point is not None
+    assert all(real_sign(tree, domain.point) > 0 for tree in domain.positive)
+    assert extent(domain.positive, domain.point) > 0.4
 
 
 # Functions that a decision over a prime field must not take for independent: the checker is real.

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import mpmath
 
-from inverse_service.algebra.components import component
+from inverse_service.algebra.components import component, extent
 from inverse_service.algebra.kernels import is_even_root, to_kernels
-from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined, requirements, varies
+from inverse_service.algebra.real_point import (
+    RealTable,
+    find_real_point,
+    is_defined,
+    own_requirements,
+    requirements,
+    varies,
+)
 from inverse_service.algebra.tower import AngleRule
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
@@ -43,6 +51,8 @@ if TYPE_CHECKING:
 FORMAT = "inverse-service/certificate/2"
 _DIGITS = 20
 _SEED = 3
+# A box of less than this times its point is narrow; by how much another point has to be inside.
+_NARROW, _INSIDE = 1, Fraction(1, 2)
 # Series are written for so many coordinates, with so many coefficients.
 _MOST_COORDINATES = 4
 _MOST_COEFFICIENTS = 5_000
@@ -102,6 +112,7 @@ class Domain:
 def domain_of(analysis: Analysis, lagrangian: Expression | None = None) -> Domain:
     """Where f, and L, are one analytic function each; poles outside of roots and the like do not matter to that.
 
+    A narrow box about a point that is close to the end of a domain gives way to a wider one about another point.
     Raises IrreducibleAtoms where no such set is found.
     """
     system, formulas = analysis.system, list(analysis.system.accelerations)
@@ -112,6 +123,19 @@ def domain_of(analysis: Analysis, lagrangian: Expression | None = None) -> Domai
         table = _point_of(analysis, to_kernels(lagrangian))
     if table is None:
         return Domain((), None)
+    first = _domain_about(table, system, formulas)
+    if lagrangian is None or extent(first.positive, table) > _NARROW:
+        return first
+    inside = [*system.positive, *own_requirements(formulas)]
+    kernels = [*analysis.accelerations, to_kernels(lagrangian)]
+    with suppress(IrreducibleAtoms):
+        inner = find_real_point(kernels, variables_of(system), _SEED, inside, (_INSIDE,))
+        other = first if inner is None else _domain_about(inner, system, formulas)
+        return max(first, other, key=lambda one: extent(one.positive, one.point or {}))
+    return first
+
+
+def _domain_about(table: RealTable, system: SecondOrderSystem, formulas: Sequence[Expression]) -> Domain:
     positive = [*system.positive, *requirements(formulas, table)]
     return Domain(tuple(component(positive, table, [Symbol(name) for name in system.parameters])), table)
 

@@ -37,12 +37,15 @@ def motion_of(system: SecondOrderSystem) -> Motion:
 
 
 def in_domain(expressions: Sequence[sympy.Expr], positive: Sequence[sympy.Expr], seed: int) -> Iterator[Point]:
-    """Random points with 0 < |a| < 1 at which everything has a real value and what must be positive is."""
+    """Random points with 0 < |a| < 1, or between the bounds of a, at which all is real and what must be positive is."""
     rng = random.Random(seed)
     atoms = sorted({*opaque_atoms([*expressions, *positive]), TIME}, key=str)
+    between = {atom: sides for atom in atoms if len(sides := _bounds(atom, positive)) == 2}
     for draw in range(_DRAWS):
         signs = (1,) if draw < _DRAWS // 2 else (1, -1)
         point = {a: rng.choice(signs) * mpmath.mpf(rng.randint(10**9, (4 + draw % 6) * 10**9)) / 10**10 for a in atoms}
+        for atom, (one, other) in between.items():
+            point[atom] = one + (other - one) * mpmath.mpf(rng.randint(1, 10**9)) / (10**9 + 1)
         try:
             numbers = [value(expression, point) for expression in expressions]
             bounds = [value(expression, point) for expression in positive]
@@ -50,6 +53,16 @@ def in_domain(expressions: Sequence[sympy.Expr], positive: Sequence[sympy.Expr],
             continue
         if all(not isinstance(x, mpmath.mpc) for x in (*numbers, *bounds)) and all(x > 0 for x in bounds):
             yield point
+
+
+def _bounds(atom: sympy.Expr, positive: Sequence[sympy.Expr]) -> list[mpmath.mpf]:
+    """The innermost bounds of a < atom < b among the conditions, as far as there are some."""
+    ends = {True: list[mpmath.mpf](), False: list[mpmath.mpf]()}
+    for tree in positive:
+        slope = tree.diff(atom)
+        if slope.is_Rational and slope and tree.free_symbols == {atom}:
+            ends[slope > 0].append(value((slope * atom - tree) / slope, {}))
+    return [innermost(found) for innermost, found in ((max, ends[True]), (min, ends[False])) if found]
 
 
 def defects(
