@@ -30,7 +30,7 @@ from inverse_service.inverse_problem.search import ladder, rungs
 from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents.translate import to_given, to_schema, to_system
+from inverse_service.service.documents.accepting import to_given, to_schema, to_system
 
 Given = tuple[str, SecondOrderSystem, tuple[Any, ...]]
 

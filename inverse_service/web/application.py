@@ -20,8 +20,7 @@ from inverse_service.web import (
     routes_jobs,
 )
 from inverse_service.web.engine import Engine
-from inverse_service.web.journal import Measured
-from inverse_service.web.middleware import HeadAsGet, SecurityHeaders, StopWhenLeft
+from inverse_service.web.middleware import HeadAsGet, Measured, SecurityHeaders, StopWhenLeft
 from inverse_service.web.openapi import described
 from inverse_service.web.pages import routing
 

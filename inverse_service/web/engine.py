@@ -28,9 +28,8 @@ from inverse_service.service.jobs.workers import Executor, Workers
 from inverse_service.settings import Settings
 from inverse_service.web import pages
 from inverse_service.web.asking import LARGEST_FACTOR, Hub, until_set
-from inverse_service.web.clients import Keys
+from inverse_service.web.clients import QUICK_PROCESSES, QUICK_SHARE, ByteBudget, Keys, Places
 from inverse_service.web.problems import Refusal
-from inverse_service.web.shares import QUICK_PROCESSES, QUICK_SHARE, ByteBudget, Places
 
 log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.

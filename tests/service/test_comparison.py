@@ -13,7 +13,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
 from inverse_service.mechanics import reading
 from inverse_service.mechanics.agreement import Canonical
-from inverse_service.service.documents import translate
+from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.comparison import compared_with_document
 
 TWO = ["x", "y"]
@@ -187,7 +187,7 @@ def test_what_the_checker_can_read_is_read_twice(
 
 def solve_nothing(document: Any) -> dict[str, Any]:
     """The canonical system as the reader in force understands the document."""
-    system = translate.to_system(translate.to_schema(document))
+    system = accepting.to_system(accepting.to_schema(document))
     equations = {name: to_text(f) for name, f in zip(system.coordinates, system.accelerations, strict=True)}
     return {"coordinates": list(system.coordinates), "equations": equations}
 

@@ -9,10 +9,10 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.accepting import to_ansatz, to_schema, to_system
 from inverse_service.service.documents.checking import check_document
 from inverse_service.service.documents.documents import parse_document
 from inverse_service.service.documents.solving import solve_document
-from inverse_service.service.documents.translate import to_ansatz, to_schema, to_system
 
 PARTICLE = {
     "coordinates": ["x", "y"],

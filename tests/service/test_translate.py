@@ -20,7 +20,8 @@ from inverse_service.inverse_problem.outcome import (
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import solving
-from inverse_service.service.documents.translate import main_and_other, to_result, to_schema
+from inverse_service.service.documents.accepting import to_schema
+from inverse_service.service.documents.translate import main_and_other, to_result
 
 DOCUMENT = {"name": "oscillator", "coordinates": ["x"], "equations": {"x": "-x"}, "parameters": ["k"]}
 CANONICAL = {"coordinates": ["x"], "equations": {"x": "-x"}, "parameters": ["k"]}

@@ -13,7 +13,7 @@ from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.expressions.tree import Arbitrary, walk
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
-from inverse_service.service.documents import translate
+from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.hamiltonians import compared_hamiltonians
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
@@ -199,8 +199,8 @@ def _answers_all(result: dict[str, Any], given: object) -> CheckResult | None:
         document = prepared(given).document
         if is_nonholonomic(document) or is_motion(document):
             return None
-        schema = translate.to_schema(document)
-        system = translate.to_solvable(schema)
+        schema = accepting.to_schema(document)
+        system = accepting.to_solvable(schema)
         kinds = {kind.name: translate.plain(kind.among) for kind in to_kinds(schema, system)}
     except InputError:
         return CheckResult("invalid", ("The document as given cannot be read.",))

@@ -17,7 +17,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import translate
+from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.preparing import prepared
 
 SEARCH = "search"
@@ -32,7 +32,7 @@ def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression | 
 
 def read_clock(system: SecondOrderSystem, text: str, schema: SystemDocument | None = None) -> Expression:
     """N(q) of a text, parameters with values in the document put in; InputError as above."""
-    factor = translate.formula_about(text, system.names, schema, "/clock")
+    factor = accepting.formula_about(text, system.names, schema, "/clock")
     if any(node == TIME or isinstance(node, Velocity | Acceleration) for node in walk(factor)):
         raise InputError("a clock N in dtau = N dt may contain coordinates and parameters only.", "/clock")
     if with_clock(system, factor) is None:
@@ -74,8 +74,8 @@ def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> Ch
     """The checker's verdict on `with_clock`, whose system has to be that of the document with its clock."""
     wrong = CheckResult("invalid", ("with_clock is not the document's system with its clock.",))
     try:
-        schema = translate.to_schema(prepared(document).document)
-        system = translate.to_system(schema)
+        schema = accepting.to_schema(prepared(document).document)
+        system = accepting.to_system(schema)
         if to_clock(schema, system) is None and part.get("verdict") == "undetermined":
             return None
         factor = to_clock(schema, system) or read_clock(system, str(part.get("factor")), schema)

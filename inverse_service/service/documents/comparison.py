@@ -13,7 +13,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Symbol, Velocity, substitute, subtract
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
 from inverse_service.mechanics.reading import read_given
-from inverse_service.service.documents import translate
+from inverse_service.service.documents import accepting
 from inverse_service.service.documents.preparing import is_motion, is_nonholonomic, prepared
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
         document = prepared(document).document
         if is_nonholonomic(document):
             return _compared_motion(document, canonical, end)
-        schema = translate.to_schema(document)
+        schema = accepting.to_schema(document)
         given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
     except InputError as error:
         return CheckResult("invalid", (f"The document as given cannot be read: {error}",))

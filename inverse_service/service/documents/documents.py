@@ -136,7 +136,7 @@ def use_cases(document: Any) -> UseCases:
 
         return UseCases(look, held.parse, held.system_of, held.solve_nonholonomic)
     from inverse_service.service.documents import solving
-    from inverse_service.service.documents.translate import to_schema, to_system
+    from inverse_service.service.documents.accepting import to_schema, to_system
 
     return UseCases(to_schema, solving.parse, to_system, solving.solve_document)
 

@@ -19,7 +19,7 @@ from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.reading import read_lagrangian
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 from inverse_service.service.documents import translate
-from inverse_service.service.documents.refusals import validated
+from inverse_service.service.documents.accepting import validated
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
-from inverse_service.service.documents import translate
+from inverse_service.service.documents import accepting
 from inverse_service.service.documents.preparing import prepared
 from inverse_service.service.documents.translate import hamiltonian_part
 
@@ -133,7 +133,7 @@ def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -
         good = any(all(one.get(key) == part.get(key) for key in (*_SHOWN, "equations")) for one in known)
         return None if good else _WRONG
     try:
-        system = translate.to_system(translate.to_schema(prepared(document).document))
+        system = accepting.to_system(accepting.to_schema(prepared(document).document))
         names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
         pairs = [text.split(" = ") for text in part["conditions"]]
         values = {read_formula(name, names): read_formula(value, names) for name, value in pairs}

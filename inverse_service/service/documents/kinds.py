@@ -23,7 +23,8 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Solution
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
-from inverse_service.service.documents.translate import formula, formula_about, lagrangian_part, plain
+from inverse_service.service.documents.accepting import formula_about
+from inverse_service.service.documents.translate import formula, lagrangian_part, plain
 
 # Of the time for a Lagrangian with friction, what the search for one without may take.
 _SHARE_OF_SEARCH = 0.7

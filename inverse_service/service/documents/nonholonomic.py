@@ -17,7 +17,7 @@ from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import solving, translate, translate_nonholonomic
+from inverse_service.service.documents import accepting, solving, translate, translate_nonholonomic
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.instead import of_reduced
 from inverse_service.service.documents.reduced import ONLY_THE_MOTION, reduced_of_report
@@ -56,7 +56,7 @@ def solve_nonholonomic(
         options,
         time_dependent=schema.time_dependent_lagrangian,
         time_limit=_share(schema) * (end - now()),
-        ansatz=() if defined is None else translate.to_ansatz(schema, defined),
+        ansatz=() if defined is None else accepting.to_ansatz(schema, defined),
         series_order=schema.series_order,
     )
     found = nonholonomic_study.study(report, systems, asked, progress)

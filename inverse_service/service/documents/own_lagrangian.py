@@ -15,7 +15,7 @@ from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
-from inverse_service.service.documents import translate
+from inverse_service.service.documents import accepting, translate
 
 POINTER = "/lagrangian"
 AS_WRITTEN = (
@@ -31,8 +31,8 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     right L. `equations` has the accelerations that L gives instead, where it is regular and wrong. The verdict is that
     of the independent checker: "valid", "invalid" or "incomplete". Raises InputError.
     """
-    schema = translate.to_schema(document)
-    system = translate.to_solvable(schema)
+    schema = accepting.to_schema(document)
+    system = accepting.to_solvable(schema)
     lagrangian, system = _read(schema, system, text)
     own, is_singular = _equations_of(lagrangian, system)
     analysis = analyse(system)

@@ -22,9 +22,9 @@ from inverse_service.mechanics.nonholonomic.reading import read_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import clock as clocks
 from inverse_service.service.documents import solving, translate, translate_nonholonomic
+from inverse_service.service.documents.accepting import validated
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.preparing import is_motion, prepared
-from inverse_service.service.documents.refusals import validated
 
 ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
 

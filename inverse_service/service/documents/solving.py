@@ -10,7 +10,7 @@ from inverse_service.certificate.checker import check_result
 from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused
 from inverse_service.inverse_problem.solving import solve_branches
-from inverse_service.service.documents import translate
+from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.checking import compare_before_leaving
 
 if TYPE_CHECKING:
@@ -42,15 +42,15 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
     finds our own certificate invalid.
     """
     end = now() + options.time_limit
-    schema = translate.to_schema(document)
-    system = translate.to_solvable(schema)
+    schema = accepting.to_schema(document)
+    system = accepting.to_solvable(schema)
     share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
         time_limit=share * (end - now()),
-        ansatz=translate.to_ansatz(schema, system),
-        given=translate.to_given(schema),
+        ansatz=accepting.to_ansatz(schema, system),
+        given=accepting.to_given(schema),
         series_order=schema.series_order,
     )
     kinds, factor = _kinds(schema, system), _clock(schema, system)
@@ -121,8 +121,8 @@ def with_special_cases(
 
 def parse(schema: SystemDocument) -> ParseAnswer:
     """What was understood of a System document; raises InputError."""
-    system = translate.to_solvable(schema)
-    translate.to_ansatz(schema, system)
+    system = accepting.to_solvable(schema)
+    accepting.to_ansatz(schema, system)
     _kinds(schema, system), _clock(schema, system)
     return translate.to_parse_answer(system, schema)
 

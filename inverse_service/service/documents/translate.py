@@ -1,118 +1,34 @@
-"""Between documents and the engine's data: the one file that knows both sides."""
+"""From the engine's data to result documents."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from api_schemas import result as schemas
 from api_schemas.base import ParseAnswer, ParsedFormula
-from api_schemas.system import NamedDocument, SystemDocument
+from api_schemas.system import SystemDocument
 from inverse_service import __version__
-from inverse_service.algebra.sign_cases import sign_cases
-from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.inequalities import inequality_text, is_plainly_nonzero, is_plainly_positive
-from inverse_service.expressions.names import Names, declared_name
+from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Number, Product, Sum, walk
 from inverse_service.inverse_problem import outcome
 from inverse_service.inverse_problem.decision.certify import integrals_of
-from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.mechanics import method_advice
-from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
-from inverse_service.mechanics.reading import read_given, read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, unsolved_system
-from inverse_service.service.documents.refusals import validated
+from inverse_service.mechanics.document_names import Declared
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
     from api_schemas.result import LagrangianDocument
     from inverse_service.mechanics.legendre.transform import LegendreTransform
     from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
+    from inverse_service.service.documents.accepting import Asking
 
     AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
-    Asking = SystemDocument | NonholonomicDocument | MotionDocument
-
-
-# Nodes of all accelerations, beyond which nobody reads them.
-_MOST_NODES = 20_000
-
-
-def to_schema(document: Any) -> SystemDocument:
-    """The document in its schema; raises DocumentRefused with every fault found."""
-    return validated(document, SystemDocument)
-
-
-def to_system(schema: SystemDocument) -> SecondOrderSystem:
-    """The system that a document describes; raises InputError with pointer and column."""
-    return read_system(
-        coordinates=schema.coordinates,
-        equations=schema.equations,
-        parameters=schema.parameters,
-        functions=schema.functions,
-        name=schema.name,
-        where=schema.where,
-    )
-
-
-def to_solvable(schema: SystemDocument) -> SecondOrderSystem:
-    """The system of a document to be solved; its equations as given where these are Euler-Lagrange equations already.
-
-    That is where the accelerations, solved for, are too long to be written, or fill pages. InputError as `to_system`.
-    """
-    if schema.special_cases or schema.kinds or schema.clock or schema.near or isinstance(schema.equations, Mapping):
-        return to_system(schema)
-    system = None
-    try:
-        system = to_system(schema)
-        if sum(1 for f in system.accelerations for _ in walk(f)) <= _MOST_NODES:
-            return system
-    except LimitError:
-        pass
-    given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
-    found = unsolved_system(given.names, given.residuals, schema.name)
-    own = zip(found.coordinates, found.given, strict=True)
-    plain = all(Acceleration(name) in walk(f) for name, f in own) and not next(sign_cases(given.residuals)).roots
-    if plain and lagrangian_as_given(found, given.residuals) is not None:
-        return found
-    return system or to_system(schema)
-
-
-def to_given(schema: SystemDocument) -> tuple[Expression, ...]:
-    """The equations of the document as they stand, left side minus right side."""
-    return read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where).residuals
-
-
-def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[Expression, ...]:
-    """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
-    named = Declared(parameters=schema.parameters).named_parameters()
-    names = replace(system.names, parameters=tuple(dict.fromkeys((*system.parameters, *named))))
-    return tuple(_term(text, names, schema, f"/ansatz/{place}") for place, text in enumerate(schema.ansatz))
-
-
-def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer: str) -> Expression:
-    """A formula about the system of a document, whose parameters with values are put in; InputError with pointer."""
-    values = {} if schema is None else parameter_values(Declared(parameters=schema.parameters).named_parameters())
-    known = replace(names, parameters=(*names.parameters, *values))
-    try:
-        return with_values(read_formula(text, known), values)
-    except InputError as error:
-        raise type(error)(error.detail, pointer, error.column) from None
-
-
-def _term(text: str, names: Names, schema: Asking, pointer: str) -> Expression:
-    term = formula_about(text, names, schema, pointer)
-    found = next((node for node in walk(term) if isinstance(node, Acceleration)), None)
-    if found is not None:
-        raise InputError(
-            f"a term of a Lagrangian contains the acceleration {found.coordinate}'': use coordinates and velocities.",
-            pointer,
-        )
-    return term
 
 
 def to_parse_answer(system: SecondOrderSystem, schema: AnyDocument) -> ParseAnswer:

@@ -20,8 +20,8 @@ from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
 from inverse_service.service.documents import translate
+from inverse_service.service.documents.accepting import validated
 from inverse_service.service.documents.checking import OPEN_MOTION
-from inverse_service.service.documents.refusals import validated
 from inverse_service.service.documents.translate import formula, formula_fields, formulas, parsed
 
 T = TypeVar("T")

@@ -10,9 +10,9 @@ from pydantic import ValidationError
 from api_schemas.scene import MAX_METHODS, MAX_STEPS, SYSTEM_TAGS, MethodName, Observed, SceneDocument, SceneMethod
 from api_schemas.system import TAGS
 from inverse_service.errors import DocumentRefused, Place
+from inverse_service.service.documents.accepting import MAX_PLACES
 from inverse_service.service.documents.preparing import prepared_scene
 from inverse_service.service.documents.reading import escape
-from inverse_service.service.documents.refusals import MAX_PLACES
 
 HIDDEN = frozenset({*TAGS, "[key]", "quantity", "formulas", "columns", "list"})
 SYSTEM = (

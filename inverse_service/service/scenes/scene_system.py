@@ -24,7 +24,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
-from inverse_service.service.documents import translate
+from inverse_service.service.documents import accepting
 from inverse_service.service.documents.preparing import inward, prepared, uses_the_letter_t
 from inverse_service.service.documents.reading import escape
 from inverse_service.service.scenes.scene_refusals import SYSTEM
@@ -226,7 +226,7 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
 
 
 def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    schema = translate.to_schema(document)
+    schema = accepting.to_schema(document)
     coordinates = schema.coordinates or schema.equations
     parameters, values = _parameters(schema.parameters, [name for name in extra if name not in coordinates])
     system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
