@@ -20,6 +20,7 @@ from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
 from inverse_service.simulation.impulses import Ways
 from inverse_service.simulation.observing import energy, point_velocities, why_energy_varies
+from inverse_service.simulation.resolution import apart, sharper
 from inverse_service.simulation.scene import (
     EXACT,
     FreeLagrangian,
@@ -30,6 +31,12 @@ from inverse_service.simulation.scene import (
     Scene,
     Stop,
     Unavailable,
+)
+
+MOST_SHARPER = 2**22  # steps of all members together
+ELSEWHERE = (
+    "{} of {} members lead elsewhere with {}, by more than a tenth of the range of a coordinate; the first is "
+    "member {}."
 )
 
 
@@ -73,8 +80,9 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
-    kind = "cancelled" if many.cancelled else _kind(many)
-    return EnsembleRun(requested, Outcome(kind, scene.grid.steps), many, velocities, series, numbers, seconds, between)
+    note = "" if many.cancelled else _elsewhere(scene, problem, requested.choice, many, values, momenta)
+    outcome = Outcome("cancelled" if many.cancelled else _kind(many), scene.grid.steps, note=note)
+    return EnsembleRun(requested, outcome, many, velocities, series, numbers, seconds, between)
 
 
 def _kind(many: Many) -> str:
@@ -82,6 +90,32 @@ def _kind(many: Many) -> str:
     if many.completed.any():
         return "completed" if many.completed.all() else "partly"
     return Counter(many.outcome(member).kind for member in range(len(many.positions))).most_common(1)[0][0]
+
+
+def _elsewhere(
+    scene: Scene, problem: Problem, choice: MethodChoice, many: Many, values: Mapping[str, float | Array],
+    momenta: Array | None,
+) -> str:  # fmt: skip
+    """How many members lead elsewhere with half the step, or a smaller tolerance, of as many as MOST_SHARPER allows."""
+    other, members, count = sharper(choice, scene.grid), scene.ensemble, len(many.positions)
+    if other is None or members is None:
+        return ""
+    choice, grid, how = other
+    rows = np.unique(np.linspace(0, count - 1, min(count, max(1, MOST_SHARPER // max(grid.steps, 1)))).astype(int))
+    own, begun = _part(values, momenta, rows)
+    again = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], grid, own, begun)
+    points = again.positions.shape[1]
+    far = apart(many.positions[rows, :points], again.positions)[1].any(axis=(1, 2)) & many.completed[rows]
+    looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} looked at, of {count:,},"
+    return ELSEWHERE.format(f"{far.sum():,}", looked, how, rows[far.argmax()]) if far.any() else ""
+
+
+def _part(
+    values: Mapping[str, float | Array], momenta: Array | None, rows: NDArray[np.int64]
+) -> tuple[dict[str, float | Array], Array | None]:
+    """Values and momenta of some members."""
+    own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    return own, None if momenta is None else momenta[rows]
 
 
 def _mark_hidden(
@@ -93,8 +127,7 @@ def _mark_hidden(
     assert members is not None
 
     def paths(rows: NDArray[np.int64]) -> tuple[Array, Ways]:
-        own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
-        begun = None if momenta is None else momenta[rows]
+        own, begun = _part(values, momenta, rows)
         again = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], grid, own, begun)
         starts = again.positions[:, :-1].reshape(-1, len(scene.coordinates))
         moves = np.diff(again.positions, axis=1).reshape(starts.shape)

@@ -4,16 +4,23 @@ In two steps: the energy, a constant, changes by half of the kinetic energy; of 
 than that. Over the whole run: a force changes with t
 faster than the steps, and the end is far from the true motion. What lies between two points: `between_steps`. A run
 with a Lagrangian that has another motion there than the given equations is `off_domain`.
+
+A run that is none of these stays `completed`, and `doubts` says in sentences where it is not the motion: the energy, a
+constant, changes by a share of the mean kinetic energy, or the method arrives elsewhere with half the step.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.between_steps import forces, forces_of_velocities, greatest_near
+from inverse_service.simulation.between_steps import MOST_STEPS, forces, forces_of_velocities, greatest_near
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.observing import (
@@ -21,12 +28,22 @@ from inverse_service.simulation.observing import (
     lagrangian_of_energy,
     point_energy,
     point_kinetic,
+    start_energy,
     why_energy_varies,
 )
 from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.scene import OWN_STEPS, SCIPY, Grid, MethodChoice, Problem, Unavailable
+from inverse_service.simulation.scene import (
+    OWN_STEPS,
+    SCIPY,
+    Grid,
+    MethodChoice,
+    Problem,
+    Requested,
+    Scene,
+    Unavailable,
+)
 from inverse_service.simulation.truth import Truth, places_of
-from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE
+from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE, SMALLEST
 
 _JUMPS = "the change of the energy, a constant, in two steps: more than {} of the kinetic energy"
 _NOISE = 1e-6
@@ -39,6 +56,14 @@ UNSEEN = "the error at the end: the force changes with t within each step, which
 # over the size of the motion, is too large.
 LOST, TOO_LARGE = 0.2, 0.1
 LOOKED_AT, INSIDE = 256, 33
+CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE = 0.1, 0.1, 1e-14, 0.01
+VARIES = "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy."
+SHORTER, STRICTER = "half the step", "a tenth of the tolerance"
+ELSEWHERE = (
+    "With {} the method leads elsewhere: from t = {:.6g} on {} differs by more than a tenth of its range, at most by "
+    "{:.3g}. Where the motion itself is wanted, take a smaller step or the method adaptive."
+)
+ENDS_EARLY = "With {} the run ends at t = {:.6g}, {}."
 BY_STEPS, APART, HALF = MethodChoice("adaptive", tolerance=1e-13), 1e-4, 0.5  # of the velocity, of its change
 WENT_BY = "a step compared with DOP853 from the same point"
 OTHER_STEPS = f"take the method adaptive, or {RESOLVE}"
@@ -125,6 +150,68 @@ def other_motion(run: Observed) -> Outcome | None:
     point = int(places[0])
     step = min(point * scene.grid.record_every, scene.grid.steps)
     return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), OTHER_MOTION)
+
+
+def doubts(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unavailable]) -> str:
+    """Sentences that say how far a run to the end is from being the motion; empty where nothing was found.
+
+    `repeat` runs a method of a scene. Whatever the guard is, the method is run again with half the step, over the first
+    MOST_STEPS, or with a tenth of its tolerance.
+    """
+    return " ".join(filter(None, (_change_of_energy(run), _elsewhere(run, repeat))))
+
+
+def _change_of_energy(run: Observed) -> str:
+    """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes."""
+    scene, at = run.scene, run.trajectory
+    if lagrangian_of_energy(scene) is None or why_energy_varies(scene):
+        return ""
+    velocities = velocities_at_points(run)
+    if velocities is None or end_of_energy(scene, at.positions, velocities, at.times):
+        return ""
+    energies = point_energy(scene, at.positions, velocities, at.times)
+    change = float(np.abs(energies - (start_energy(scene) or 0.0)).max())
+    share = change / max(float(point_kinetic(scene, at.positions, velocities, at.times).mean()), SMALLEST)
+    return VARIES.format(change, share) if share > CHANGED else ""
+
+
+def sharper(choice: MethodChoice, grid: Grid) -> tuple[MethodChoice, Grid, str] | None:
+    """The method with half the step, over the first MOST_STEPS, at the same recorded times, or with a smaller
+    tolerance; and how to say it. None where nothing is smaller."""
+    if choice.method in OWN_STEPS | {"heyoka"}:
+        tolerance = TIGHTER * choice.tolerance
+        return None if tolerance < TIGHTEST else (replace(choice, tolerance=tolerance), grid, STRICTER)
+    every = grid.record_every
+    steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
+    return choice, replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every), SHORTER
+
+
+def apart(positions: Array, sharper: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Both (..., m, n): how far they are from each other, and where that is more than TOO_LARGE of the range of the
+    coordinate, at least LEAST_RANGE of the widest one."""
+    distances, ranges = np.abs(positions - sharper), np.ptp(sharper, axis=-2, keepdims=True)
+    return distances, distances > TOO_LARGE * np.maximum(ranges, LEAST_RANGE * ranges.max(axis=-1, keepdims=True))
+
+
+def _elsewhere(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unavailable]) -> str:
+    """Where the same method with shorter steps, or a smaller tolerance, is elsewhere."""
+    scene, at, choice = run.scene, run.trajectory, run.requested.choice
+    other = None if choice is None else sharper(choice, scene.grid)
+    if other is None:
+        return ""
+    choice, grid, how = other
+    again = repeat(replace(scene, grid=grid), replace(run.requested, choice=choice))
+    if isinstance(again, Unavailable):
+        return ""
+    count, end = min(len(again.times), len(at.times)), again.outcome
+    distances, far = apart(at.positions[:count], again.positions[:count])
+    if far.any():
+        first = int(far.any(axis=1).argmax())
+        k = int(far[first].argmax())
+        return ELSEWHERE.format(how, at.times[first], scene.coordinates[k], float(distances[:, k].max()))
+    if end.completed or end.kind == "cancelled" or count == len(at.times):
+        return ""
+    return ENDS_EARLY.format(how, again.times[-1], end.kind.replace("_", " "))
 
 
 def changes_unseen(run: Observed) -> bool:

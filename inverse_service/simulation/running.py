@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ from inverse_service.simulation.quantities import Observed, observed_quantities
 from inverse_service.simulation.resolution import (
     UNSEEN,
     changes_unseen,
+    doubts,
     jump_of_energy,
     lost_to_time,
     other_motion,
@@ -207,6 +209,10 @@ def run_method(
     outcome = found.outcome
     if outcome.completed and hidden and (outcome.time is None or (hidden.time or 0.0) < outcome.time):
         outcome = hidden
+    if outcome.completed and problem is not None:
+        with timed(seconds, "half the step"):
+            doubt = doubts(observed, partial(_again, problem, known, stop))
+            outcome = replace(outcome, note=" ".join(filter(None, (outcome.note, doubt))))
     numbers |= {"between_points": looked} if requested.method != EXACT and outcome.completed else {}
     if COST in scene.observe and problem is not None:
         with timed(seconds, COST):
@@ -229,6 +235,14 @@ def _integrated(
         return run(problem, requested.choice, start, whole_grid(scene), values, observation, stop)
     except InputError as error:
         return Unavailable(error.detail)
+
+
+def _again(
+    problem: Problem, free: FreeLagrangian | None, stop: Stop | None, scene: Scene, requested: Requested
+) -> Trajectory | Unavailable:
+    """The method once more, at the points that the scene records."""
+    found = _integrated(scene, requested, problem, free, stop)
+    return found if isinstance(found, Unavailable) or whole_grid(scene) == scene.grid else thinned(scene, found)
 
 
 def whole_grid(scene: Scene) -> Grid:

@@ -1,0 +1,79 @@
+"""A run that ends `completed` and is not the motion says so beside it, whatever observes it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from inverse_service.cli.simulating import page
+from inverse_service.service.scenes.simulating import simulate
+from inverse_service.web.pages.simulations import simulation_result
+
+KEPLER = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"}
+FIXED = ["stormer-verlet", {"method": "stormer-verlet", "order": 4}, "runge-kutta", "reference"]
+
+
+def orbit(eccentricity: float, **changes: Any) -> dict[str, Any]:
+    speed = np.sqrt((1 + eccentricity) / (1 - eccentricity))
+    initial = {"positions": {"x": 1 - eccentricity, "y": 0}, "velocities": {"x": 0, "y": float(speed)}}
+    return {"system": KEPLER, "initial": initial, "time": 40, "methods": FIXED, "observe": ["trajectory"]} | changes
+
+
+def true_orbit(eccentricity: float, times: list[float]) -> Any:
+    def slope(_: float, s: Any) -> Any:
+        return [s[2], s[3], *(-s[:2] / np.hypot(s[0], s[1]) ** 3)]
+
+    start = [1 - eccentricity, 0, 0, np.sqrt((1 + eccentricity) / (1 - eccentricity))]
+    return solve_ivp(slope, (0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-12).y[:2]
+
+
+@pytest.mark.parametrize("eccentricity", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("step", [0.2, 0.05, 0.01])
+def test_who_is_a_quarter_of_the_range_off_says_so(eccentricity: float, step: float) -> None:
+    """And who is a hundredth off does not; between them either may be."""
+    for found in simulate(orbit(eccentricity, step=step))["methods"]:
+        if found["outcome"] != "completed":
+            continue
+        columns = found["points"]["columns"]
+        true = true_orbit(eccentricity, columns["t"])
+        off = np.abs(np.array([columns["x"], columns["y"]]) - true).max(axis=1) / np.ptp(true, axis=1)
+        assert off.max() < 0.25 or "With half the step" in found["note"], found["label"]
+        assert off.max() > 0.01 or "note" not in found, found["label"]
+
+
+def test_the_energy_of_a_run_is_told_where_it_is_no_constant() -> None:
+    (found,) = simulate(orbit(0.9, step=2 * np.pi / 200, methods=["stormer-verlet"], observe=["energy"]))["methods"]
+    assert found["outcome"] == "completed"
+    assert found["max_energy_error"] > 0.4
+    assert "The energy, a constant of the motion, changes by up to" in found["note"]
+
+
+def test_a_tolerance_that_is_too_large_is_told() -> None:
+    loose, tight = ({"method": "stiff", "tolerance": size} for size in (1e-2, 1e-9))
+    found = simulate(orbit(0.6, step=0.2, methods=[loose, tight]))["methods"]
+    assert "tenth of the tolerance" in found[0]["note"] or found[0]["outcome"] == "unresolved"
+    assert (found[1]["outcome"], found[1].get("note")) == ("completed", None)
+
+
+def test_members_of_an_ensemble_are_compared() -> None:
+    """Slow ones fall close to the center, the circle at speed sqrt(2) is easy."""
+    members = {"initial": {"velocities": {"y": [0.7, 2**0.5]}}}
+    scene = orbit(0.5, step=0.02, time=10, ensemble=members, methods=["stormer-verlet", "adaptive"])
+    rough, good = simulate(scene)["methods"]
+    assert rough["note"].startswith("1 of 2 members lead elsewhere with half the step")
+    assert rough["note"].endswith("member 0.")
+    assert "note" not in good
+
+
+def test_command_and_page_show_it_beside_the_outcome() -> None:
+    result = simulate(orbit(0.6, step=0.2, methods=["stormer-verlet", "adaptive"]))
+    rough, good = result["methods"]
+    assert f"stormer-verlet: {rough['note']}" in page(result)
+    job = {"id": "1", "kind": "simulate", "status": "successful", "result": result}
+    html = bytes(simulation_result("http://here", job, "{}").body).decode()
+    assert '<span class="badge incomplete">completed</span><br><span class="note">With half the step' in html
+    assert html.count('<span class="badge valid">completed</span>') == 1
+    assert "note" not in good
