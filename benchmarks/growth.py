@@ -87,4 +87,4 @@ def _local(analysis: Analysis, order: int) -> LocalEquations:
     expansion = Expansion(draw_point(analysis.tower, 1), variables, order + 2)
     speeds = [expansion.expand(v) for v in velocities]
     forces = [expansion.expand(f) for f in analysis.accelerations]
-    return equations(local_system(expansion.ring, speeds, forces, False))
+    return equations(local_system(expansion.ring, speeds, forces))

@@ -50,7 +50,7 @@ def both(system: SecondOrderSystem, with_time: bool, order: int) -> tuple[tuple[
     )
     prime, registers = forms.at(3, order)
     compiled = helmholtz.compiled_equations(len(velocities), len(variables), prime, order, registers)
-    sparse = local_system(*analysis.series(point, with_time, order + 2), with_time)
+    sparse = local_system(*analysis.series(point, with_time, order + 2))
     return compiled.equations, equations(sparse).equations
 
 

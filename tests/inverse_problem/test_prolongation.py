@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import random
@@ -18,13 +19,7 @@ from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision.local_system import (
-    LocalSystem,
-    RowName,
-    equations,
-    local_system,
-    matrix_product,
-)
+from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, equations, local_system
 from inverse_service.linear_pde import emission as room
 from inverse_service.linear_pde.emission import Prolongation, advance, start
 from inverse_service.linear_pde.unknowns import count_of_degree, unknown_names
@@ -40,7 +35,7 @@ def local_of(equations_of: dict[str, str], order: int, with_time: bool) -> Local
     variables = [*([TIME] if with_time else []), *positions, *velocities]
     expansion = Expansion(Point(P, 5), variables, order + 2)
     speeds, forces = ([expansion.expand(tree) for tree in trees] for trees in (velocities, system.accelerations))
-    return local_system(expansion.ring, speeds, forces, with_time)
+    return local_system(expansion.ring, speeds, forces)
 
 
 def prolongation_of(equations_of: dict[str, str], order: int, with_time: bool = False) -> Prolongation:
@@ -63,6 +58,13 @@ def random_lagrangian(ring: SeriesRing, prolongation: Prolongation, seed: int) -
                     term = ps.multiply(term, ring.variable(index, 0))
             total = ps.add(total, term)
     return total, values
+
+
+def matrix_product(left: list[list[Series]], right: list[list[Series]]) -> list[list[Series]]:
+    def entry(row: list[Series], column: tuple[Series, ...]) -> Series:
+        return functools.reduce(ps.add, map(ps.multiply, row, column))
+
+    return [[entry(row, column) for column in zip(*right, strict=True)] for row in left]
 
 
 def helmholtz(local: LocalSystem, g: list[list[Series]], kind: str, i: int, j: int) -> Series:

@@ -107,7 +107,7 @@ class HelmholtzAt:
     def expanded(self, seed: int, order: int) -> LocalSystem:
         """X, N, Phi by sparse series at the point of this seed, for prolongation to this order."""
         point = draw_point(self._analysis.tower, seed)
-        return local_system(*self._analysis.series(point, self._with_time, order + 2), self._with_time)
+        return local_system(*self._analysis.series(point, self._with_time, order + 2))
 
 
 def decide(

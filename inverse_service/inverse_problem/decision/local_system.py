@@ -2,43 +2,95 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.series import Series, SeriesRing
 from inverse_service.inverse_problem.kinds.helmholtz import KINDS, Kind, pairs_of, summands, unknowns_of
 from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, LocalEquations, Term, term_table
+from inverse_service.mechanics.conditions import Motion, connection, jacobi_endomorphism
 
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
 RowName = tuple[str, int, int, tuple[int, ...]]
 
 
-def matrix_product(left: list[list[Series]], right: list[list[Series]]) -> list[list[Series]]:
-    size = range(len(left))
-    return [[sum_of_products([(left[i][k], right[k][j]) for k in size]) for j in size] for i in size]
+@dataclass(frozen=True, slots=True)
+class LocalScalar:
+    """A truncated series; sums and products are known to the lower of the two orders."""
+
+    ring: SeriesRing
+    series: Series
+
+    def _common(self, other: LocalScalar) -> tuple[Series, Series]:
+        length = min(len(self.series), len(other.series))
+        return self.series[:length], other.series[:length]
+
+    def __add__(self, other: LocalScalar) -> LocalScalar:
+        return LocalScalar(self.ring, ps.add(*self._common(other)))
+
+    def __sub__(self, other: LocalScalar) -> LocalScalar:
+        return LocalScalar(self.ring, ps.subtract(*self._common(other)))
+
+    def __mul__(self, other: LocalScalar) -> LocalScalar:
+        return LocalScalar(self.ring, ps.multiply(*self._common(other)))
+
+    def scaled(self, factor: int | Fraction) -> LocalScalar:
+        fraction = Fraction(factor)
+        residue = fraction.numerator * self.ring.invert_number(fraction.denominator) % self.ring.prime
+        return LocalScalar(self.ring, ps.scale(self.series, residue))
+
+    @property
+    def is_zero(self) -> bool:
+        # Skipped in a sum, a truncated zero would say something of the orders beyond: but in each sum of
+        # `mechanics.conditions` stands a derivative along the motion, which is known to the lowest order of all.
+        return not any(self.series)
+
+    @property
+    def value(self) -> int:
+        """The constant term: the value at the point."""
+        return ps.value_at_point(self.series)
 
 
-def sum_of_products(pairs: Sequence[tuple[Series, Series]]) -> Series:
-    """sum_k x_k y_k; most factors of a sparse system are zero, and cost nothing."""
-    total: Series | None = None
-    for x, y in pairs:
-        if any(x) and any(y):
-            product = ps.multiply(x, y)
-            total = product if total is None else ps.add(total, product)
-    return total or ps.scale(pairs[0][1], 0)
+def field_of(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> tuple[Series, ...]:
+    """X = (1?, v, f)."""
+    return (*[ring.constant(1)] * (ring.size - 2 * len(forces)), *velocities, *forces)
 
 
-def truncate(series: Series, order: int) -> Series:
-    return series[: order + 1]
+def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> Motion[LocalScalar]:
+    """The motion from the series of v and f in the displacements (t?, q, v); t is the one before q, if any."""
+    n = len(forces)
+    offset = ring.size - 2 * n
+    forward = field_of(ring, velocities, forces)
+
+    def partial(index: int) -> Callable[[LocalScalar], LocalScalar]:
+        return lambda scalar: LocalScalar(ring, ps.derivative(scalar.series, index))
+
+    def along(scalar: LocalScalar) -> LocalScalar:
+        length = len(scalar.series) - 1
+        total = ring.constant(0)[:length]
+        for index, component in enumerate(forward):
+            slope = ps.derivative(scalar.series, index)
+            if any(slope):
+                total = ps.add(total, ps.multiply(component[:length], slope))
+        return LocalScalar(ring, total)
+
+    partials = [partial(index) for index in range(ring.size)]
+    return Motion(
+        tuple(LocalScalar(ring, force) for force in forces),
+        tuple(partials[offset : offset + n]),
+        tuple(partials[offset + n :]),
+        along,
+        LocalScalar(ring, ring.constant(0)),
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class LocalSystem:
-    """Series of X, N and Phi about the point; `offset` is the index of the first q in x."""
+    """Series of X, N and Phi about the point."""
 
     ring: SeriesRing
-    offset: int
     field: tuple[Series, ...]
     connection: tuple[tuple[Series, ...], ...]
     endomorphism: tuple[tuple[Series, ...], ...]
@@ -48,43 +100,12 @@ class LocalSystem:
         return len(self.connection)
 
 
-def along(field_: Sequence[Series], series: Series) -> Series | None:
-    """Gamma(y) = sum_a X^a d_a y, one order less than y; None where y is zero."""
-    if not any(series):
-        return None
-    return sum_of_products([(x, ps.derivative(series, a)) for a, x in enumerate(field_)])
-
-
-def _less(left: Series, right: Series, factor: int) -> Series:
-    """left - factor right."""
-    return ps.subtract(left, ps.scale(right, factor)) if any(right) else left
-
-
-def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series], with_time: bool) -> LocalSystem:
-    """X, N, Phi from the series of v and f of order D; Phi comes out to order D - 2."""
-    n = len(forces)
-    offset = int(with_time)
-    half = ring.invert_number(2)
-    field_ = [*([ring.constant(1)] if with_time else []), *velocities, *forces]
-    order = ring.order - 1
-    by_velocity = [[ps.derivative(f, offset + n + j) for j in range(n)] for f in forces]
-    by_position = [[ps.derivative(f, offset + j) for j in range(n)] for f in forces]
-    lower = [truncate(x, order - 1) for x in field_]
-    shorter = [[truncate(entry, order - 1) for entry in row] for row in by_velocity]
-    square = matrix_product(shorter, shorter)
-    zero = truncate(ring.constant(0), order - 1)
-    endomorphism = []
-    for i in range(n):
-        row = []
-        for j in range(n):
-            entry = along(lower, by_velocity[i][j]) or zero
-            entry = _less(entry, truncate(by_position[i][j], order - 1), 2)
-            row.append(_less(entry, square[i][j], half))
-        endomorphism.append(tuple(row))
-    connection = tuple(
-        tuple(ps.scale(entry, ring.prime - half) if any(entry) else entry for entry in row) for row in by_velocity
-    )
-    return LocalSystem(ring, offset, tuple(field_), connection, tuple(endomorphism))
+def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> LocalSystem:
+    """X, N, Phi from the series of v and f of order D in (t?, q, v); Phi comes out to order D - 2."""
+    motion = motion_of_series(ring, velocities, forces)
+    tensors = (connection(motion), jacobi_endomorphism(motion))
+    N, Phi = (tuple(tuple(entry.series for entry in row) for row in tensor) for tensor in tensors)
+    return LocalSystem(ring, field_of(ring, velocities, forces), N, Phi)
 
 
 def equations(local: LocalSystem) -> LocalEquations:

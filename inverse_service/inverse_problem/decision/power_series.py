@@ -102,7 +102,7 @@ def regular_at(
 
 def prolonged(analysis: Analysis, point: Point, with_time: bool, order: int) -> Prolongation:
     """All rows up to the order at the point; raises SingularPoint where f has no value there."""
-    local = local_system(*analysis.series(point, with_time, order + 2), with_time)
+    local = local_system(*analysis.series(point, with_time, order + 2))
     prolongation = start(equations(local))
     for _ in range(order + 1):
         advance(prolongation)

@@ -69,7 +69,7 @@ def rows_at(
     SingularPoint where f has no series.
     """
     timed = with_time or analysis.system.depends_on_time
-    local = local_system(*analysis.series(point, timed, order + 2), timed)
+    local = local_system(*analysis.series(point, timed, order + 2))
     table = _Table(local)
     wanted = row_names(local.dimension, local.ring.size, order) if names is None else names
     return {name: table.row(name) for name in wanted}

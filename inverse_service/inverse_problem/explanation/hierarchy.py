@@ -5,29 +5,26 @@ condition g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
 
     Phi, nabla Phi, nabla^2 Phi, …;   R, nabla R, …;   R[nabla Phi], R[nabla^2 Phi], …
 
-with the tensors of `mechanics.curvature`. At a point each is a linear condition on the n(n+1)/2
+with the tensors of `mechanics.conditions`. At a point each is a linear condition on the n(n+1)/2
 entries of g. A set suffices when every symmetric g that satisfies it at a generic point is singular.
 Values are taken at random points modulo a prime, from Taylor series of f.
-
-A system's motion in Taylor series about a random point modulo a prime.
 """
 
 from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import TYPE_CHECKING, cast
 
 from flint import nmod_mat
 
-from inverse_service.algebra import series as ps
-from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
+from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.inverse_problem.decision.local_system import LocalScalar, motion_of_series
 from inverse_service.mechanics.conditions import (
     Motion,
     S,
@@ -44,70 +41,6 @@ if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.analysis import Analysis
 
 _POINTS = 8
-
-
-@dataclass(frozen=True, slots=True)
-class LocalScalar:
-    """A truncated series; sums and products are known to the lower of the two orders."""
-
-    ring: SeriesRing
-    series: Series
-
-    def _common(self, other: LocalScalar) -> tuple[Series, Series]:
-        length = min(len(self.series), len(other.series))
-        return self.series[:length], other.series[:length]
-
-    def __add__(self, other: LocalScalar) -> LocalScalar:
-        return LocalScalar(self.ring, ps.add(*self._common(other)))
-
-    def __sub__(self, other: LocalScalar) -> LocalScalar:
-        return LocalScalar(self.ring, ps.subtract(*self._common(other)))
-
-    def __mul__(self, other: LocalScalar) -> LocalScalar:
-        return LocalScalar(self.ring, ps.multiply(*self._common(other)))
-
-    def scaled(self, factor: int | Fraction) -> LocalScalar:
-        fraction = Fraction(factor)
-        residue = fraction.numerator * self.ring.invert_number(fraction.denominator) % self.ring.prime
-        return LocalScalar(self.ring, ps.scale(self.series, residue))
-
-    @property
-    def is_zero(self) -> bool:
-        # A truncated zero says nothing of the orders beyond, so only a full one may be skipped.
-        return len(self.series) == self.ring.order + 1 and not any(self.series)
-
-    @property
-    def value(self) -> int:
-        """The constant term: the value at the point."""
-        return ps.value_at_point(self.series)
-
-
-def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> Motion[LocalScalar]:
-    """The motion from the series of v and f in the displacements (t?, q, v); t is the one before q, if any."""
-    n = len(forces)
-    offset = ring.size - 2 * n
-    forward = [ring.constant(1)] * offset + velocities + forces
-
-    def partial(index: int) -> Callable[[LocalScalar], LocalScalar]:
-        return lambda scalar: LocalScalar(ring, ps.derivative(scalar.series, index))
-
-    def along(scalar: LocalScalar) -> LocalScalar:
-        length = len(scalar.series) - 1
-        total = ring.constant(0)[:length]
-        for index, component in enumerate(forward):
-            slope = ps.derivative(scalar.series, index)
-            if any(slope):
-                total = ps.add(total, ps.multiply(component[:length], slope))
-        return LocalScalar(ring, total)
-
-    partials = [partial(index) for index in range(ring.size)]
-    return Motion(
-        tuple(LocalScalar(ring, force) for force in forces),
-        tuple(partials[offset : offset + n]),
-        tuple(partials[offset + n :]),
-        along,
-        LocalScalar(ring, ring.constant(0)),
-    )
 
 
 def local_motion(analysis: Analysis, seed: int, order: int) -> Motion[LocalScalar]:

@@ -42,15 +42,14 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
+from inverse_service.inverse_problem.decision.local_system import LocalScalar, motion_of_series
 from inverse_service.inverse_problem.explanation.hierarchy import (
     ConditionName,
     EquationName,
-    LocalScalar,
     SufficientSet,
     all_singular,
     hierarchy,
     kernel,
-    motion_of_series,
     tensors_at,
     unknowns,
 )

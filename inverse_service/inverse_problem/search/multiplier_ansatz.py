@@ -130,7 +130,7 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix,
     expansion = Expansion(point, sampler.variables, 2)
     velocities = [expansion.expand(v) for v in sampler.variables[1 + len(sampler.analysis.accelerations) :]]
     forces = [expansion.expand(f) for f in sampler.analysis.accelerations]
-    local = local_system(expansion.ring, velocities, forces, with_time=True)
+    local = local_system(expansion.ring, velocities, forces)
     return (
         [[ps.value_at_point(entry) for entry in row] for row in local.connection],
         [[ps.value_at_point(entry) for entry in row] for row in local.endomorphism],
