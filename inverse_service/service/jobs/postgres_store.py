@@ -21,7 +21,7 @@ from psycopg.rows import dict_row
 from inverse_service.errors import InputError
 from inverse_service.service.jobs import schema
 from inverse_service.service.jobs.model import StoreUnavailable, WrongVersion
-from inverse_service.service.jobs.queries import SELECT
+from inverse_service.service.jobs.statements import SELECT
 from inverse_service.service.jobs.store import Changed, JobStore
 
 log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ CHANNEL = "inverse_service_changes"
 LOOK = 0.1
 PAUSE = 1.0
 # Above this many changes at once one message says that something changed.
-MOST = 50
+MOST_NOTICES = 50
 
 
 class Changes:
@@ -67,7 +67,7 @@ class Changes:
         """Tell the others, when the transaction is committed."""
         told = list(ids)
         if told:
-            notices = [f"{self._origin}:{id}" for id in (told if len(told) <= MOST else [""])]
+            notices = [f"{self._origin}:{id}" for id in (told if len(told) <= MOST_NOTICES else [""])]
             connection.execute("SELECT pg_notify(%s, notice) FROM unnest(%s::text[]) AS notice", (CHANNEL, notices))
 
     def tell(self, ids: Iterable[str]) -> None:
@@ -202,7 +202,7 @@ def connect(address: str) -> Connection:
 
 @dataclass(frozen=True, slots=True)
 class _Session:
-    """See `queries.Session`."""
+    """See `statements.Session`."""
 
     connection: Connection
 

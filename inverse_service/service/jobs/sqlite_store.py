@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from inverse_service.service.jobs import schema
 from inverse_service.service.jobs.locks import SupervisorLock
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
-from inverse_service.service.jobs.queries import SELECT
+from inverse_service.service.jobs.statements import SELECT
 from inverse_service.service.jobs.store import Changed, JobStore
 
 MOST_AT_ONCE = 200
@@ -122,7 +122,7 @@ OWN_TABLES = {"jobs", "bodies", "events", "batches", "lines", "counters"}
 
 @dataclass(frozen=True, slots=True)
 class _Session:
-    """See `queries.Session`; there is one writer, so that nothing needs a lock."""
+    """See `statements.Session`; there is one writer, so that nothing needs a lock."""
 
     connection: sqlite3.Connection
 

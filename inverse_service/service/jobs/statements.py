@@ -1,18 +1,25 @@
 """What a store does inside a transaction, the same for each database.
 
-Locks, which only mean something where transactions run at the same time, are always taken in the order jobs (by id),
-then batches (by id), so that no two wait for each other.
+Statements have ? for an argument and AMONG (?) for one that is a list; moment() is the time of the database, today()
+its day in UTC, counted from 1970. Locks, which only mean something where transactions run at the same time, are always
+taken in the order jobs (by id), then batches (by id), so that no two wait for each other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, Final
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, Final, Protocol
 
-from inverse_service.service.jobs import model, queries
+from inverse_service.service.jobs import model
 from inverse_service.service.jobs.outcome import Usage
 
+# As the table has them; the body has one of its own.
+LISTED: Final = ", ".join(f"jobs.{field.name}" for field in fields(model.Job) if field.name != "body")
+SELECT: Final = f"SELECT {LISTED}"
+OPEN: Final = "status IN ('accepted', 'running')"
+FINISHED: Final = "status NOT IN ('accepted', 'running')"
+BODY: Final = "LEFT JOIN bodies ON bodies.id = jobs.id AND bodies.status = jobs.status"
 # Which jobs are next: by the operator's rank of the client and of the job, then the client with the fewest running
 # ones, then by priority and age. Each client is found by one step in the index (client, priority, sequence), however
 # many jobs it has waiting. Arguments: limit (of each client), most running ones of a client, limit.
@@ -39,7 +46,7 @@ ACCEPT: Final = (
     "VALUES (?, ?, ?, ?, 'accepted', ?, ?, moment()) ON CONFLICT (id) DO UPDATE SET status = 'accepted', "
     "client = excluded.client, priority = excluded.priority, created = excluded.created, started = NULL, "
     "finished = NULL, attempt = jobs.attempt + 1, crashes = 0, restarts = 0, owner = NULL "
-    f"WHERE jobs.{queries.FINISHED} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())"
+    f"WHERE jobs.{FINISHED} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())"
 )
 DRAINED: Final = "SELECT value FROM counters WHERE name = 'drained'"
 ACCEPT_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_104
@@ -47,7 +54,34 @@ ACCEPT_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_104
 FAR, FAR_AT_LEAST = 10, 1000
 
 
-def read_job(session: queries.Session, id: str, with_body: bool = True, client: str | None = None) -> model.Job | None:
+class Session(Protocol):
+    """The connection of one transaction."""
+
+    def rows(self, query: str, *arguments: Any) -> list[Any]:
+        """All rows, each a mapping by column."""
+
+    def run(self, query: str, *arguments: Any) -> None:
+        """A statement whose rows nobody waits for."""
+
+    def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
+        """The statement for each of the arguments."""
+
+    def lock(self, name: int) -> None:
+        """Wait until no other transaction holds this lock; held to the end."""
+
+
+def first(session: Session, query: str, *arguments: Any) -> Any:
+    """The first row, None where there is none."""
+    rows = session.rows(query, *arguments)
+    return rows[0] if rows else None
+
+
+def jobs_of(rows: Iterable[Mapping[str, Any]]) -> list[model.Job]:
+    """Rows of SELECT, with a `body` if the query has one."""
+    return [model.Job(**dict(row)) for row in rows]
+
+
+def read_job(session: Session, id: str, with_body: bool = True, client: str | None = None) -> model.Job | None:
     """One job; the body only where it is that of the present status. Open, it is dismissed for who has left it."""
     job = _read(session, [id], with_body).get(id)
     if job is None or client is None or not job.is_open:
@@ -57,15 +91,15 @@ def read_job(session: queries.Session, id: str, with_body: bool = True, client: 
 
 
 def submit(
-    session: queries.Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool = False
+    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool = False
 ) -> tuple[list[model.Job], list[str]]:
     """The jobs, and the ids of those accepted by this call. The jobs stay locked until the commit.
 
     Those of a batch come without bodies, for its lines wait.
     """
     wanted = {request.id: request for request in reversed(requests)}
-    known = _locked(session, list(wanted))
-    now = queries.first(session, "SELECT moment() AS now")["now"]
+    known = lock_jobs(session, list(wanted))
+    now = first(session, "SELECT moment() AS now")["now"]
     new = [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)][::-1]
     if new:
         _refuse_too_many(session, new, bounds)
@@ -80,18 +114,19 @@ def submit(
     return [found[request.id] for request in requests], [request.id for request in new]
 
 
-def _locked(session: queries.Session, ids: list[str]) -> dict[str, model.Job]:
-    rows = session.rows(f"{queries.SELECT} FROM jobs WHERE id AMONG (?) ORDER BY id FOR UPDATE", ids)
-    return {job.id: job for job in queries.jobs_of(rows)}
+def lock_jobs(session: Session, ids: list[str]) -> dict[str, model.Job]:
+    """These jobs, locked until the commit."""
+    rows = session.rows(f"{SELECT} FROM jobs WHERE id AMONG (?) ORDER BY id FOR UPDATE", ids)
+    return {job.id: job for job in jobs_of(rows)}
 
 
-def _read(session: queries.Session, ids: list[str], with_bodies: bool) -> dict[str, model.Job]:
-    body, join = (", bodies.body", queries.BODY) if with_bodies else ("", "")
-    rows = session.rows(f"{queries.SELECT}{body} FROM jobs {join} WHERE jobs.id AMONG (?)", ids)
-    return {job.id: job for job in queries.jobs_of(rows)}
+def _read(session: Session, ids: list[str], with_bodies: bool) -> dict[str, model.Job]:
+    body, join = (", bodies.body", BODY) if with_bodies else ("", "")
+    rows = session.rows(f"{SELECT}{body} FROM jobs {join} WHERE jobs.id AMONG (?)", ids)
+    return {job.id: job for job in jobs_of(rows)}
 
 
-def _refuse_too_many(session: queries.Session, new: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
+def _refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
     """Raises TooManyJobs. Well below the limits no lock is taken: it dominates the rate."""
     clients = {request.client for request in new}
     if bounds.daily < model.NO_BOUND:
@@ -105,15 +140,15 @@ def _refuse_too_many(session: queries.Session, new: Sequence[model.JobRequest], 
         raise model.TooManyJobs("Too many jobs wait already; let some of them end and try again.")
 
 
-def _room(session: queries.Session, clients: set[str], bounds: model.Bounds) -> int:
+def _room(session: Session, clients: set[str], bounds: model.Bounds) -> int:
     """How many more jobs may be open, of each of these clients and in all."""
-    rows = session.rows(f"SELECT client, count(*) AS jobs FROM jobs WHERE {queries.OPEN} GROUP BY client")
+    rows = session.rows(f"SELECT client, count(*) AS jobs FROM jobs WHERE {OPEN} GROUP BY client")
     most = max((row["jobs"] for row in rows if row["client"] in clients), default=0)
     room: int = min(bounds.total - sum(row["jobs"] for row in rows), bounds.client - most)
     return room
 
 
-def claim(session: queries.Session, owner: str, limit: int, client_running: int) -> list[model.Job]:
+def claim(session: Session, owner: str, limit: int, client_running: int) -> list[model.Job]:
     """The next jobs, now running; those that another front end takes at this moment are passed over.
 
     Where running jobs of a client are bounded, front ends claim one after the other, so that it holds for all together.
@@ -126,16 +161,16 @@ def claim(session: queries.Session, owner: str, limit: int, client_running: int)
     rows = session.rows(
         "UPDATE jobs SET status = 'running', owner = ?, heartbeat = moment(), started = moment(), "
         "attempt = attempt + 1 WHERE id IN (SELECT id FROM jobs WHERE id AMONG (?) AND status = 'accepted' "
-        f"FOR UPDATE SKIP LOCKED) RETURNING {queries.LISTED}",
+        f"FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
         owner, ids,
     ) if ids else []  # fmt: skip
-    return sorted(queries.jobs_of(rows), key=lambda job: ids.index(job.id))
+    return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
 
 
-def heartbeat(session: queries.Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
+def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
     """Renew the claims that are still this owner's; the ids of the others."""
     ids = sorted({id for id, _ in running})
-    _locked(session, ids)
+    lock_jobs(session, ids)
     rows = session.rows(
         "UPDATE jobs SET heartbeat = moment() WHERE id AMONG (?) AND owner = ? AND status = 'running' "
         "RETURNING id, attempt",
@@ -146,7 +181,7 @@ def heartbeat(session: queries.Session, owner: str, running: Sequence[tuple[str,
 
 
 def end(
-    session: queries.Session,
+    session: Session,
     id: str,
     attempt: int,
     status: model.JobStatus,
@@ -155,7 +190,7 @@ def end(
     kept: float | None,
 ) -> bool:
     """running -> successful or failed, for the current attempt only; kept for so many seconds, None: always."""
-    changed = queries.first(
+    changed = first(
         session,
         "UPDATE jobs SET status = ?, finished = moment(), expires = moment() + CAST(? AS DOUBLE PRECISION), "
         "revision = revision + 1, wall = ?, cpu = ?, memory = ?, owner = NULL "
@@ -171,11 +206,11 @@ def end(
         id, status, body,
     )  # fmt: skip
     count_use(session, changed["client"], usage)
-    queries.number_lines(session, "job = ?", (id,))
+    number_lines(session, "job = ?", (id,))
     return True
 
 
-def release(session: queries.Session, id: str, attempt: int, crashed: bool, usage: Usage) -> model.Job | None:
+def release(session: Session, id: str, attempt: int, crashed: bool, usage: Usage) -> model.Job | None:
     """running -> accepted; what the run took is counted also where the job was dismissed meanwhile."""
     session.run(
         "UPDATE jobs SET status = 'accepted', owner = NULL, crashes = crashes + ? "
@@ -188,7 +223,7 @@ def release(session: queries.Session, id: str, attempt: int, crashed: bool, usag
     return job
 
 
-def count_use(session: queries.Session, client: str, usage: Usage) -> None:
+def count_use(session: Session, client: str, usage: Usage) -> None:
     """Add a run to what the client used today."""
     session.run(
         "INSERT INTO uses (client, day, runs, cpu) VALUES (?, today(), 1, ?) "
@@ -197,41 +232,31 @@ def count_use(session: queries.Session, client: str, usage: Usage) -> None:
     )  # fmt: skip
 
 
-def leave(session: queries.Session, id: str, client: str) -> tuple[model.Job | None, bool]:
+def leave(session: Session, id: str, client: str) -> tuple[model.Job | None, bool]:
     """The job, dismissed for this client and its batches, and whether it was dismissed because nobody else waits."""
-    _locked(session, [id])
+    lock_jobs(session, [id])
     job = read_job(session, id)
     if job is None or not job.is_open:
         return job, False
     session.run("INSERT INTO askers VALUES (?, ?, 1) ON CONFLICT (job, client) DO UPDATE SET gone = 1", id, client)
-    queries.dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
-    return (replace(job, status="dismissed"), False) if _is_waited_for(session, id) else dismiss(session, id)
+    dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
+    return (replace(job, status="dismissed"), False) if is_waited_for(session, id) else dismiss(session, id)
 
 
-def leave_batch(session: queries.Session, batch: str) -> list[str]:
-    """Dismiss the open lines of a batch, and those of their jobs that nobody else waits for: their ids."""
-    rows = session.rows("SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL", batch)
-    ids = sorted(row["job"] for row in rows)
-    _locked(session, ids)
-    queries.dismiss_lines(session, "batch = ?", (batch,))
-    return [id for id in ids if not _is_waited_for(session, id) and dismiss(session, id)[1]]
-
-
-def dismiss(session: queries.Session, id: str) -> tuple[model.Job | None, bool]:
+def dismiss(session: Session, id: str) -> tuple[model.Job | None, bool]:
     """The job, and whether this call ended it; one that was computed again has its earlier answer back."""
     earlier = "coalesce((SELECT bodies.status FROM bodies WHERE bodies.id = jobs.id), 'dismissed')"
     changed = session.rows(
-        f"UPDATE jobs SET status = {earlier}, finished = moment(), owner = NULL "
-        f"WHERE id = ? AND {queries.OPEN} RETURNING id",
+        f"UPDATE jobs SET status = {earlier}, finished = moment(), owner = NULL WHERE id = ? AND {OPEN} RETURNING id",
         id,
     )
     if changed:
         session.run("DELETE FROM askers WHERE job = ?", id)
-        queries.dismiss_lines(session, "job = ?", (id,))
+        dismiss_lines(session, "job = ?", (id,))
     return read_job(session, id), bool(changed)
 
 
-def recover(session: queries.Session, owner: str | None, lease: float) -> list[model.Job]:
+def recover(session: Session, owner: str | None, lease: float) -> list[model.Job]:
     """Running jobs whose owner is gone are accepted again; without a lease all, whatever the clock says.
 
     Whoever comes second finds none. A claim from the future is of a clock that was set back.
@@ -245,43 +270,40 @@ def recover(session: queries.Session, owner: str | None, lease: float) -> list[m
         arguments.append(owner)
     rows = session.rows(
         "UPDATE jobs SET status = 'accepted', owner = NULL, restarts = restarts + 1 "
-        f"WHERE id IN (SELECT id FROM jobs WHERE {where} FOR UPDATE SKIP LOCKED) RETURNING {queries.LISTED}",
+        f"WHERE id IN (SELECT id FROM jobs WHERE {where} FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
         *arguments,
     )
-    return queries.jobs_of(rows)
+    return jobs_of(rows)
 
 
-def create_batch(
-    session: queries.Session, id: str, kind: str, client: str, lines: Sequence[model.BatchLine], bounds: model.Bounds
-) -> model.Batch:
-    """The batch, its lines, the jobs that are new; the batch as it is where it is there already."""
-    if (found := queries.read_batch(session, id)) is not None:
-        return found
-    requests = [line.request for line in lines if line.request is not None]
-    answered = {job.id for job in submit(session, requests, bounds, of_batch=True)[0] if job.is_final}
-    rows, order = [], 0
-    for line in lines:
-        job = None if line.request is None else line.request.id
-        has_answer = job is None or job in answered
-        order += has_answer
-        rows.append((id, line.number, line.identifier, job, line.problem, order if has_answer else None))
-    is_new = session.rows(
-        "INSERT INTO batches (id, kind, client, created, total, answers) VALUES (?, ?, ?, moment(), ?, ?) "
-        "ON CONFLICT DO NOTHING RETURNING id",
-        id, kind, client, len(lines), order,
-    )  # fmt: skip
-    if is_new:  # else another front end stored it at the same moment
-        session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, ?, 0)", rows)
-    batch = queries.read_batch(session, id)
-    assert batch is not None
-    return batch
-
-
-def is_drained(session: queries.Session) -> bool:
+def is_drained(session: Session) -> bool:
     """Whether an operator lets no job begin."""
-    found = queries.first(session, DRAINED)
+    found = first(session, DRAINED)
     return found is not None and bool(found["value"])
 
 
-def _is_waited_for(session: queries.Session, id: str) -> bool:
-    return bool(queries.first(session, WAITED_FOR, id, id)["waited"])
+def is_waited_for(session: Session, id: str) -> bool:
+    """Whether somebody, or a batch, waits for a job."""
+    return bool(first(session, WAITED_FOR, id, id)["waited"])
+
+
+def dismiss_lines(session: Session, where: str, arguments: tuple[str, ...]) -> None:
+    """Cancel the lines of batches that have no answer yet."""
+    session.run(f"UPDATE lines SET dismissed = 1 WHERE {where} AND order_number IS NULL", *arguments)
+    number_lines(session, f"{where} AND dismissed = 1", arguments)
+
+
+def number_lines(session: Session, where: str, arguments: tuple[str, ...]) -> None:
+    """Number lines that have an answer now, in the order in which answers come.
+
+    Whoever takes numbers of a batch holds its row until the commit, so they become visible in their order.
+    """
+    due = f"FROM lines WHERE {where} AND order_number IS NULL"
+    for row in session.rows(f"SELECT batch, count(*) AS due {due} GROUP BY batch ORDER BY batch", *arguments):
+        taken = "UPDATE batches SET answers = answers + ? WHERE id = ? RETURNING answers"
+        before = first(session, taken, row["due"], row["batch"])["answers"] - row["due"]
+        places = f"SELECT number AS line, row_number() OVER (ORDER BY number) AS place {due} AND batch = ?"
+        session.run(
+            f"UPDATE lines SET order_number = ? + place FROM ({places}) AS due WHERE batch = ? AND number = due.line",
+            before, *arguments, row["batch"], row["batch"],
+        )  # fmt: skip

@@ -8,9 +8,9 @@ import threading
 import time
 from typing import TYPE_CHECKING, Final
 
+from inverse_service.service.jobs.batch_statements import leave_batch
 from inverse_service.service.jobs.model import ClientUse
-from inverse_service.service.jobs.queries import FINISHED, OPEN, Session, first
-from inverse_service.service.jobs.statements import leave, leave_batch
+from inverse_service.service.jobs.statements import FINISHED, OPEN, Session, first, leave
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.store import JobStore

@@ -1,0 +1,80 @@
+"""What a store does with batches and their lines, the same for each database."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from inverse_service.service.jobs import statements
+from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, JobStatus
+from inverse_service.service.jobs.statements import Session, first
+
+COUNTS: Final = (
+    "SELECT CASE WHEN lines.dismissed = 1 THEN 'dismissed' ELSE coalesce(jobs.status, 'failed') END AS status, "
+    "count(*) AS lines FROM lines LEFT JOIN jobs ON jobs.id = lines.job WHERE batch = ? GROUP BY 1"
+)
+# Arguments: the largest body that comes with its line, the batch, the last order that is known, how many.
+ANSWERS: Final = (
+    "SELECT lines.number, lines.identifier, lines.problem, lines.order_number, lines.dismissed, lines.job, "
+    "bodies.status, length(bodies.body) AS size, CASE WHEN length(bodies.body) <= ? THEN bodies.body END AS body "
+    "FROM lines LEFT JOIN bodies ON bodies.id = lines.job "
+    "WHERE lines.batch = ? AND lines.order_number > ? ORDER BY lines.order_number LIMIT ?"
+)
+
+
+def read_batch(session: Session, id: str) -> Batch | None:
+    """A batch with its counts by status."""
+    row = first(session, "SELECT * FROM batches WHERE id = ?", id)
+    if row is None:
+        return None
+    by_status = {found["status"]: found["lines"] for found in session.rows(COUNTS, id)}
+    return Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
+
+
+def answers(session: Session, batch: str, after: int, limit: int, largest: int) -> list[BatchAnswer]:
+    """Answers of a batch in their order: of a bad line, of one that was cancelled, or of a job."""
+    return [_answer_of(row) for row in session.rows(ANSWERS, largest, batch, after, limit)]
+
+
+def _answer_of(row: Any) -> BatchAnswer:
+    if row["problem"] is not None:
+        return BatchAnswer(row["number"], row["identifier"], "failed", row["problem"], row["order_number"])
+    status: JobStatus = "dismissed" if row["dismissed"] else row["status"] or "dismissed"
+    body = None if status == "dismissed" else row["body"]
+    job, size = row["job"] or "", row["size"] or 0
+    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
+
+
+def create_batch(
+    session: Session, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds
+) -> Batch:
+    """The batch, its lines, the jobs that are new; the batch as it is where it is there already."""
+    if (found := read_batch(session, id)) is not None:
+        return found
+    requests = [line.request for line in lines if line.request is not None]
+    answered = {job.id for job in statements.submit(session, requests, bounds, of_batch=True)[0] if job.is_final}
+    rows, order = [], 0
+    for line in lines:
+        job = None if line.request is None else line.request.id
+        has_answer = job is None or job in answered
+        order += has_answer
+        rows.append((id, line.number, line.identifier, job, line.problem, order if has_answer else None))
+    is_new = session.rows(
+        "INSERT INTO batches (id, kind, client, created, total, answers) VALUES (?, ?, ?, moment(), ?, ?) "
+        "ON CONFLICT DO NOTHING RETURNING id",
+        id, kind, client, len(lines), order,
+    )  # fmt: skip
+    if is_new:  # else another front end stored it at the same moment
+        session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, ?, 0)", rows)
+    batch = read_batch(session, id)
+    assert batch is not None
+    return batch
+
+
+def leave_batch(session: Session, batch: str) -> list[str]:
+    """Dismiss the open lines of a batch, and those of their jobs that nobody else waits for: their ids."""
+    rows = session.rows("SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL", batch)
+    ids = sorted(row["job"] for row in rows)
+    statements.lock_jobs(session, ids)
+    statements.dismiss_lines(session, "batch = ?", (batch,))
+    return [id for id in ids if not statements.is_waited_for(session, id) and statements.dismiss(session, id)[1]]
