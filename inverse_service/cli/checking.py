@@ -16,7 +16,7 @@ from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
 from inverse_service.service.jobs.batch_files import open_source, read_answers
 from inverse_service.service.jobs.identity import JobOptions, split_options, write_json
-from inverse_service.service.jobs.isolation import run_alone
+from inverse_service.service.jobs.single_call import run_alone
 from inverse_service.settings import read_settings
 
 MAX_RESULT_BYTES = 200_000_000

@@ -43,7 +43,7 @@ def serve_http(host: str, port: int) -> ExitCode:
         settings = replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
     _start_loading()
-    from inverse_service.service.jobs.isolation import bound_data
+    from inverse_service.service.jobs.worker_process import bound_data
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
 

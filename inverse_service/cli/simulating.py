@@ -14,7 +14,7 @@ from inverse_service.cli.solving import time_limit_or
 from inverse_service.errors import InputError, WorkerFailed
 from inverse_service.service.documents.reading import read_document
 from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.isolation import run_alone
+from inverse_service.service.jobs.single_call import run_alone
 from inverse_service.settings import read_settings
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0

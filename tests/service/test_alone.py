@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from inverse_service.service.jobs.isolation import run_alone
 from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.single_call import run_alone
 
 MEMORY = 1024
 

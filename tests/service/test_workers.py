@@ -15,8 +15,9 @@ import pytest
 
 from inverse_service.service.jobs import tasks, worker_process
 from inverse_service.service.jobs import workers as workers_module
-from inverse_service.service.jobs.isolation import MOST_CROWDED, run_alone
 from inverse_service.service.jobs.outcome import Call, Outcome, outcome_of_exit
+from inverse_service.service.jobs.single_call import run_alone
+from inverse_service.service.jobs.worker_process import MOST_CROWDED
 from inverse_service.service.jobs.workers import Workers
 
 MEMORY = 2048

@@ -1,7 +1,7 @@
 """Imported by the server process that forks the workers, and by nothing else: it dies with the service, and is warm.
 
 A killed service (SIGKILL) cannot tell its workers. The kernel does: the service's death kills the forking server, and
-that one's death kills each worker (`isolation.die_with_parent`), even one that spins in C code. The first solve loads
+that one's death kills each worker (`die_with_parent`), even one that spins in C code. The first solve loads
 the compiled kernels, which workers forked afterwards have. The import is the act because multiprocessing lets the
 server only import modules.
 """
@@ -13,8 +13,8 @@ import importlib
 
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.jobs import tasks, warming
-from inverse_service.service.jobs.isolation import die_with_parent
 from inverse_service.service.jobs.outcome import guard
+from inverse_service.service.jobs.worker_process import die_with_parent
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 

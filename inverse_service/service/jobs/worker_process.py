@@ -1,12 +1,20 @@
-"""One killable process that runs one task after another; its parent waits with a deadline."""
+"""One killable process that runs one task after another; its parent waits with a deadline.
+
+At the end: what such a process does to itself (bounds, no core file, no orphans), and what measures it.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import faulthandler
+import math
 import multiprocessing
 import multiprocessing.forkserver
 import multiprocessing.util
+import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -15,10 +23,15 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from inverse_service.service.jobs import isolation, tasks
+from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.locks import hold
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage, guard, outcome_of_exit
 
+PR_SET_PDEATHSIG = 1
+# The wall clock ends a task first; the bound on processor time is for tasks that start threads.
+THREADS = 2
+# A deadline is at most so many times as long where other programs have the processor.
+MOST_CROWDED = 10.0
 WARM = "inverse_service.service.jobs.warm"
 STARTED, REPORT, DONE = "started", "report", "done"
 Report = Callable[[Any], None]
@@ -62,7 +75,7 @@ class WorkerProcess:
         except (OSError, EOFError):
             raise NotStarted from None
         self.tasks += 1
-        outcome = self._await(isolation.Patience(self.pid, call.deadline), report)
+        outcome = self._await(Patience(self.pid, call.deadline), report)
         return outcome if outcome.spent.wall else replace(outcome, spent=Usage(wall=time.monotonic() - began))
 
     def kill(self) -> None:
@@ -76,7 +89,7 @@ class WorkerProcess:
         self._process.join(5)
         self._connection.close()
 
-    def _await(self, patience: isolation.Patience, report: Report | None) -> Outcome:
+    def _await(self, patience: Patience, report: Report | None) -> Outcome:
         while True:
             if not patience.is_answered(self._connection):
                 self.kill()
@@ -122,9 +135,9 @@ def start_server() -> None:
 def serve(connection: Connection, memory_limit: int) -> None:
     """The life of a worker process: tasks until the parent closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    isolation.silence_standard_error()
+    silence_standard_error()
     guard(tasks.load_engine)
-    isolation.isolate(memory_limit)
+    isolate(memory_limit)
     while True:
         try:
             call: Call = connection.recv()
@@ -136,11 +149,120 @@ def serve(connection: Connection, memory_limit: int) -> None:
 
 
 def _bound(call: Call, memory_limit: int) -> None:
-    isolation.bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
-    isolation.bound_processor(call.deadline)
+    bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
+    bound_processor(call.deadline)
 
 
 def _run(call: Call, connection: Connection) -> Outcome:
-    meter = isolation.Meter()
+    meter = Meter()
     extra = {"report": lambda value: connection.send((REPORT, value))} if call.reports else {}
     return replace(guard(call.task, *call.arguments, **extra), spent=meter.spent())
+
+
+def isolate(memory_limit: int) -> None:
+    """Bound the address space to `memory_limit` MiB, write no core file, die with the parent.
+
+    Where the system has no such limits (Windows, partly macOS) a step is left out.
+    """
+    _limit("RLIMIT_CORE", 0, 0)
+    # The service has a smaller one, which its workers inherit; theirs is that of the address space.
+    bound_data(memory_limit)
+    bound_memory(memory_limit, memory_limit)
+    die_with_parent()
+
+
+def die_with_parent() -> None:
+    """Have the kernel kill this process when the thread that started it ends (Linux only).
+
+    Without it a worker that spins in C outlives a service that was killed with SIGKILL.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+def bound_memory(soft: int, hard: int) -> None:
+    """Bound the address space, in MiB; a task may have less than its process."""
+    _limit("RLIMIT_AS", soft * 2**20, hard * 2**20)
+
+
+def bound_data(limit: int) -> None:
+    """Bound what this process has for its data, in MiB; the processes that it starts may raise that again."""
+    _limit("RLIMIT_DATA", limit * 2**20, None)
+
+
+def bound_processor(deadline: float) -> None:
+    """End this process by SIGXCPU when the task that starts now used its time on all its threads."""
+    _limit("RLIMIT_CPU", math.ceil(time.process_time() + THREADS * deadline) + 1, None)
+
+
+def forget_peak() -> None:
+    """Begin to measure the peak of memory again (Linux only)."""
+    with contextlib.suppress(OSError), open("/proc/self/clear_refs", "w") as stream:
+        stream.write("5")
+
+
+def peak_memory() -> float:
+    """Largest resident memory since `forget_peak`, in MiB; 0 where the system does not tell."""
+    with contextlib.suppress(OSError), open("/proc/self/status") as stream:
+        for line in stream:
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    return 0.0
+
+
+def silence_standard_error() -> None:
+    """C libraries print as they abort; the parent says what happened in one sentence."""
+    faulthandler.disable()
+    with contextlib.suppress(OSError):
+        silence = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silence, 2)
+        os.close(silence)
+
+
+class Patience:
+    """How long a process is waited for: so many seconds by the clock, and as long as others had the processor."""
+
+    def __init__(self, pid: int, deadline: float) -> None:
+        self._pid, self._deadline = pid, deadline
+        self._began, self._waited = time.monotonic(), _waited(pid)
+
+    def is_answered(self, connection: Connection) -> bool:
+        """Whether something comes over the connection in time."""
+        while True:
+            crowded = min(_waited(self._pid) - self._waited, (MOST_CROWDED - 1) * self._deadline)
+            left = self._began + self._deadline + crowded - time.monotonic()
+            if connection.poll(max(0.0, left)):
+                return True
+            if left <= 0:
+                return False
+
+
+def _waited(pid: int) -> float:
+    """Seconds in which a process was ready and others ran (Linux; 0 where the system does not tell)."""
+    with contextlib.suppress(OSError), open(f"/proc/{pid}/schedstat") as stream:
+        return int(stream.read().split()[1]) / 1e9
+    return 0.0
+
+
+class Meter:
+    """Measures one task from its making to `spent`."""
+
+    def __init__(self) -> None:
+        forget_peak()
+        self._wall, self._cpu = time.monotonic(), time.process_time()
+
+    def spent(self) -> Usage:
+        """What was used since."""
+        return Usage(time.monotonic() - self._wall, time.process_time() - self._cpu, peak_memory())
+
+
+def _limit(name: str, soft: int, hard: int | None) -> None:
+    try:
+        import resource
+    except ImportError:
+        return
+    with contextlib.suppress(ValueError, OSError, AttributeError):
+        which = getattr(resource, name)
+        present = resource.getrlimit(which)[1]
+        largest = present if hard is None else hard
+        resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))
