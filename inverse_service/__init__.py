@@ -54,7 +54,7 @@ def solve(
     whole, names = asked(document, **keys)
     from inverse_service.inverse_problem.options import SolveOptions
     from inverse_service.service.documents.documents import solve_document
-    from inverse_service.service.jobs.identity import JobOptions, read_options, split_options
+    from inverse_service.service.jobs.model import JobOptions, read_options, split_options
     from inverse_service.service.jobs.warming import warm_first, warm_up
 
     alone, given = split_options(_plain(whole))
@@ -70,7 +70,7 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
     is compared with `document`, or else with the document that the result carries as `system.given`.
     """
     from inverse_service.service.documents.checking import check_document, check_plain
-    from inverse_service.service.jobs.identity import split_options
+    from inverse_service.service.jobs.model import split_options
 
     given = None if document is None else split_options(_plain(document))[0]
     if not isinstance(result, str):

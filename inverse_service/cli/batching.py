@@ -17,7 +17,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch import AGAIN, BatchPlan, Summary, run_batch
 from inverse_service.service.jobs.batch_files import Line, count_lines, open_source, read_answers
 from inverse_service.service.jobs.batch_output import replaced_path
-from inverse_service.service.jobs.identity import JobOptions
+from inverse_service.service.jobs.model import JobOptions
 from inverse_service.settings import read_settings
 
 Report = Callable[[Line], None]

@@ -15,7 +15,7 @@ from inverse_service.service.documents.reading import decode, read_document, rea
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
 from inverse_service.service.jobs.batch_files import open_source, read_answers
-from inverse_service.service.jobs.identity import JobOptions, split_options, write_json
+from inverse_service.service.jobs.model import JobOptions, split_options, write_json
 from inverse_service.service.jobs.single_call import run_alone
 from inverse_service.settings import read_settings
 

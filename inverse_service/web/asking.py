@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from starlette.requests import ClientDisconnect, Request
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.identity import JobOptions, read_time_limit
+from inverse_service.service.jobs.model import JobOptions, read_time_limit
 from inverse_service.web.clients import client_of
 from inverse_service.web.problems import Refusal
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from starlette.requests import Request
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.identity import Viewer
+from inverse_service.service.jobs.model import Viewer
 from inverse_service.settings import Settings, hash_of_key, read_key
 from inverse_service.web.middleware import host_of, name_of
 from inverse_service.web.problems import Refusal

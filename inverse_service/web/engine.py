@@ -14,10 +14,10 @@ from typing import Any, ParamSpec, TypeVar
 from inverse_service import __version__
 from inverse_service.errors import DocumentRefused
 from inverse_service.service.jobs import tasks
+from inverse_service.service.jobs.batches import Batch, BatchLine, batch_id
 from inverse_service.service.jobs.finishing import LIMITS
-from inverse_service.service.jobs.identity import JobOptions, Viewer, batch_id
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import NO_BOUND, Batch, BatchLine, Bounds, Job, JobRequest, StoreUnavailable
+from inverse_service.service.jobs.model import NO_BOUND, Bounds, Job, JobOptions, JobRequest, StoreUnavailable, Viewer
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
 from inverse_service.service.jobs.store import JobStore

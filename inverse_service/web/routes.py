@@ -16,9 +16,8 @@ from api_schemas.base import CatalogueEntry, CatalogueList, CheckAnswer, LimitsA
 from inverse_service import __version__, catalogue
 from inverse_service.expressions.tokens import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
-from inverse_service.service.jobs.identity import engine_version
 from inverse_service.service.jobs.metrics import Labels, Metric, gauge, written
-from inverse_service.service.jobs.model import STATUSES
+from inverse_service.service.jobs.model import STATUSES, engine_version
 from inverse_service.service.jobs.tasks import parse_task
 from inverse_service.web.asking import DEFAULT_WAIT, FACTORS, MAX_WAIT, json_body_of
 from inverse_service.web.clients import client_of, require_client

@@ -14,8 +14,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from api_schemas.job import Job as JobDocument
 from api_schemas.job import JobList
 from inverse_service.service.jobs.event_log import last_event
-from inverse_service.service.jobs.identity import Viewer
-from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
+from inverse_service.service.jobs.model import Event, Job, StoreUnavailable, Viewer
 from inverse_service.service.jobs.tasks import AskingTerms, ask_task
 from inverse_service.web import openapi
 from inverse_service.web.asking import FACTORS, json_body_of, preference_of, time_limit_of, until_set, wants_fresh

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.identity import JobOptions, batch_id
-from inverse_service.service.jobs.model import BatchLine
+from inverse_service.service.jobs.batches import BatchLine, batch_id
+from inverse_service.service.jobs.model import JobOptions
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.tasks import request_of

@@ -7,7 +7,8 @@ import sys
 import threading
 from pathlib import Path
 
-from inverse_service.service.jobs.model import BatchLine, JobRequest
+from inverse_service.service.jobs.batches import BatchLine
+from inverse_service.service.jobs.model import JobRequest
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 

@@ -11,7 +11,8 @@ import psycopg
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.model import BatchLine, JobRequest, WrongVersion
+from inverse_service.service.jobs.batches import BatchLine
+from inverse_service.service.jobs.model import JobRequest, WrongVersion
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.schema import VERSION

@@ -10,7 +10,7 @@ import pytest
 
 from api_schemas.job import Batch as Document
 from inverse_service.client.flows import BatchResults, Lines
-from inverse_service.service.jobs.model import Batch, BatchAnswer
+from inverse_service.service.jobs.batches import Batch, BatchAnswer
 from inverse_service.settings import Settings
 from inverse_service.web import routes_batches
 from inverse_service.web.asking import Hub

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from inverse_service.service.jobs.batch_output import answer_line
-from inverse_service.service.jobs.identity import JobOptions
-from inverse_service.service.jobs.model import BatchLine, StoreUnavailable
+from inverse_service.service.jobs.batches import BatchLine
+from inverse_service.service.jobs.model import JobOptions, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore

@@ -19,7 +19,7 @@ from importlib.metadata import PackageNotFoundError, version
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
-from inverse_service.service.jobs.identity import engine_version
+from inverse_service.service.jobs.model import engine_version
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.worker_process import MOST_CROWDED
 

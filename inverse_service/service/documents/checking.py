@@ -60,7 +60,7 @@ def check_document(text: str) -> dict[str, Any]:
 
         return answer(judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
     if isinstance(found, dict) and "document" in found and "result" in found:
-        from inverse_service.service.jobs.identity import write_json  # brings all that jobs are made of
+        from inverse_service.service.jobs.model import write_json  # brings all that jobs are made of
 
         result = inward(found["result"]) if isinstance(found["result"], dict) else found["result"]
         alone = check_text(write_json(result))

@@ -19,9 +19,9 @@ from inverse_service.errors import InputError
 from inverse_service.service.documents.answers import of_input_error
 from inverse_service.service.jobs.batch_files import Line, open_source, read_lines
 from inverse_service.service.jobs.batch_output import Known, Output, answer_line, error_line, key_of, open_output
-from inverse_service.service.jobs.identity import JobOptions, read_options, split_options
+from inverse_service.service.jobs.batches import BatchAnswer
 from inverse_service.service.jobs.locks import DATABASE, temporary_folder
-from inverse_service.service.jobs.model import BULK, BatchAnswer, Job
+from inverse_service.service.jobs.model import BULK, Job, JobOptions, read_options, split_options
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.tasks import request_of

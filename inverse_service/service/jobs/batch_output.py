@@ -22,8 +22,8 @@ from typing import IO, Any
 from inverse_service.errors import InputError
 from inverse_service.service.documents.answers import as_bytes, problem_document
 from inverse_service.service.jobs.batch_files import STANDARD, Line
+from inverse_service.service.jobs.batches import BatchAnswer
 from inverse_service.service.jobs.locks import lock
-from inverse_service.service.jobs.model import BatchAnswer
 from inverse_service.service.jobs.tasks import label_of
 
 

@@ -10,8 +10,7 @@ from typing import Any
 from inverse_service.errors import InverseServiceError
 from inverse_service.service.documents import answers
 from inverse_service.service.documents.answers import result_document
-from inverse_service.service.jobs.identity import JobOptions, stored_options
-from inverse_service.service.jobs.model import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT, Job
+from inverse_service.service.jobs.model import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT, Job, JobOptions, stored_options
 from inverse_service.service.jobs.outcome import Outcome, Usage
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.tasks import KINDS, label_of, solve_options

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar, TypeVar
 
-from inverse_service.service.jobs import batch_statements, model, statements, upkeep
+from inverse_service.service.jobs import batches, model, statements, upkeep
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.statements import SELECT, Session, jobs_of
 
@@ -156,24 +156,24 @@ class JobStore(ABC):
         return [model.Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
 
     def create_batch(
-        self, id: str, kind: str, client: str, lines: Sequence[model.BatchLine], bounds: model.Bounds = NO_BOUNDS
-    ) -> model.Batch:
+        self, id: str, kind: str, client: str, lines: Sequence[batches.BatchLine], bounds: model.Bounds = NO_BOUNDS
+    ) -> batches.Batch:
         """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is."""
-        return self._write(lambda s: batch_statements.create_batch(s, id, kind, client, lines, bounds), lambda _: [""])
+        return self._write(lambda s: batches.create_batch(s, id, kind, client, lines, bounds), lambda _: [""])
 
-    def batch(self, id: str) -> model.Batch | None:
+    def batch(self, id: str) -> batches.Batch | None:
         """One batch with its counts."""
-        return self._read(lambda s: batch_statements.read_batch(s, id))
+        return self._read(lambda s: batches.read_batch(s, id))
 
     def batch_answers(
         self, id: str, after: int = 0, limit: int = 500, largest: int = model.NO_BOUND
-    ) -> list[model.BatchAnswer]:
+    ) -> list[batches.BatchAnswer]:
         """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes."""
-        return self._read(lambda s: batch_statements.answers(s, id, after, limit, largest))
+        return self._read(lambda s: batches.answers(s, id, after, limit, largest))
 
     def dismiss_batch(self, id: str) -> list[str]:
         """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop."""
-        return self._write(lambda s: batch_statements.leave_batch(s, id), lambda ids: ids or [""])
+        return self._write(lambda s: batches.leave_batch(s, id), lambda ids: ids or [""])
 
     def counts(self) -> Mapping[model.JobStatus, int]:
         """Number of jobs in each status."""

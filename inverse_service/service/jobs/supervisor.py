@@ -20,9 +20,15 @@ from inverse_service.errors import InverseServiceError
 from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, with_understood
 from inverse_service.service.jobs import finishing, tasks
 from inverse_service.service.jobs.event_log import EventLog
-from inverse_service.service.jobs.identity import stored_options
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import INTERACTIVE, MAX_RESTARTS, NO_BOUND, Job, StoreUnavailable
+from inverse_service.service.jobs.model import (
+    INTERACTIVE,
+    MAX_RESTARTS,
+    NO_BOUND,
+    Job,
+    StoreUnavailable,
+    stored_options,
+)
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.worker_process import Report

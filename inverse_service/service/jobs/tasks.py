@@ -14,19 +14,20 @@ from typing import TYPE_CHECKING, Any, Final
 from inverse_service.errors import DocumentRefused, InputError, Place
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.reading import decode, read_json
-from inverse_service.service.jobs.identity import (
+from inverse_service.service.jobs.model import (
+    INTERACTIVE,
     JobOptions,
+    JobRequest,
     job_id,
     read_options,
     split_options,
     stored_options,
     write_json,
 )
-from inverse_service.service.jobs.model import INTERACTIVE, JobRequest
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.batch_files import BatchTerms
-    from inverse_service.service.jobs.model import BatchLine
+    from inverse_service.service.jobs.batches import BatchLine
 
 # What a command loads only for the questions that need it, and a worker before its first.
 ENGINE = (

@@ -8,7 +8,7 @@ import threading
 import time
 from typing import TYPE_CHECKING, Final
 
-from inverse_service.service.jobs.batch_statements import leave_batch
+from inverse_service.service.jobs.batches import leave_batch
 from inverse_service.service.jobs.model import ClientUse
 from inverse_service.service.jobs.statements import FINISHED, OPEN, Session, first, leave
 

@@ -15,7 +15,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service.mechanics.document_names import GUESS
 from inverse_service.service.documents.text_page import first_answer
 from inverse_service.service.jobs.batch_output import answer_line
-from inverse_service.service.jobs.model import BatchAnswer
+from inverse_service.service.jobs.batches import BatchAnswer
 from inverse_service.web.asking import FACTORS
 from inverse_service.web.clients import viewer_of
 from inverse_service.web.pages.answers import proof_of

@@ -17,7 +17,7 @@ from starlette.responses import HTMLResponse
 from inverse_service.errors import InputError
 from inverse_service.expressions.reader import equation_line
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.jobs.identity import write_json
+from inverse_service.service.jobs.model import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.tasks import check_task
 from inverse_service.web.pages import answers, figures, reading_back, simulations, steps, typesetting

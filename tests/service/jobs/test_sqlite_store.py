@@ -14,15 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.service.jobs.model import (
-    BatchLine,
-    Bounds,
-    DatabaseTaken,
-    Event,
-    Job,
-    JobRequest,
-    TooManyJobs,
-)
+from inverse_service.service.jobs.batches import BatchLine
+from inverse_service.service.jobs.model import Bounds, DatabaseTaken, Event, Job, JobRequest, TooManyJobs
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 

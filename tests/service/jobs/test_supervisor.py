@@ -16,8 +16,16 @@ import pytest
 from inverse_service.errors import Place
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.event_log import described
-from inverse_service.service.jobs.identity import JobOptions, read_options, split_options
-from inverse_service.service.jobs.model import MAX_CRASHES, MAX_RESTARTS, MAX_UNSTARTED, Job, JobRequest
+from inverse_service.service.jobs.model import (
+    MAX_CRASHES,
+    MAX_RESTARTS,
+    MAX_UNSTARTED,
+    Job,
+    JobOptions,
+    JobRequest,
+    read_options,
+    split_options,
+)
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import TICK, Supervisor

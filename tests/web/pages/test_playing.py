@@ -14,7 +14,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import solve_document
-from inverse_service.service.jobs.identity import JobOptions
+from inverse_service.service.jobs.model import JobOptions
 from inverse_service.service.jobs.tasks import KINDS
 from inverse_service.web.pages import preview, starts
 from inverse_service.web.pages.preview import angles_of, listed, preview_task

@@ -1,13 +1,78 @@
-"""What a store does with batches and their lines, the same for each database."""
+"""Batches: their data, their identity, and what a store does with them and their lines, the same for each database."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 from inverse_service.service.jobs import statements
-from inverse_service.service.jobs.model import Batch, BatchAnswer, BatchLine, Bounds, JobStatus
+from inverse_service.service.jobs.model import DIGITS, Bounds, JobRequest, JobStatus
 from inverse_service.service.jobs.statements import Session, first
+
+
+@dataclass(frozen=True, slots=True)
+class BatchLine:
+    """One line of a batch: a question, or the problem document (JSON) of a line that is none.
+
+    `identifier` is the JSON of the line's own id.
+    """
+
+    number: int
+    identifier: str
+    request: JobRequest | None = None
+    problem: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """A stored batch with the number of its lines in each status; a bad line counts as failed."""
+
+    id: str
+    kind: str
+    client: str
+    created: float
+    total: int
+    counts: Mapping[JobStatus, int]
+
+    @property
+    def status(self) -> JobStatus:
+        """accepted before anything is done, successful when every line has its answer."""
+        unfinished = self.counts.get("accepted", 0) + self.counts.get("running", 0)
+        if unfinished == 0:
+            return "successful"
+        return "accepted" if unfinished == self.counts.get("accepted", 0) == self.total else "running"
+
+
+@dataclass(frozen=True, slots=True)
+class BatchAnswer:
+    """The answer to one line; `order` grows in the order in which answers came, `digest` is that of the question.
+
+    `size` is that of the body in the store, which is None here where more was not asked for; `job` has it.
+    """
+
+    number: int
+    identifier: str
+    status: JobStatus
+    body: bytes | None
+    order: int = 0
+    digest: str = ""
+    job: str = ""
+    size: int = 0
+
+
+def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, generation: int) -> str:
+    """The id of a client's batch, so that one that is sent again after a lost answer is not stored twice.
+
+    `key` tells batches of the same lines apart; `generation` counts those with cancelled lines before it.
+    """
+    digest = hashlib.sha256("\x00".join(("batch", kind, client, key, str(generation))).encode())
+    for line in lines:
+        question = line.problem or b"" if line.request is None else line.request.id.encode()
+        digest.update(f"\n{line.number}\x00{line.identifier}\x00".encode() + question)
+    return digest.hexdigest()[:DIGITS]
+
 
 COUNTS: Final = (
     "SELECT CASE WHEN lines.dismissed = 1 THEN 'dismissed' ELSE coalesce(jobs.status, 'failed') END AS status, "
