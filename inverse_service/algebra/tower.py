@@ -173,9 +173,9 @@ def replay(rule: Rule, point: Point, scale: Scale) -> None:
         point.atoms[Apply("cos", rule.angle)] = cosine
         point.atoms[Apply("sin", rule.angle)] = sine
         if rule.free:
-            point.atoms[half_angle(rule.angle, scale(rule.angle))] = point.draw_free(rule.angle)
+            point.atoms[half_angle(rule.angle, scale(rule.angle))] = _random_tangent(point, rule.angle)
         if rule.radians:
-            point.atoms[half_angle(RADIAN, scale(RADIAN))] = point.draw_free(RADIAN)
+            point.atoms[half_angle(RADIAN, scale(RADIAN))] = _random_tangent(point, RADIAN)
     else:
         point.atoms[rule.atom] = rule.value(point, scale)
 
@@ -203,7 +203,12 @@ def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int,
 
 def _random_turn(point: Point, angle: Expression) -> tuple[int, int]:
     """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is no square."""
-    return _circle_point(point.draw_free(angle), point.prime)
+    return _circle_point(_random_tangent(point, angle), point.prime)
+
+
+def _random_tangent(point: Point, angle: Expression) -> int:
+    """That of half the angle, in its scale: never the number that is drawn for an angle such as e^x or log x itself."""
+    return point.draw_free(Apply("tan", angle))
 
 
 def _circle_point(t: int, prime: int) -> tuple[int, int]:

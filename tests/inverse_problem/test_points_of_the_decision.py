@@ -61,6 +61,14 @@ def test_two_seeds_have_no_point_in_common() -> None:
     assert len(set(used)) == len(used) == 8
 
 
+@pytest.mark.parametrize("relation", ["exp(x)*(1+cos(exp(x)))-1+cos(exp(x))", "log(x)*(1+cos(log(x)))-sin(log(x))"])
+def test_an_angle_is_drawn_apart_from_the_function_that_it_is(relation: str) -> None:
+    """Where tan(u/2)^2 = u for u = e^x, or tan(u/2) = u for u = log x, the sixth power is 0 to order five."""
+    system = read_system(["x", "y"], {"x": f"({relation})^6*x*y'", "y": "y*x'^2"})
+    found = decide(system, False)
+    assert (found.verdict, found.order) == ("not_variational", 2)
+
+
 @pytest.mark.parametrize(("size", "highest"), [(16, 5), (15, 13), (17, 5)])
 def test_no_order_is_begun_whose_monomials_have_no_keys(
     size: int, highest: int, monkeypatch: pytest.MonkeyPatch
