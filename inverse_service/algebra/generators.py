@@ -17,15 +17,8 @@ from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service.algebra.modular import prime_factors
 from inverse_service.algebra.rational_functions import TooLarge, factored
-from inverse_service.algebra.tower import (
-    RADIAN,
-    AngleRule,
-    ArctangentRule,
-    ExponentialRule,
-    LogarithmRule,
-    Tower,
-    half_angle,
-)
+from inverse_service.algebra.rules import RADIAN, AngleRule, ArctangentRule, ExponentialRule, LogarithmRule, half_angle
+from inverse_service.algebra.tower import Tower
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
     PI,

@@ -13,7 +13,7 @@ from fractions import Fraction
 import mpmath
 
 from inverse_service.algebra.point import Variable
-from inverse_service.algebra.tower import RADIAN, Combination
+from inverse_service.algebra.rules import RADIAN, Combination
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate, evaluate_once
 from inverse_service.expressions.tree import (

@@ -11,14 +11,8 @@ from inverse_service.algebra.modular import is_positive, positive_power, safe_pr
 from inverse_service.algebra.point import evaluate
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
-from inverse_service.algebra.tower import (
-    Tower,
-    atoms_in_order,
-    circle_power,
-    circle_product,
-    circle_turn,
-    draw_point,
-)
+from inverse_service.algebra.rules import circle_power, circle_product, circle_turn
+from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse

@@ -20,7 +20,7 @@ from inverse_service.algebra.real_point import (
     requirements,
     varies,
 )
-from inverse_service.algebra.tower import AngleRule
+from inverse_service.algebra.rules import AngleRule
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text

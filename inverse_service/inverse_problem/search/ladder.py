@@ -34,10 +34,10 @@ from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.members import best_members, needed_combinations
 from inverse_service.inverse_problem.search.multiplier_ansatz import occurring_terms, solve_multiplier
 from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
-from inverse_service.inverse_problem.search.reductions import Lettered, views
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler, sampler_of
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
 from inverse_service.inverse_problem.search.tidy import tidied
+from inverse_service.inverse_problem.search.views import Lettered, views
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _DIGITS = 180
