@@ -79,6 +79,8 @@ HOSTILE = (
     Hostile("functions-list", system(functions=["A"]), "object", "/functions"),
     Hostile("function-number", system(functions={"A": 3}), "list", "/functions/A"),
     Hostile("time-text", system(time_dependent_lagrangian="yes"), "true or false", "/time_dependent_lagrangian"),
+    Hostile("near-list", system(near={"x": ["1"]}), "must be a number", "/near/x"),
+    Hostile("order-nine", system(series_order=9), "value; it must be an integer from 1 to 8", "/series_order"),
     Hostile("name-number", system(name=7), "text", "/name"),
     # documents that mean nothing
     Hostile("coordinate-twice", system(coordinates=["x", "x"]), pointer="/coordinates/1"),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from api_schemas.base import Document
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
@@ -29,31 +30,48 @@ if TYPE_CHECKING:
 # Nodes of all accelerations, beyond which nobody reads them.
 _MOST_NODES = 20_000
 Read = TypeVar("Read", bound=Document)
+Steps = tuple[int | str, ...]
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
 ALSO = ("time", "id", "options")
 TITLES = {"NonholonomicDocument": "nonholonomic system", "LagrangianDocument": "Lagrangian"}
-EXPECTED = {
-    "": "an object with coordinates and equations",
-    "lagrangian": "a formula written as text",
-    "constraints": """a list of constraints such as ["x' - R*cos(phi)*theta'"], or one text""",
-    "associated": '"first", "second", "third", "search" or "any"',
-    "multiples": """an object such as {"x": "mu*(x' - R*theta')"}, or a list of such objects""",
-    "name": "a text",
-    "coordinates": 'a list of names such as ["x", "y"]',
-    "equations": "an object of formulas by coordinate, a list of equations or one text",
-    "parameters": "a list of names, or an object with values",
-    "functions": 'an object such as {"A": ["r1"]}, each function with the coordinates it depends on',
-    "time_dependent_lagrangian": "true or false, without quotes",
-    "ansatz": """a list of terms such as ["y'^2/x'"]""",
-    "series_order": f"an integer from 1 to {MAX_SERIES_ORDER}",
-    "special_cases": "true or false, without quotes",
-    "clock": 'a formula in the coordinates, such as "1 + x^2"',
-    "kinds": """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """
+FORMULA = "a formula written as text"
+# What a value at these steps must be; "*" is any key or place.
+EXPECTED: dict[Steps, str] = {
+    (): "an object with coordinates and equations",
+    ("lagrangian",): FORMULA,
+    ("constraints",): """a list of constraints such as ["x' - R*cos(phi)*theta'"], or one text""",
+    ("constraints", "*"): FORMULA,
+    ("motion",): """an object such as {"x": "-x"}, the accelerations of the free coordinates""",
+    ("motion", "*"): FORMULA,
+    ("associated",): '"first", "second", "third", "search" or "any"',
+    ("multiples",): """an object such as {"x": "mu*(x' - R*theta')"}, or a list of such objects""",
+    ("multiples", "*"): FORMULA,
+    ("name",): "a text",
+    ("coordinates",): 'a list of names such as ["x", "y"]',
+    ("coordinates", "*"): "a name",
+    ("equations",): "an object of formulas by coordinate, a list of equations or one text",
+    ("equations", "*"): FORMULA,
+    ("parameters",): "a list of names, or an object with values",
+    ("parameters", "*"): 'a name in a list, a number in an object, such as "1/2"',
+    ("functions",): 'an object such as {"A": ["r1"]}, each function with the coordinates it depends on',
+    ("functions", "*"): "a list of the coordinates that the function depends on",
+    ("functions", "*", "*"): "a name",
+    ("time_dependent_lagrangian",): "true or false, without quotes",
+    ("ansatz",): """a list of terms such as ["y'^2/x'"]""",
+    ("ansatz", "*"): FORMULA,
+    ("series_order",): f"an integer from 1 to {MAX_SERIES_ORDER}",
+    ("special_cases",): "true or false, without quotes",
+    ("clock",): 'a formula in the coordinates, such as "1 + x^2"',
+    ("kinds",): """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """
     """"rayleigh_general", {"invariant": ["x"]}]""",
-    "near": """an object of numbers such as {"x": "1", "x'": "0"}""",
-    "where": """an object of formulas such as {"r": "sqrt(x^2 + y^2)"}""",
-    "search": """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
+    ("kinds", "*"): "one of natural, riemannian, finsler, positive_definite, rayleigh, rayleigh_general",
+    ("kinds", "*", "*"): 'a list such as ["x", {"y": "x"}]',
+    ("near",): """an object of numbers such as {"x": "1", "x'": "0"}""",
+    ("near", "*"): 'a number, such as "1/2"',
+    ("where",): """an object of formulas such as {"r": "sqrt(x^2 + y^2)"}""",
+    ("where", "*"): FORMULA,
+    ("search",): """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
 }
 
 # Questions about equations of second order, which a document with constraints does not have.
@@ -138,62 +156,68 @@ def _term(text: str, names: Names, schema: Asking, pointer: str) -> Expression:
     return term
 
 
-def validated(document: Any, schema: type[Read]) -> Read:
-    """The document in its schema; raises DocumentRefused with every fault found."""
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """What the refusals of a schema say: the name of the whole, what a value must be, the sentence for a key too many.
+
+    `keys` takes from pydantic's way to a fault the steps that are no keys of the document.
+    """
+
+    whole: str
+    expected: Mapping[Steps, str]
+    unknown: Callable[[Steps, str], str]
+    keys: Callable[[Steps], Steps]
+
+
+def validated(document: Any, schema: type[Read], wording: Wording | None = None) -> Read:
+    """The document in its schema; raises DocumentRefused with every fault found, at most MAX_PLACES in its order."""
     try:
         return schema.model_validate(document)
     except ValidationError as error:
-        raise DocumentRefused(places_of(error, schema)) from None
+        found = error.errors(include_url=False, include_input=False)[:MAX_PLACES]
+        raise DocumentRefused(tuple(_place(fault, wording or _of_systems(schema)) for fault in found)) from None
 
 
-def places_of(error: ValidationError, schema: type[Document] = SystemDocument) -> tuple[Place, ...]:
-    """At most MAX_PLACES faults in the order of the document, read as `schema`; never a value of the input."""
-    found = error.errors(include_url=False, include_input=False, include_context=True)
-    return tuple(_place(fault, schema) for fault in found[:MAX_PLACES])
-
-
-def _place(fault: Mapping[str, Any], schema: type[Document]) -> Place:
-    steps = [step for step in fault["loc"] if step not in NOT_IN_THE_DOCUMENT]
-    pointer = "".join(f"/{escape(step)}" for step in steps)
-    code = "limit" if fault["type"].endswith("too_long") else "bad-input"
-    return Place(_sentence(fault, steps, schema), pointer, None, code)
-
-
-def _sentence(fault: Mapping[str, Any], steps: list[Any], schema: type[Document]) -> str:
-    top = str(steps[0]) if steps else ""
-    kind, context = fault["type"], fault.get("ctx", {})
-    where = f"'{'/'.join(escape(step) for step in steps)}'" if steps else "The document"
+def _place(fault: ErrorDetails, wording: Wording) -> Place:
+    """The fault in a sentence, which never holds a value of the input."""
+    kind, steps = fault["type"], wording.keys(fault["loc"])
+    where = f"'{'/'.join(escape(step) for step in steps)}'" if steps else wording.whole
+    code, expected = "bad-input", f"it must be {_expected(steps, wording.expected)}."
     if kind == "missing":
-        return f"The key {where} is missing; it must be {EXPECTED.get(top, 'there')}."
-    if kind == "extra_forbidden" and top in BESIDE and "constraints" in schema.model_fields:
-        return BESIDE[top]
-    if kind == "extra_forbidden":
+        sentence = f"The key {where} is missing; {expected}"
+    elif kind == "extra_forbidden":
+        sentence = wording.unknown(steps, where)
+    elif kind.endswith("too_long"):
+        code, counted = "limit", "characters" if kind.startswith("string") else "entries"
+        sentence = f"{where} is too long: at most {fault['ctx']['max_length']} {counted} are accepted."
+    elif kind.endswith("too_short"):
+        sentence = f"{where} must not be empty; {expected}"
+    else:
+        sentence = f"{where} has the wrong type or value; {expected}"
+    return Place(sentence, "".join(f"/{escape(step)}" for step in steps), None, code)
+
+
+def _of_systems(schema: type[Document]) -> Wording:
+    def unknown(steps: Steps, where: str) -> str:
+        if steps[0] in BESIDE and "constraints" in schema.model_fields:
+            return BESIDE[str(steps[0])]
         keys = ", ".join((*schema.model_fields, *ALSO))
         return f"The key {where} is not known here; a {TITLES.get(schema.__name__, 'system')} has the keys {keys}."
-    if kind.endswith("too_long"):
-        return f"{where} is too long: at most {context['max_length']} {_counted(kind)} are accepted."
-    if kind.endswith("too_short"):
-        return f"{where} must not be empty; it must be {_expected(steps)}."
-    return f"{where} has the wrong type; it must be {_expected(steps)}."
+
+    return Wording("The document", EXPECTED, unknown, lambda steps: without(steps, NOT_IN_THE_DOCUMENT))
 
 
-def _counted(kind: str) -> str:
-    return "characters" if kind.startswith("string") else "entries"
+def without(steps: Steps, hidden: Container[Any]) -> Steps:
+    """The steps that are keys of the document."""
+    return tuple(step for step in steps if step not in hidden)
 
 
-def _expected(steps: list[Any]) -> str:
-    if len(steps) <= 1:
-        return EXPECTED.get(str(steps[0]) if steps else "", "a text")
-    if steps[0] in ("equations", "ansatz", "constraints", "multiples", "where"):
-        return "a formula written as text"
-    if steps[0] == "kinds":
-        return (
-            "one of natural, riemannian, finsler, positive_definite, rayleigh, rayleigh_general"
-            if len(steps) == 2
-            else 'a list such as ["x", {"y": "x"}]'
-        )
-    if steps[0] == "parameters":
-        return 'a number written as text or as a number, such as "1/2"' if isinstance(steps[1], str) else "a name"
-    if steps[0] == "functions" and len(steps) == 2:
-        return "a list of the coordinates that the function depends on"
-    return "a name"
+def _expected(steps: Steps, table: Mapping[Steps, str]) -> str:
+    """What is said of the last of the steps that the table knows."""
+    path: Steps = ()
+    for step in steps:
+        further = (*path, "*" if (*path, "*") in table else step)
+        if further not in table:
+            break
+        path = further
+    return table[path]

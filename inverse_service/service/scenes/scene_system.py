@@ -9,13 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from pydantic import ValidationError
-
 from api_schemas.base import MAX_SIMULATED
 from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocument, ResultSystem
 from inverse_service import catalogue
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.errors import DocumentRefused, InputError, Place
+from inverse_service.errors import DocumentRefused, InputError
 from inverse_service.expressions import tree as trees
 from inverse_service.expressions.derivative import Definitions
 from inverse_service.expressions.names import Names
@@ -24,9 +22,8 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
-from inverse_service.service.documents import accepting
+from inverse_service.service.documents.accepting import EXPECTED, Wording, to_schema, validated
 from inverse_service.service.documents.preparing import inward, prepared, uses_the_letter_t
-from inverse_service.service.documents.reading import escape
 from inverse_service.service.scenes.scene_refusals import SYSTEM
 from inverse_service.simulation.formulas import walls
 
@@ -77,7 +74,7 @@ class KnownLagrangian:
 
 
 Values = Mapping[str, str]
-LAGRANGIAN_KEYS = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions", "where", "time")
+LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,10 +198,7 @@ def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanica
 
 
 def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    try:
-        schema = LagrangianDocument.model_validate({k: v for k, v in document.items() if k not in SOLVE_ONLY})
-    except ValidationError as error:
-        raise DocumentRefused(tuple(map(_place, error.errors(include_url=False, include_input=False)))) from None
+    schema = validated({k: v for k, v in document.items() if k not in SOLVE_ONLY}, LagrangianDocument, WORDING)
     parameters, values = _parameters(schema.parameters, [name for name in extra if name not in schema.coordinates])
     declared = Declared(schema.coordinates, parameters, schema.functions, schema.where, MAX_SIMULATED)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
@@ -226,7 +220,7 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
 
 
 def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    schema = accepting.to_schema(document)
+    schema = to_schema(document)
     coordinates = schema.coordinates or schema.equations
     parameters, values = _parameters(schema.parameters, [name for name in extra if name not in coordinates])
     system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
@@ -275,13 +269,9 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
     return [*names, *(name for name in extra if name not in taken), *more], values
 
 
-def _place(fault: Any) -> Place:
-    steps = [step for step in fault["loc"] if step not in ("dict", "list", "[key]") and not str(step).endswith("]")]
-    pointer = "".join(f"/{escape(step)}" for step in steps)
-    where = f"'{'/'.join(escape(step) for step in steps)}'"
-    keys = ", ".join(LAGRANGIAN_KEYS)
-    if fault["type"] == "missing":
-        return Place(f"The key {where} is missing; a system with a Lagrangian has the keys {keys}.", pointer)
-    if fault["type"] == "extra_forbidden":
-        return Place(f"The key {where} is not known here; a system with a Lagrangian has the keys {keys}.", pointer)
-    return Place(f"{where} has the wrong type or size: names are texts, formulas are texts.", pointer)
+WORDING = Wording(
+    "The system",
+    EXPECTED,
+    lambda _, where: f"The key {where} is not known here; a system with a Lagrangian has the keys {LAGRANGIAN_KEYS}.",
+    lambda steps: tuple(step for step in steps if step not in ("dict", "list") and not str(step).endswith("]")),
+)
