@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from api_schemas import result as schemas
-from api_schemas.base import ParseAnswer, ParsedFormula
+from api_schemas.base import Document, ParseAnswer, ParsedFormula
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.expressions.inequalities import inequality_text, is_plainly_nonzero, is_plainly_positive
@@ -30,19 +30,15 @@ if TYPE_CHECKING:
 
     AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
 
+Part = TypeVar("Part", bound=Document)
+
 
 def to_parse_answer(system: SecondOrderSystem, schema: AnyDocument) -> ParseAnswer:
     """What was understood, for a reader to compare with what was meant."""
     shown = system.given if system.is_unsolved else system.accelerations
-    return ParseAnswer(
-        name=system.name,
-        coordinates=list(system.coordinates),
-        parameters=list(system.parameters),
-        functions=function_fields(system),
-        equations={name: parsed(f) for name, f in zip(system.coordinates, shown, strict=True)},
-        depends_on_time=system.depends_on_time,
-        guessed=guessed_names(schema, system),
-    )
+    equations = {name: parsed(f) for name, f in zip(system.coordinates, shown, strict=True)}
+    names = {"functions": function_fields(system), "guessed": guessed_names(schema, system)}
+    return part_of(ParseAnswer, system, equations=equations, **names)
 
 
 def guessed_names(schema: AnyDocument, system: SecondOrderSystem | NonholonomicSystem) -> list[str]:
@@ -174,15 +170,7 @@ def answer_fields(answer: outcome.Answer, system: SecondOrderSystem) -> dict[str
         "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
         "integrals": {} if lagrangian is None else integrals_of(lagrangian.expression).get("integrals", {}),
         "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, system.coordinates),
-        "solution_space": None
-        if space is None
-        else schemas.SolutionSpacePart(
-            order=space.order,
-            dimensions=list(space.dimensions),
-            characters=list(space.characters),
-            involutive=space.involutive,
-            statement=space.statement,
-        ),
+        "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
         "checked": answer.checked,
@@ -192,11 +180,7 @@ def answer_fields(answer: outcome.Answer, system: SecondOrderSystem) -> dict[str
 
 
 def step_part(step: outcome.Step) -> schemas.ExplanationStep:
-    parts = [
-        schemas.ExplanationPart(kind=p.kind, text=p.text, latex=p.latex, mathml=p.mathml, uses=list(p.uses))
-        for p in step.parts
-    ]
-    return schemas.ExplanationStep(text=step.text, latex=step.latex, parts=parts)
+    return part_of(schemas.ExplanationStep, step, parts=[part_of(schemas.ExplanationPart, each) for each in step.parts])
 
 
 def lagrangian_part(lagrangian: outcome.Lagrangian) -> schemas.LagrangianPart:
@@ -271,10 +255,16 @@ def _texts(matrix: outcome.Matrix) -> list[list[str]]:
     return [[to_text(entry) for entry in row] for row in matrix]
 
 
+def part_of(schema: type[Part], found: object, **other: Any) -> Part:
+    """The part of a document whose fields, beyond the `other` ones, are the attributes of the same names."""
+    named = {name: plain(getattr(found, name)) for name in schema.model_fields if name not in other}
+    return schema(**named, **other)
+
+
 def plain(value: Any) -> Any:
-    """Mappings and sequences as dict and list, so that JSON can hold them."""
+    """Mappings and sequences as dict and list, formulas in text and LaTeX, so that JSON can hold them."""
     if isinstance(value, Mapping):
         return {str(key): plain(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
         return [plain(part) for part in value]
-    return value
+    return formula(value) if isinstance(value, Expression) else value

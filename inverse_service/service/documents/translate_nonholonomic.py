@@ -64,10 +64,9 @@ def to_nonholonomic_parse_answer(
     system: NonholonomicSystem, motion: EquationsOfMotion, schema: schemas.NonholonomicDocument
 ) -> schemas.NonholonomicParseAnswer:
     """What was understood: Lagrangian, constraints, and the accelerations that follow."""
-    return schemas.NonholonomicParseAnswer(
-        name=system.name,
-        coordinates=list(system.coordinates),
-        parameters=list(system.parameters),
+    return translate.part_of(
+        schemas.NonholonomicParseAnswer,
+        system,
         functions=translate.function_fields(system),
         equations={name: parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
         depends_on_time=any(node == TIME for f in motion.accelerations for node in walk(f)),
@@ -103,13 +102,12 @@ def _motion_fields(report: nonholonomic_study.MotionReport) -> dict[str, Any]:
 
 
 def _motion(motion: EquationsOfMotion) -> schemas.MotionPart:
-    return schemas.MotionPart(
-        free=list(motion.free),
-        dependent=list(motion.dependent),
+    return translate.part_of(
+        schemas.MotionPart,
+        motion,
         first_order=formulas(motion.dependent, motion.dependent_velocities),
         second_order=formulas(motion.free, motion.free_accelerations),
         accelerations=formulas(motion.system.coordinates, motion.accelerations),
-        multipliers=[formula(tree) for tree in motion.multipliers],
     )
 
 
@@ -128,31 +126,22 @@ def _integrability(report: nonholonomic_study.MotionReport) -> schemas.Integrabi
         )
     else:
         text = f"{found.integrable} of {count} constraints is integrable: a combination restricts positions."
-    return schemas.IntegrabilityPart(
-        holonomic=found.holonomic,
-        integrable=found.integrable,
-        count=count,
-        growth=list(found.growth),
-        integrals=[formula(tree) for tree in found.integrals],
-        statement=text,
-    )
+    return translate.part_of(schemas.IntegrabilityPart, found, statement=text)
 
 
 def to_any_associated(answer: MotionAnswer) -> schemas.AnyAssociatedPart:
     """The key `any_associated` of a result."""
     found, certificates = answer.lagrangian, [translate.plain(each) for each in answer.certificates]
     report = None if found is None else found.report
-    return schemas.AnyAssociatedPart(
+    return translate.part_of(
+        schemas.AnyAssociatedPart,
+        answer,
         statement=_statement(answer),
-        verdict=answer.verdict,
-        verdict_with_time=answer.verdict_with_time,
-        reason=answer.reason,
         checked="valid" if certificates else None,
         lagrangian=None if found is None else _motion_lagrangian(found),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
         image=[] if report is None else [formula(tree) for tree in report.images],
-        freedom=answer.freedom,
         certificate=certificates[0] if certificates else None,
         certificate_with_time=certificates[1] if len(certificates) > 1 else None,
         explanation=[translate.step_part(step) for step in answer.explanation],
@@ -266,7 +255,7 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
         hamiltonian=_hamiltonian(found),
         constraints=[formula(tree) for tree in found.images],
         checked=report.checked,
-        statements=[schemas.StatementPart(text=each.text, verdict=each.verdict) for each in found.statements],
+        statements=[translate.part_of(schemas.StatementPart, each) for each in found.statements],
         holds=found.holds,
         trajectory=None if found.comparison is None else _trajectory(found.comparison),
     )
@@ -277,13 +266,5 @@ def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
 
 
 def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
-    return schemas.TrajectoryPart(
-        time=comparison.time,
-        step=comparison.step,
-        parameters=dict(comparison.parameters),
-        functions={name: to_text(body) for name, body in comparison.functions.items()},
-        start=dict(comparison.start),
-        difference=comparison.difference,
-        constraint=comparison.constraint,
-        energy=comparison.energy,
-    )
+    functions = {name: to_text(body) for name, body in comparison.functions.items()}
+    return translate.part_of(schemas.TrajectoryPart, comparison, functions=functions)
