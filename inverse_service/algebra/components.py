@@ -167,7 +167,7 @@ class _Cell(SignedRing):
 
     def _simpler(self, tree: Expression) -> list[Expression] | None:
         """Conditions on u for sin u > 0, cos u > 0, log u > 0, or their negatives; None for another tree."""
-        shifted = self._touching(tree) or _beyond_exponential(tree)
+        shifted = [] if is_plainly_positive(tree) else self._touching(tree) or _beyond_exponential(tree)
         if shifted is not None:
             return shifted
         sign, inner = _signed(tree)

@@ -6,6 +6,11 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache, reduce
+from math import prod
+from typing import Any
+
+from flint import fmpq, fmpq_poly
 
 from inverse_service.expressions.notation import Formula, row
 from inverse_service.expressions.tree import (
@@ -24,6 +29,9 @@ from inverse_service.expressions.tree import (
     negate,
     walk,
 )
+
+_DEGREE = 40
+_ROUNDED_UP = 1 + 1e-12
 
 
 def inequality(tree: Expression) -> Formula:
@@ -46,7 +54,7 @@ def is_plainly_positive(tree: Expression, known: Collection[Expression] = ()) ->
             return value > 0
         case Sum(terms):
             no_less = all(_is_plainly_no_less(term, known) for term in terms)
-            return no_less and any(is_plainly_positive(term, known) for term in terms)
+            return (no_less and any(is_plainly_positive(term, known) for term in terms)) or _range(tree, {}).is_positive
         case Product(factors):
             return all(is_plainly_positive(factor, known) for factor in factors)
         case Power(base, Number(exponent)) if exponent < 0:
@@ -54,6 +62,42 @@ def is_plainly_positive(tree: Expression, known: Collection[Expression] = ()) ->
         case Power(base, _):
             return is_plainly_positive(base, known)
     return isinstance(tree, Apply) and tree.function in ("exp", "cosh")
+
+
+@lru_cache(maxsize=4096)
+def is_positive_polynomial(tree: Expression) -> bool:
+    """Whether it is a polynomial in one name, with rational coefficients, that is > 0 on the whole line.
+
+    By its roots: isolated in boxes, those that are real with the imaginary part 0.
+    """
+    names = {node for node in walk(tree) if isinstance(node, Symbol | Velocity)}
+    polynomial = _polynomial(tree) if len(names) == 1 else None
+    if polynomial is None or polynomial.degree() % 2 or polynomial[polynomial.degree()] <= 0:
+        return False
+    roots: list[Any] = polynomial.numer().complex_roots()  # pairs (root, multiplicity), which its stub leaves out
+    return not any(root[0].imag.contains(0) for root in roots)
+
+
+def _polynomial(tree: Expression) -> fmpq_poly | None:
+    """The polynomial in the one name that occurs; None for what is none, or of a degree over 40."""
+    match tree:
+        case Number(value):
+            return fmpq_poly([fmpq(value.numerator, value.denominator)])
+        case Symbol() | Velocity():
+            return fmpq_poly([0, 1])
+        case Sum(parts) | Product(parts):
+            found = [_polynomial(part) for part in parts]
+            known = [part for part in found if part is not None]
+            if len(known) < len(found):
+                return None
+            if isinstance(tree, Sum):
+                return sum(known, fmpq_poly([0]))
+            return prod(known, start=fmpq_poly([1])) if sum(max(p.degree(), 0) for p in known) <= _DEGREE else None
+        case Power(base, Number(exponent)) if exponent.denominator == 1 and exponent > 0:
+            inner = _polynomial(base)
+            fits = inner is not None and inner.degree() * exponent <= _DEGREE
+            return inner ** int(exponent) if inner is not None and fits else None
+    return None
 
 
 def _is_plainly_no_less(tree: Expression, known: Collection[Expression]) -> bool:
@@ -68,7 +112,8 @@ def _is_plainly_no_less(tree: Expression, known: Collection[Expression]) -> bool
 
 def is_plainly_nonzero(tree: Expression, known: Collection[Expression]) -> bool:
     """Whether it is not 0 wherever it is defined and none of `known` is 0, seen from its form alone."""
-    if tree in known or -tree in known or is_plainly_positive(tree):
+    around = _range(tree, {})
+    if tree in known or -tree in known or around.is_positive or around.turned.is_positive:
         return True
     match tree:
         case Number(value):
@@ -168,29 +213,38 @@ def _range(tree: Expression, bounds: Mapping[Expression, Range]) -> Range:
     match tree:
         case Number(value):
             return Range(value, value, False, False)
+        case Sum() if is_positive_polynomial(tree):
+            return Range(0)
+        case Sum() if is_positive_polynomial(negate(tree)):
+            return Range(0).turned
         case Sum(terms):
             found = [_range(term, bounds) for term in terms]
             low, high = (sum(getattr(one, end) for one in found) for end in ("low", "high"))
             return Range(low, high, any(one.low_open for one in found), any(one.high_open for one in found))
         case Product(factors):
-            return _product_of([_range(factor, bounds) for factor in factors])
+            return reduce(_times, (_range(factor, bounds) for factor in factors))
         case Power(base, Number(exponent)):
             return _power_of(_range(base, bounds), exponent)
+        case Apply("sin" | "cos"):
+            return Range(-1, 1, False, False)
     return bounds.get(tree, Range(0) if is_plainly_positive(tree) else Range())
 
 
-def _product_of(factors: Sequence[Range]) -> Range:
-    """Of factors that keep their signs; anything where one does not."""
-    found, is_turned = Range(Fraction(1), Fraction(1), False, False), False
-    for one in factors:
-        is_below = one.low < 0
-        one, is_turned = (one.turned, not is_turned) if is_below else (one, is_turned)
-        if one.low < 0:
-            return Range()
-        low, high = found.low * one.low, 0 if 0 in (found.high, one.high) else found.high * one.high
-        low_open = found.low_open or one.low_open if low else found.is_positive and one.is_positive
-        found = Range(low, high, low_open, high != 0 and (found.high_open or one.high_open))
-    return found.turned if is_turned else found
+def _times(one: Range, other: Range) -> Range:
+    if one.low < 0 and one.high <= 0:
+        return _times(one.turned, other).turned
+    if other.low < 0 and other.high <= 0:
+        return _times(one, other.turned).turned
+    ends = [0 if 0 in (left, right) else left * right for left in _ends(one) for right in _ends(other)]
+    low, high = min(ends), max(ends)
+    if min(one.low, other.low) < 0:
+        return Range(low, high, low == -math.inf, high == math.inf)
+    low_open = one.low_open or other.low_open if low else one.is_positive and other.is_positive
+    return Range(low, high, low_open, high != 0 and (one.high_open or other.high_open))
+
+
+def _ends(one: Range) -> tuple[Bound, Bound]:
+    return one.low, one.high
 
 
 def _power_of(base: Range, exponent: Fraction) -> Range:
@@ -198,8 +252,10 @@ def _power_of(base: Range, exponent: Fraction) -> Range:
     if is_even and base.high <= 0:
         base = base.turned
     if base.low < 0:
-        return Range(0, low_open=exponent < 0) if is_even else Range()
+        most = max(base.low**2, base.high**2) ** (int(exponent) // 2) if is_even and exponent > 0 else math.inf
+        return Range(0, most, exponent < 0, most == math.inf) if is_even else Range()
     if exponent < 0 or exponent.denominator > 1:
-        return Range(0, low_open=exponent < 0 or base.is_positive)
+        most = math.inf if exponent < 0 or base.high == math.inf else float(base.high) ** float(exponent) * _ROUNDED_UP
+        return Range(0, most, exponent < 0 or base.is_positive, most == math.inf)
     power = int(exponent)
     return Range(base.low**power, base.high**power, base.low_open, base.high_open)

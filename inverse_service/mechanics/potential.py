@@ -12,8 +12,8 @@ import flint
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Exponents, Quotient, as_fraction
 from inverse_service.expressions.tree import Apply, Arbitrary, Expression, add, multiply
-from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.quotient_matrices import common_multiple, solution
+from inverse_service.mechanics.writing import joined, readable
 
 Partial = Callable[[Quotient], Quotient]
 MOST_CANDIDATES = 200
@@ -33,7 +33,7 @@ class Potential:
         factors = [readable(ring, element) ** readable(ring, value) for value, element in self.logarithms]
         if not self.rest.is_zero:
             factors.append(Apply("exp", readable(ring, self.rest)))
-        return multiply(*factors)
+        return joined(multiply(*factors))
 
     def tree(self, ring: ExactRing) -> Expression:
         """phi as a tree."""

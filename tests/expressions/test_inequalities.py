@@ -14,7 +14,23 @@ NAMES = Names(("x", "y"), ("c",), {})
 
 
 @pytest.mark.parametrize(
-    "text", ["3", "x^2 + 1", "exp(-x)", "1/x^2", "1/sqrt(x)", "2*cosh(y)", "sqrt(x^2 + 1)", "x^2*y^4 + 1/2"]
+    "text",
+    [
+        "3",
+        "x^2 + 1",
+        "exp(-x)",
+        "1/x^2",
+        "1/sqrt(x)",
+        "2*cosh(y)",
+        "sqrt(x^2 + 1)",
+        "x^2*y^4 + 1/2",
+        "x^2 - 2*x + 2",
+        "x^4 - x + 1",
+        "(x^2 - 4*x + 5)*(x^2 + 1) - 1/2",
+        "2 - cos(x)",
+        "3 - sin(x)*cos(y) - sin(y)^2",
+        "3/2 - sqrt(2)*cos(x)",
+    ],
 )
 def test_what_is_positive_wherever_it_is_defined_is_seen(text: str) -> None:
     assert is_plainly_positive(read_formula(text, NAMES))
@@ -36,6 +52,13 @@ def test_what_is_positive_wherever_it_is_defined_is_seen(text: str) -> None:
         "sinh(x)",
         "-exp(x)",
         "x*y + 1",
+        "x^2 - 2*x + 1",
+        "x^4 - 4*x + 3",
+        "x^3 - 2*x^2 + 2",
+        "-x^2 + 2*x - 2",
+        "1 - cos(x)",
+        "1 + 2*sin(x)*cos(x)",
+        "7/5 - sqrt(2)*cos(x)",
     ],
 )
 def test_what_can_be_zero_or_negative_is_not_called_positive(text: str) -> None:

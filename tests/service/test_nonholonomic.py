@@ -55,6 +55,20 @@ def test_bare_lagrangian_and_constraints_give_the_whole_answer(name: str) -> Non
     assert all(one["trajectory"]["difference"] < 1e-7 for one in part["hamiltonisation"])
 
 
+def test_roots_of_positive_sums_are_one_root_in_all_that_is_shown() -> None:
+    document = {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2 + y'^2 + z'^2)/2",
+        "constraints": ["z' = y^2*x'/2"],
+    }
+    result = solve_document(document, SolveOptions())
+    part = result["nonholonomic"]
+    shown = [result["lagrangian"]["text"], result["hamiltonian"]["text"], part["measure_density"]["density"]["text"]]
+    shown += [one["text"] for one in part["first_integrals"] if one["name"] == "scaled velocity of x"]
+    assert len(shown) == 4
+    assert all("sqrt(y^4 + 4)" in text and "2*y + 2" not in text for text in shown)
+
+
 @pytest.mark.parametrize("name", FIVE[:3])
 def test_the_checker_accepts_the_result_and_no_other_lagrangian(name: str) -> None:
     result = solved(name)

@@ -39,8 +39,8 @@ from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.legendre.constraints import constraint_images
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
-from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.writing import tidied
 
 _ATTEMPTS = 6
 

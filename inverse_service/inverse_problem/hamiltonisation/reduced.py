@@ -23,8 +23,8 @@ from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
-from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.writing import tidied
 
 CONSTRAINED = "constrained Lagrangian"
 

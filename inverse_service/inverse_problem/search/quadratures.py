@@ -20,7 +20,9 @@ from inverse_service.algebra.real_point import RealTable, is_defined, real_sign
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import end, left, now
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.expressions.collecting_trees import merge_powers
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import (
     HALF,
     PI,
@@ -30,6 +32,7 @@ from inverse_service.expressions.tree import (
     Expression,
     Integral,
     Number,
+    Power,
     Symbol,
     Velocity,
     add,
@@ -42,9 +45,9 @@ from inverse_service.inverse_problem.decision.certify import of_lagrangian
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, shortest
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooManyTerms, monomial_tree, terms_of, tree_of
-from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.potential import Potential, potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.writing import joined, readable
 
 _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 
@@ -127,16 +130,41 @@ def antiderivative(
     system: SecondOrderSystem, slope: Expression, variable: Expression, table: RealTable | None
 ) -> Expression | None:
     """An elementary one of a formula in one variable; None where none is found. SymPy is asked last."""
-    letter = Symbol(next(fresh_names(system, slope)))
-    plain = substitute(slope, {variable: letter})
-    try:
-        found = completed([letter.name], [terms_of(plain)])
-    except (TooManyTerms, TooLarge, ZeroDivisionError):
-        found = None
-    if found is not None:
-        return -substitute(found, {letter: variable})
-    found = _by_sympy(plain, letter, {**table, letter: table[variable]}) if table and variable in table else None
-    return None if found is None else substitute(found, {letter: variable})
+    names = fresh_names(system, slope)
+    letter, inner = Symbol(next(names)), Symbol(next(names))
+    plain = joined(substitute(slope, {variable: letter}))
+    forms = [(plain, letter, letter), *((form, inner, w) for form, w in _substitutions(plain, letter, inner))]
+    for form, name, meant in forms:
+        with suppress(TooManyTerms, TooLarge, ZeroDivisionError):
+            found = completed([name.name], [terms_of(form)])
+            if found is not None:
+                return -substitute(substitute(found, {name: meant}), {letter: variable})
+    if not table or variable not in table:
+        return None
+    place = {**table, letter: table[variable]}
+    for form, name, meant in reversed(forms):
+        known = _by_sympy(form, name, {**place, name: evaluate(meant, place)})
+        if known is not None:
+            return substitute(substitute(known, {name: meant}), {letter: variable})
+    return None
+
+
+def _substitutions(slope: Expression, x: Symbol, inner: Symbol) -> Iterator[tuple[Expression, Expression]]:
+    """(g, w) with slope = g(w(x)) w'(x) for w = x^2 and the functions of x that occur, g in the letter `inner`."""
+    functions = dict.fromkeys(node for node in walk(slope) if isinstance(node, Apply) and x in walk(node))
+    for w in (x**2, *functions):
+        outer = merge_powers(slope / differentiate(w, x))
+        table: dict[Expression, Expression] = {w: inner}
+        if isinstance(w, Power):
+            exponents = {
+                node: node.exponent.value / 2
+                for node in walk(outer)
+                if isinstance(node, Power) and node.base == x and isinstance(node.exponent, Number)
+            }
+            table = {node: inner**half for node, half in exponents.items() if half.denominator == 1}
+        form = substitute(outer, table)
+        if x not in walk(form):
+            yield form, w
 
 
 class _TimeIsUp(BaseException):
@@ -163,6 +191,9 @@ def _at_most(seconds: float) -> Iterator[None]:
 # For SymPy, in s of processor time: most integrals that it finds take a tenth of that. And what it is not asked for.
 _SECONDS, _LONGEST, _HIGHEST = 2.5, 80, 12
 _CALLS = 500  # between two looks at the time
+# What was asked for the whole time in vain: parts of a potential come again and again in one search.
+_VAIN: set[tuple[Expression, frozenset[tuple[Symbol, int]]]] = set()
+_MOST_VAIN = 256
 
 
 def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expression | None:
@@ -174,12 +205,17 @@ def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expressi
     from inverse_service.expressions.sympy_trees import elementary_antiderivatives
 
     signs = {node: 1 if table[node] > 0 else -1 for node in nodes if isinstance(node, Symbol)}
+    question, most = (slope, frozenset(signs.items())), end() - now()
+    if question in _VAIN:
+        return None
     found: list[Expression] = []
     with suppress(_TimeIsUp), _at_most(_SECONDS):
         for tree in elementary_antiderivatives(slope, variable, signs):
             found = [real for real in (_with_real_logarithms(tree, table),) if is_defined([real], table)]
             if found:
                 break
+    if not found and most > _SECONDS and len(_VAIN) < _MOST_VAIN:
+        _VAIN.add(question)
     return next((tree for tree in found if _has_slope(tree, slope, variable, table)), None)
 
 

@@ -51,9 +51,9 @@ from inverse_service.inverse_problem.search.terms import (
     tree_of,
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.writing import joined
 
 _LARGEST = 4
-_TANGENTS = {"sin": ("cos", "tan"), "sinh": ("cosh", "tanh")}
 # (cos, sin) of k turns as rows of (coefficient, power of u): real and imaginary part of (1 + i u)^k.
 _TURNS = {
     1: (((1, 0),), ((1, 1),)),
@@ -113,20 +113,7 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
         return tree
     kept = _velocity_sums(tree)
     others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
-    return kinetic_first(minus_inside(_with_tangents(_as_written(min([tree, *others], key=_preference), system))))
-
-
-def _with_tangents(tree: Expression) -> Expression:
-    """tan(u) for sin(u)/cos(u), tanh(u) for sinh(u)/cosh(u)."""
-    tree = rebuild(tree, _with_tangents)
-    factors = list(tree.factors) if isinstance(tree, Product) else []
-    for factor in factors:
-        if isinstance(factor, Apply) and factor.function in _TANGENTS:
-            below = Apply(_TANGENTS[factor.function][0], factor.argument) ** -1
-            if below in factors:
-                rest = (one for one in factors if one not in (factor, below))
-                return multiply(*rest, Apply(_TANGENTS[factor.function][1], factor.argument))
-    return tree
+    return kinetic_first(minus_inside(_as_written(joined(min([tree, *others], key=_preference)), system)))
 
 
 def kinetic_first(tree: Expression) -> Expression:

@@ -45,6 +45,7 @@ from inverse_service.mechanics.legendre.points import (
     vanishes_at,
 )
 from inverse_service.mechanics.legendre.solving import Reach, block_branches, momentum_shifts
+from inverse_service.mechanics.writing import joined
 
 _MOST_BRANCHES = 16
 _MANY, _FEW = 16, 4
@@ -239,8 +240,8 @@ def _closed(
     energies = [minus_inside(exponentials_above(_placed(found.branch.hamiltonian, table))) for found in chosen]
     return replace(
         implicit,
-        hamiltonian=without_cancelling(inside(_collected_if_shorter(add(*energies, negated(parts.free))))),
-        velocities=tuple(merge_powers(velocity) for velocity in resolved(chained, names)),
+        hamiltonian=joined(without_cancelling(inside(_collected_if_shorter(add(*energies, negated(parts.free)))))),
+        velocities=tuple(joined(merge_powers(velocity)) for velocity in resolved(chained, names)),
         implicit=False,
         chained=chained,
     )

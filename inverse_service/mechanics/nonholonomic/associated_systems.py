@@ -17,8 +17,8 @@ from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import Expression, Number
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
-from inverse_service.mechanics.nonholonomic.writing import velocity_parts
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.writing import velocity_parts
 
 Kind = Literal["first", "second", "third"]
 KINDS: tuple[Kind, ...] = ("first", "second", "third")

@@ -22,9 +22,9 @@ from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.mechanics.nonholonomic.writing import readable
 from inverse_service.mechanics.quotient_matrices import determinant, reduced_rows, weight
 from inverse_service.mechanics.second_order_system import FunctionDeclaration
+from inverse_service.mechanics.writing import readable
 
 
 @dataclass(frozen=True, slots=True)

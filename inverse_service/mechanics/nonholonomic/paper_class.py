@@ -34,8 +34,8 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, add, square_root
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry, frames
-from inverse_service.mechanics.nonholonomic.writing import tidied
 from inverse_service.mechanics.potential import potential
+from inverse_service.mechanics.writing import tidied
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from inverse_service.expressions.tree import HALF, ZERO, Expression, Velocity, a
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import LegendreTransform, momentum_symbols
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
-from inverse_service.mechanics.nonholonomic.writing import tidied
+from inverse_service.mechanics.writing import tidied
 
 Matrix = Sequence[Sequence[Expression]]
 

@@ -184,7 +184,8 @@ def step_part(step: outcome.Step) -> schemas.ExplanationStep:
 
 
 def lagrangian_part(lagrangian: outcome.Lagrangian) -> schemas.LagrangianPart:
-    domain = [f"{to_text(e)} != 0" for e in lagrangian.nonzero] + _inequalities(lagrangian.positive)
+    unequal = [f"{to_text(tree)} != 0" for tree in lagrangian.nonzero if not is_plainly_nonzero(tree, ())]
+    domain = unequal + _inequalities(lagrangian.positive)
     regular = "everywhere" if _is_regular_everywhere(lagrangian) else "at generic points, where det g is not 0"
     written = formula_fields(lagrangian.expression)
     return schemas.LagrangianPart(**written, domain=domain, family=lagrangian.family, regular=regular)

@@ -62,6 +62,8 @@ def test_an_elementary_antiderivative_takes_the_place_of_an_integral_sign(equati
 BY_SYMPY = [
     "1/(1 + exp(y))", "y/(a + y)", "1/(y^2*(y - 1))", "1/cos(y)", "1/cosh(y)", "b/cosh(a*y)^2", "sqrt(a^2 - y^2)",
     "1/(2 + cos(y))", "sin(y)/(1 + cos(y)^2)", "1/(y^4 + 1)", "y*acosh(y)", "y^(1/3)/(1 + y)", "atan(y)/y^2",
+    "y/sqrt(y^4 + 4)", "1/(y*sqrt(y^2 - 1))", "1/(y*sqrt(1 + y^2))", "sin(y)/sqrt(2 - cos(y)^2)",
+    "cos(y)/sqrt(2 + sin(y))", "log(y)^2/(y*sqrt(1 + log(y)^3))",
 ]  # fmt: skip
 
 
