@@ -104,18 +104,18 @@ def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient
 
 def null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:
     """A basis of the constant c with sum_k c_k columns[k] = 0, entry by entry."""
-    return null_space(_equations(ring, columns), len(columns), ring.constant(1))
+    return list(null_space(_equations(ring, columns), len(columns), ring.constant(1)).values())
 
 
-def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> list[list[Quotient]]:
-    """A basis of the vectors orthogonal to all rows, one for each column that is free."""
+def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> dict[int, list[Quotient]]:
+    """A basis of the vectors orthogonal to all rows, one for each column that is free: the one it has to itself."""
     found, zero = reduced_rows(rows, range(size)), one - one
-    basis = []
+    basis = {}
     for free in (k for k in range(size) if k not in found.pivots):
         vector = [one if k == free else zero for k in range(size)]
         for row, pivot in zip(found.rows, found.pivots, strict=True):
             vector[pivot] = zero - row[free]
-        basis.append(vector)
+        basis[free] = vector
     return basis
 
 

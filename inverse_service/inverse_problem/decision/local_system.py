@@ -67,21 +67,12 @@ def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Se
     def partial(index: int) -> Callable[[LocalScalar], LocalScalar]:
         return lambda scalar: LocalScalar(ring, ps.derivative(scalar.series, index))
 
-    def along(scalar: LocalScalar) -> LocalScalar:
-        length = len(scalar.series) - 1
-        total = ring.constant(0)[:length]
-        for index, component in enumerate(forward):
-            slope = ps.derivative(scalar.series, index)
-            if any(slope):
-                total = ps.add(total, ps.multiply(component[:length], slope))
-        return LocalScalar(ring, total)
-
     partials = [partial(index) for index in range(ring.size)]
     return Motion(
         tuple(LocalScalar(ring, force) for force in forces),
         tuple(partials[offset : offset + n]),
         tuple(partials[offset + n :]),
-        along,
+        lambda scalar: LocalScalar(ring, ps.along(enumerate(forward), scalar.series)),
         LocalScalar(ring, ring.constant(0)),
     )
 

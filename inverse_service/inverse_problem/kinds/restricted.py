@@ -165,21 +165,13 @@ def _symmetry(
 ) -> list[Term]:
     n, size = len(forces), len(expansion.variables)
     series = [expansion.expand(f) for f in forces]
-    gamma = dict(enumerate([*(expansion.expand(v) for v in expansion.variables[size - n :]), *series], size - 2 * n))
+    gamma = list(enumerate([*(expansion.expand(v) for v in expansion.variables[size - n :]), *series], size - 2 * n))
     zero, terms = ps.scale(series[0], 0), []
     entry = {pair: k for k, pair in enumerate(pairs_of("H2", n))}
     for k, f in enumerate(series):
-        part = _along(field, f, zero)
-        part = ps.subtract(part, _along(gamma, field.get(size - n + k, zero), zero))
+        part = ps.along(field.items(), f)
+        part = ps.subtract(part, ps.along(gamma, field.get(size - n + k, zero)))
         part = ps.subtract(part, ps.scale(f, derivation.weight // 2)[: len(part)])
         if any(part):
             terms += [Term(i, entry[min(i, k), max(i, k)], NO_DERIVATIVE, part) for i in range(n)]
     return terms
-
-
-def _along(field: Mapping[int, Series], series: Series, zero: Series) -> Series:
-    """Y(y), one order less; what is no longer known there is dropped."""
-    total = zero[: len(series) - 1]
-    for a, part in field.items():
-        total = ps.add(total, ps.multiply(part[: len(series) - 1], ps.derivative(series, a)))
-    return total

@@ -203,7 +203,7 @@ class _Elimination:
         entries = [[self.result.entry((min(i, j), max(i, j)), one) for j in span] for i in span]
         free = sorted({unknown for line in entries for row in line for unknown in row})
         rows = [[row.get(unknown, one - one) for row in line] for unknown in free for line in entries]
-        return next(reversed(null_space(rows, self.size, one)), None)
+        return next(reversed(null_space(rows, self.size, one).values()), None)
 
     def _by_kernel(self, vector: Sequence[Quotient], values: Sequence[Divisor]) -> Combination:
         """g k = 0, and k_m det g = sum over j of the cofactor (j, m) times (g k)_j."""

@@ -17,7 +17,7 @@ from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion import MotionTerms
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, monomial_tree, tree_of
-from inverse_service.mechanics.quotient_matrices import dot, reduced_rows
+from inverse_service.mechanics.quotient_matrices import dot, null_space, reduced_rows
 
 Vector = tuple[Quotient, ...]
 Matrix = tuple[Vector, ...]
@@ -88,15 +88,8 @@ def echelon(rows: Sequence[Vector]) -> tuple[list[Vector], list[int]]:
 
 def kernel(rows: Sequence[Vector], width: int, owner: QuotientField) -> tuple[list[Vector], list[int]]:
     """(basis of the vectors that every row annihilates, the unknown that each has to itself)."""
-    reduced, pivots = echelon(rows)
-    free = [k for k in range(width) if k not in pivots]
-    basis = []
-    for unknown in free:
-        vector = [owner.constant(int(k == unknown)) for k in range(width)]
-        for pivot, row in zip(pivots, reduced, strict=True):
-            vector[pivot] = -row[unknown]
-        basis.append(tuple(vector))
-    return basis, free
+    found = null_space(rows, width, owner.constant(1))
+    return [tuple(vector) for vector in found.values()], list(found)
 
 
 def combination(weights: Sequence[Quotient], vectors: Sequence[Vector]) -> Vector:
