@@ -188,8 +188,7 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
             where = f"at step {stopped['step']}, t = {_number(stopped['time'])}"
             what = f"{stopped['quantity']} = {_number(stopped['value'])}" if stopped["quantity"] else "the run ended"
             lines.append(f"{method['label']}: {what} {where}; {stopped['remedy'] or ''}".rstrip("; "))
-        if method.get("note"):
-            lines.append(f"{method['label']}: {method['note']}")
+        lines += [f"{method['label']}: {method[key]}" for key in ("note", "doubt") if method.get(key)]
     return lines
 
 

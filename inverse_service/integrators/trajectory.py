@@ -20,7 +20,8 @@ class Outcome:
     not safely solvable), "unresolved" (the motion turns too much in a step), "no_convergence" (Newton), "not_finite",
     "off_domain" (a formula has no value there), "failed" (a fault of ours) or "cancelled". Where a run stopped, `step`
     and `time` say at which step (its result is not recorded), `quantity` and `value` what vanished or passed its limit,
-    `remedy` what to do about it. `note` says what was not checked, or why a guard did not count.
+    `remedy` what to do about it. `note` says what was not checked, or why a guard did not count, `doubt` where a run to
+    the end is not the motion.
     """
 
     kind: str
@@ -30,6 +31,7 @@ class Outcome:
     value: float | None = None
     remedy: str | None = None
     note: str = ""
+    doubt: str = ""
 
     @property
     def completed(self) -> bool:

@@ -15,7 +15,8 @@ import numpy as np
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Expression, Velocity, walk
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, add, walk
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
@@ -34,8 +35,10 @@ def check_constraints(
     names = tuple(coordinates)
     rates = [Velocity(name) for name in names]
     for place, constraint in enumerate(constraints, 1):
-        slopes = (differentiate(constraint, rate) for rate in rates)
-        if any(isinstance(node, Velocity) for slope in slopes for node in walk(collect(slope))):
+        slopes = [collect(differentiate(constraint, rate)) for rate in rates]
+        if all(slope == ZERO for slope in slopes):
+            raise InputError(_without_velocity(place, constraint, names), "/system")
+        if any(isinstance(node, Velocity) for slope in slopes for node in walk(slope)):
             raise InputError(
                 f"constraint {place} is not linear in the velocities: only such constraints are simulated.", "/system"
             )
@@ -47,6 +50,14 @@ def check_constraints(
                          "/system")  # fmt: skip
     if rank >= len(names):
         raise InputError(f"{rank} constraints on {len(names)} coordinates leave no motion: leave some out.", "/system")
+
+
+def _without_velocity(place: int, constraint: Expression, names: Sequence[str]) -> str:
+    """What to write in the place of a constraint on the positions."""
+    rate = collect(add(*(differentiate(constraint, Symbol(name)) * Velocity(name) for name in names)))
+    if rate == ZERO:
+        return f"constraint {place} has no velocity in it: leave it out."
+    return f"constraint {place} has no velocity in it: write its derivative, {to_text(rate)} = 0, and begin on it."
 
 
 def _rows_nearby(
@@ -187,11 +198,12 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Mapping[
     ranks = (sizes > RANK * np.maximum(sizes.max(axis=1, initial=0.0), 1e-300)[:, None]).sum(axis=1)
     if (ranks < len(missing)).any():
         open_ = _undetermined(inner[int(np.argmin(ranks))])
-        shown = ", ".join(f"{names[missing[k]]}" for k in open_)
-        raise InputError(
-            f"the velocity of {shown} is missing and the constraints do not determine it: add it.",
-            "/initial/velocities",
-        )
+        shown, wanted = ", ".join(names[missing[k]] for k in open_), len(missing) - int(ranks.min())
+        fault = f"the velocity of {shown} is missing and the constraints do not determine it: add it."
+        if len(open_) > 1:
+            add_ = "them" if wanted == len(open_) else f"{wanted} of them"
+            fault = f"the velocities of {shown} are missing and the constraints do not determine them: add {add_}."
+        raise InputError(fault, "/initial/velocities")
     square = inner.shape[1] == inner.shape[2]
     inverse = np.asarray((np.linalg.inv if square else np.linalg.pinv)(inner), dtype=float)
     velocities[:, missing] = -_times(inverse, offsets + _times(rows, velocities))

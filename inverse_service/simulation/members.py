@@ -80,8 +80,8 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
-    note = "" if many.cancelled else _elsewhere(scene, problem, requested.choice, many, values, momenta)
-    outcome = Outcome("cancelled" if many.cancelled else _kind(many), scene.grid.steps, note=note)
+    doubt = "" if many.cancelled else _elsewhere(scene, problem, requested.choice, many, values, momenta)
+    outcome = Outcome("cancelled" if many.cancelled else _kind(many), scene.grid.steps, doubt=doubt)
     return EnsembleRun(requested, outcome, many, velocities, series, numbers, seconds, between)
 
 

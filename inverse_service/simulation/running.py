@@ -211,8 +211,7 @@ def run_method(
         outcome = hidden
     if outcome.completed and problem is not None:
         with timed(seconds, "half the step"):
-            doubt = doubts(observed, partial(_again, problem, known, stop))
-            outcome = replace(outcome, note=" ".join(filter(None, (outcome.note, doubt))))
+            outcome = replace(outcome, doubt=doubts(observed, partial(_again, problem, known, stop)))
     numbers |= {"between_points": looked} if requested.method != EXACT and outcome.completed else {}
     if COST in scene.observe and problem is not None:
         with timed(seconds, COST):

@@ -32,8 +32,9 @@ RANK_REMEDY = "divide the constraints by what vanishes there, begin elsewhere, o
 MAP_LIMIT = 1e-12
 RESOLVE = f"{SMALLER_STEP}, or go on with guard = false, unchecked"
 REGULAR_MOTION = (
-    "the equations of motion have a pole, an end or a kink there: stop before, use coordinates in which they are "
-    "regular, or the method adaptive, which passes kinks"
+    "the equations of motion have a pole, an end or a kink there: where the motion itself stays away from it, take a "
+    "smaller step; else stop before, use coordinates in which they are regular, or the method adaptive, which passes "
+    "kinks"
 )
 RESOLUTION = "the error of a step compared with its change of the velocity, squared"
 # The ratio squared; that of a force which acts in the last stage alone is a tenth.

@@ -40,22 +40,22 @@ def test_who_is_a_quarter_of_the_range_off_says_so(eccentricity: float, step: fl
         columns = found["points"]["columns"]
         true = true_orbit(eccentricity, columns["t"])
         off = np.abs(np.array([columns["x"], columns["y"]]) - true).max(axis=1) / np.ptp(true, axis=1)
-        assert off.max() < 0.25 or "With half the step" in found["note"], found["label"]
-        assert off.max() > 0.01 or "note" not in found, found["label"]
+        assert off.max() < 0.25 or "With half the step" in found["doubt"], found["label"]
+        assert off.max() > 0.01 or "doubt" not in found, found["label"]
 
 
 def test_the_energy_of_a_run_is_told_where_it_is_no_constant() -> None:
     (found,) = simulate(orbit(0.9, step=2 * np.pi / 200, methods=["stormer-verlet"], observe=["energy"]))["methods"]
     assert found["outcome"] == "completed"
     assert found["max_energy_error"] > 0.4
-    assert "The energy, a constant of the motion, changes by up to" in found["note"]
+    assert "The energy, a constant of the motion, changes by up to" in found["doubt"]
 
 
 def test_a_tolerance_that_is_too_large_is_told() -> None:
     loose, tight = ({"method": "stiff", "tolerance": size} for size in (1e-2, 1e-9))
     found = simulate(orbit(0.6, step=0.2, methods=[loose, tight]))["methods"]
-    assert "tenth of the tolerance" in found[0]["note"] or found[0]["outcome"] == "unresolved"
-    assert (found[1]["outcome"], found[1].get("note")) == ("completed", None)
+    assert "tenth of the tolerance" in found[0]["doubt"] or found[0]["outcome"] == "unresolved"
+    assert (found[1]["outcome"], found[1].get("doubt")) == ("completed", None)
 
 
 def test_members_of_an_ensemble_are_compared() -> None:
@@ -63,17 +63,17 @@ def test_members_of_an_ensemble_are_compared() -> None:
     members = {"initial": {"velocities": {"y": [0.7, 2**0.5]}}}
     scene = orbit(0.5, step=0.02, time=10, ensemble=members, methods=["stormer-verlet", "adaptive"])
     rough, good = simulate(scene)["methods"]
-    assert rough["note"].startswith("1 of 2 members lead elsewhere with half the step")
-    assert rough["note"].endswith("member 0.")
-    assert "note" not in good
+    assert rough["doubt"].startswith("1 of 2 members lead elsewhere with half the step")
+    assert rough["doubt"].endswith("member 0.")
+    assert "doubt" not in good
 
 
 def test_command_and_page_show_it_beside_the_outcome() -> None:
     result = simulate(orbit(0.6, step=0.2, methods=["stormer-verlet", "adaptive"]))
     rough, good = result["methods"]
-    assert f"stormer-verlet: {rough['note']}" in page(result)
+    assert f"stormer-verlet: {rough['doubt']}" in page(result)
     job = {"id": "1", "kind": "simulate", "status": "successful", "result": result}
     html = bytes(simulation_result("http://here", job, "{}").body).decode()
     assert '<span class="badge incomplete">completed</span><br><span class="note">With half the step' in html
     assert html.count('<span class="badge valid">completed</span>') == 1
-    assert "note" not in good
+    assert "doubt" not in good

@@ -63,7 +63,7 @@ CASES = [
     ("/initial/positions/x", None, "/initial/positions", "of x is missing"),
     ("/initial/positions/z", 0, "/initial/positions/z", "coordinates are phi, theta, x, y"),
     ("/initial/velocities", None, "/initial", "either 'velocities' or 'momenta'"),
-    ("/initial/velocities", {"phi": 1}, "/initial/velocities", "velocity of theta, x is missing"),
+    ("/initial/velocities", {"phi": 1}, "/initial/velocities", "velocities of theta, x are missing"),
     ("/initial/velocities/x", 0.5, "/initial/velocities", 'write "project": true'),
     ("/initial/project", "yes", "/initial/project", "true or false"),
     ("/initial/momenta", {"phi": 1}, "/initial", "either"),

@@ -265,7 +265,7 @@ def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
     outcome = run.outcome
     if run.trajectory is None:
         return {"outcome": outcome.kind, "steps": 0, "reason": outcome.remedy}
-    note = {"note": outcome.note} if outcome.note else {}
+    note = {name: text for name in ("note", "doubt") if (text := getattr(outcome, name))}
     if outcome.completed:
         return {"outcome": outcome.kind, "steps": scene.grid.steps if outcome.step is None else outcome.step, **note}
     parts = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}

@@ -92,17 +92,16 @@ def _numbers(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> list[
 
 def _why(method: Mapping[str, Any]) -> str:
     """Why a method stopped or did not begin, or where what it did is not the motion."""
-    why, note = method.get("reason") or "", method.get("note") or ""
     if stopped := method.get("stopped"):
-        why = f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
-    return f"{why} {note}".strip()
+        return f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
+    return method.get("reason") or method.get("doubt") or ""
 
 
 def notes_of(result: Mapping[str, Any]) -> list[str]:
     """Notes of the scene and its methods, besides their numbers; the same note of several methods once."""
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
-        for key in ("energy_note", "error_note", "phase_note"):
+        for key in ("note", "energy_note", "error_note", "phase_note"):
             if method.get(key):
                 text = str(method[key])
                 found.setdefault(text[:1].upper() + text[1:], []).append(method["label"])
