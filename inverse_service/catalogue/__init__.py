@@ -14,6 +14,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
+from inverse_service.errors import InputError
+
 Kind = Literal["system", "nonholonomic"]
 
 FILES = ("paper.json", "nonholonomic.json", "known.json")
@@ -25,15 +27,16 @@ def names(kind: Kind = "system") -> tuple[str, ...]:
 
 
 def entry(name: str) -> dict[str, Any]:
-    """A copy of the whole entry; KeyError, with the names that look alike, if there is none."""
+    """A copy of the whole entry; InputError, with the names that look alike, if there is none."""
     entries = _entries()
     if name not in entries:
-        raise KeyError(f"no system of this name in the catalogue{_suggestion(name)}")
+        sentence = f"There is no system of this name in the catalogue{_suggestion(name)}"
+        raise InputError(f"{sentence}; 'inverse-service catalogue' lists all names.")
     return copy.deepcopy(entries[name])
 
 
 def document(name: str) -> dict[str, Any]:
-    """A copy of the document of an entry, as a user would send it; KeyError if there is none."""
+    """A copy of the document of an entry, as a user would send it; InputError if there is none."""
     found: dict[str, Any] = entry(name)["document"]
     return found
 

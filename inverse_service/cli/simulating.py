@@ -39,8 +39,7 @@ def simulate_file(name: str, output: Path | None, time_limit: float | None, figu
         write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
     else:
         write_files(folder, document, found, summary, figures)
-        write(page(summary))
-        print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
+        _show(page(summary), folder)
     completed = any(method["outcome"] in ("completed", "partly") for method in summary["methods"])
     return ExitCode.DONE if completed else ExitCode.OPEN
 
@@ -131,9 +130,7 @@ def page(summary: Mapping[str, Any]) -> str:
     for method in summary["methods"]:
         numbers = [_number(value) for value in _values(method, _columns(summary))]
         rows.append([method["label"], method["outcome"], str(method["steps"]), *numbers])
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "\n".join([*lines, *_reasons(summary), *_costs(summary), *summary["notes"]]) + "\n"
+    return "\n".join([*_aligned(rows), *_reasons(summary), *_costs(summary), *summary["notes"]]) + "\n"
 
 
 def _columns(summary: Mapping[str, Any]) -> list[str]:
@@ -211,9 +208,13 @@ def measure_file(name: str, output: Path | None, time_limit: float | None) -> Ex
     (folder / "work-precision.csv").write_text(comma_table(result), encoding="utf-8")
     page = text_table(result)
     (folder / "work-precision.txt").write_text(page, encoding="utf-8")
+    _show(page, folder)
+    return ExitCode.DONE
+
+
+def _show(page: str, folder: Path) -> None:
     write(page)
     print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
-    return ExitCode.DONE
 
 
 def comma_table(result: Mapping[str, Any]) -> str:
@@ -229,14 +230,11 @@ def comma_table(result: Mapping[str, Any]) -> str:
 
 def text_table(result: Mapping[str, Any]) -> str:
     """The table for a person, with machine and conclusion below it."""
-    heads = ["method", *(name.replace("_seconds", " s").replace("_", " ") for name in COLUMNS), ""]
-    rows = [heads]
+    rows = [["method", *(name.replace("_seconds", " s").replace("_", " ") for name in COLUMNS), ""]]
     for method in result["methods"]:
         for setting in method["settings"]:
             note = setting["reason"] or ("round-off" if setting["at_floor"] else "")
             rows.append([method["label"], *(_cell(setting[key]) for key in COLUMNS), note])
-    widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     machine = ", ".join(f"{key} {value}" for key, value in result["machine"].items())
     orders = ", ".join(
         f"{method['label']} {method['measured_order']:.2f}"
@@ -244,7 +242,12 @@ def text_table(result: Mapping[str, Any]) -> str:
         if method["measured_order"] is not None
     )
     below = [f"Measured orders: {orders or 'none'}.", f"Machine: {machine}.", result["conclusion"]]
-    return "\n".join([*lines, "", *below, ""])
+    return "\n".join([*_aligned(rows), "", *below, ""])
+
+
+def _aligned(rows: list[list[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
 def _cell(value: Any) -> str:

@@ -194,10 +194,7 @@ def _all(form: str) -> str:
 
 
 def _one(name: str, form: str) -> str:
-    try:
-        entry = catalogue.entry(name)
-    except KeyError as error:
-        raise InputError(f"There is {error.args[0]}; 'inverse-service catalogue' lists all names.") from None
+    entry = catalogue.entry(name)
     document = entry["document"]
     if form == "json":
         return json.dumps(document, ensure_ascii=False, indent=2)

@@ -20,6 +20,22 @@ from inverse_service.service.jobs.metrics import Counters
 from inverse_service.web.journal import REQUEST
 
 log = logging.getLogger(__name__)
+
+
+class Middleware:
+    """Around the application `app`: `handle` has the requests, all else passes."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await (self.handle if scope["type"] == "http" else self.app)(scope, receive, send)
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request to its answer."""
+        raise NotImplementedError
+
+
 GIVEN = re.compile(r"[A-Za-z0-9._-]{1,64}")
 # W3C trace context: the trace that a caller is part of.
 TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
@@ -35,17 +51,14 @@ class _Answer:
     seconds: float | None = None
 
 
-class Measured:
+class Measured(Middleware):
     """Middleware; requests are told apart by route (never by the path, which anybody can make up)."""
 
     def __init__(self, app: ASGIApp, counters: Counters) -> None:
-        self.app = app
+        super().__init__(app)
         self._counters = counters
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         began, answer = time.monotonic(), _Answer()
         identifier = identifier_of(scope)
         token = REQUEST.set(identifier)
@@ -110,7 +123,7 @@ LARGEST_HEADERS = 32_768
 MOST_HEADERS = 500
 
 
-class SecurityHeaders:
+class SecurityHeaders(Middleware):
     """Adds HEADERS to every response that does not set them itself.
 
     Refuses requests with too large ones (431), with two lengths, of which a proxy may believe the other (400), with a
@@ -119,14 +132,10 @@ class SecurityHeaders:
     """
 
     def __init__(self, app: ASGIApp, hosts: Sequence[str] = ()) -> None:
-        self.app = app
+        super().__init__(app)
         self._hosts = frozenset(host.lower() for host in hosts)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
-
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         if (refusal := self._refusal(scope)) is not None:
             await refusal(scope, receive, send)
             return
@@ -185,14 +194,11 @@ def _refused(status: int, kind: str, detail: str) -> Response:
 STREAMS = ("/events", "/results")
 
 
-class HeadAsGet:
+class HeadAsGet(Middleware):
     """Middleware for all routes that are read with GET."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["method"] != "HEAD" or scope["path"].endswith(STREAMS):
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["method"] != "HEAD" or scope["path"].endswith(STREAMS):
             await self.app(scope, receive, send)
             return
 
@@ -205,19 +211,13 @@ class HeadAsGet:
 GONE: Message = {"type": "http.disconnect"}
 
 
-class StopWhenLeft:
+class StopWhenLeft(Middleware):
     """Middleware that cancels the work on a request when its client closes the connection before the answer is out.
 
     What was stored for it by then, such as a job, stays.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         visit = _Visit(receive)
         work = asyncio.ensure_future(self.app(scope, visit.receive, send))
         watch = asyncio.ensure_future(visit.left.wait())

@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from api_schemas import base
 from api_schemas.base import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer
 from inverse_service import __version__, catalogue
+from inverse_service.errors import InputError
 from inverse_service.expressions.tokens import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
 from inverse_service.service.jobs.metrics import Labels, Metric, gauge, written
@@ -68,7 +69,7 @@ async def catalogue_entry(name: str) -> Response:
     """One system of the catalogue: its document and what is known about it."""
     try:
         entry = catalogue.entry(name)
-    except KeyError:
+    except InputError:
         raise Refusal(
             404, "not-found", "The catalogue has no system of this name; GET /v1/catalogue lists them."
         ) from None

@@ -11,7 +11,6 @@ import logging
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
-from decimal import Decimal
 from typing import Any
 
 from api_schemas.base import ParseAnswer
@@ -99,15 +98,10 @@ def _understood(cases: UseCases, ready: Prepared) -> dict[str, Any]:
 
 def _as_given(document: Any) -> dict[str, Any]:
     """The document as JSON has it; exact decimals are texts."""
-    return {key: _plain(value) for key, value in document.items()}
+    from inverse_service.service.documents.translate import plain
 
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return str(value) if isinstance(value, Decimal) else value
+    found: dict[str, Any] = plain(document)
+    return found
 
 
 @dataclass(frozen=True, slots=True)

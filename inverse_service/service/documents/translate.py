@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from api_schemas import result as schemas
@@ -263,9 +264,11 @@ def part_of(schema: type[Part], found: object, **other: Any) -> Part:
 
 
 def plain(value: Any) -> Any:
-    """Mappings and sequences as dict and list, formulas in text and LaTeX, so that JSON can hold them."""
+    """Mappings and sequences as dict and list, formulas in text and LaTeX, decimals as texts, as JSON can hold them."""
     if isinstance(value, Mapping):
         return {str(key): plain(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
         return [plain(part) for part in value]
+    if isinstance(value, Decimal):
+        return str(value)
     return formula(value) if isinstance(value, Expression) else value

@@ -16,15 +16,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from inverse_service.errors import InputError
-from inverse_service.service.documents.answers import of_input_error
-from inverse_service.service.jobs.batch_files import Line, open_source, read_lines
+from inverse_service.service.jobs.batch_files import BatchTerms, Line, batch_line, open_source, read_lines
 from inverse_service.service.jobs.batch_output import Known, Output, answer_line, error_line, key_of, open_output
 from inverse_service.service.jobs.batches import BatchAnswer
 from inverse_service.service.jobs.locks import DATABASE, temporary_folder
-from inverse_service.service.jobs.model import BULK, Job, JobOptions, read_options, split_options
+from inverse_service.service.jobs.model import NO_BOUND, Job, JobOptions
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
-from inverse_service.service.jobs.tasks import request_of
 from inverse_service.service.jobs.workers import Executor, Workers
 
 # Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
@@ -141,7 +139,8 @@ class BatchEngine:
     """Hands lines over to the supervisor, a bounded number at a time, and takes the answers."""
 
     def __init__(self, store: SqliteStore, options: JobOptions, executor: Executor, kind: str = "solve") -> None:
-        self._store, self._options, self._executor, self._kind = store, options, executor, kind
+        self._store, self._executor = store, executor
+        self._terms = BatchTerms(kind, options, options, "", NO_BOUND, False)
         self._changed: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._open: dict[str, list[Line]] = {}
         self.duplicates = 0
@@ -158,15 +157,10 @@ class BatchEngine:
             yield from self._finished()
 
     def _submit(self, line: Line) -> Iterator[tuple[Line, bytes]]:
-        try:
-            if line.fault is not None:
-                raise line.fault
-            document, given = split_options(line.document)
-            request = request_of(self._kind, document, read_options(given, self._options), priority=BULK)
-        except InputError as error:
-            problem = of_input_error(error)
-            identifier = json.dumps(line.identifier)
-            yield line, error_line(line.number, identifier, problem, line.duplicate_of, line.digest)
+        asked = batch_line(line, self._terms)
+        if (request := asked.request) is None:
+            problem = json.loads(asked.problem or b"")
+            yield line, error_line(line.number, asked.identifier, problem, line.duplicate_of, line.digest)
             return
         known = self._store.job(request.id)
         self.duplicates += known is not None

@@ -167,24 +167,21 @@ def batch_lines(lines: Iterable[Line], terms: BatchTerms) -> list[BatchLine]:
     for line in lines:
         if len(found) >= terms.most:
             raise LimitError(f"The batch has more than {terms.most} lines; send it in parts.")
-        found.append(_batch_line(line, terms))
+        found.append(batch_line(line, terms))
     if not found:
         raise InputError("The batch is empty; send one document a line.")
     return found
 
 
-def _batch_line(line: Line, terms: BatchTerms) -> BatchLine:
+def batch_line(line: Line, terms: BatchTerms) -> BatchLine:
+    """A line as its question, or as the problem document of one that is none."""
     identifier = json.dumps(line.identifier)
     try:
         if line.fault is not None:
             raise line.fault
-        document, options = _document_and_options(line.document, terms.options, terms.server)
+        document, given = split_options(line.document)
+        options = terms.options if given is None else read_options(given, terms.server)
         request = request_of(terms.kind, document, options, terms.client, BULK, terms.fresh)
     except InputError as error:
         return BatchLine(line.number, identifier, problem=as_bytes(of_input_error(error)))
     return BatchLine(line.number, identifier, request)
-
-
-def _document_and_options(value: Any, options: JobOptions, server: JobOptions) -> tuple[Any, JobOptions]:
-    document, given = split_options(value)
-    return document, options if given is None else read_options(given, server)

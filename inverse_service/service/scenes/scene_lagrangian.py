@@ -253,7 +253,7 @@ def _catalogued(catalogue_name: str | None, which: str) -> str | None:
         return None
     try:
         found = catalogue.entry(f"{catalogue_name}-{which}").get("expected", {}).get("lagrangians", [])
-    except KeyError:
+    except InputError:
         return None
     return found[0] if found else None
 

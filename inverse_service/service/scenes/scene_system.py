@@ -126,10 +126,7 @@ def _at(pointer: str, read: Any, *arguments: Any) -> MechanicalSystem:
 
 
 def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
-    try:
-        entry = catalogue.entry(name)
-    except KeyError as error:
-        raise InputError(f"There is {error.args[0]}; 'inverse-service catalogue' lists all names.") from None
+    entry = catalogue.entry(name)
     known = entry.get("expected", {}).get("lagrangians", [])
     found = _of_document(entry["document"], extra)
     if found.accelerations is not None and known:

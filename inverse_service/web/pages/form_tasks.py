@@ -70,7 +70,7 @@ def sent_task(body: bytes, content_type: str) -> Sent:
 def _example(name: str) -> dict[str, Any]:
     try:
         return catalogue.document(name)
-    except KeyError:
+    except InputError:
         raise InputError("The catalogue has no system of this name; /gallery shows them.") from None
 
 

@@ -13,6 +13,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from api_schemas import system as system_schema
 from api_schemas.base import MAX_COORDINATES
 from inverse_service import catalogue
+from inverse_service.errors import InputError
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import documents, form_tasks, reading_back
@@ -212,7 +213,7 @@ def example_document(name: str) -> dict[str, Any]:
     """The document of a catalogue entry; 404 where there is none."""
     try:
         return catalogue.document(name)
-    except KeyError:
+    except InputError:
         raise Refusal(404, "not-found", "The catalogue has no system of this name; /gallery shows them.") from None
 
 
