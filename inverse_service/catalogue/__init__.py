@@ -21,22 +21,28 @@ Kind = Literal["system", "nonholonomic"]
 FILES = ("paper.json", "nonholonomic.json", "known.json")
 
 
+class UnknownSystem(InputError, KeyError):
+    """The catalogue has no system of this name; a KeyError too."""
+
+    __str__ = InputError.__str__
+
+
 def names(kind: Kind = "system") -> tuple[str, ...]:
     """The slugs of all entries of one kind, the systems of the paper first."""
     return tuple(name for name, found in _entries().items() if found["kind"] == kind)
 
 
 def entry(name: str) -> dict[str, Any]:
-    """A copy of the whole entry; InputError, with the names that look alike, if there is none."""
+    """A copy of the whole entry; UnknownSystem, with the names that look alike, if there is none."""
     entries = _entries()
     if name not in entries:
         sentence = f"There is no system of this name in the catalogue{_suggestion(name)}"
-        raise InputError(f"{sentence}; 'inverse-service catalogue' lists all names.")
+        raise UnknownSystem(f"{sentence}; 'inverse-service catalogue' lists all names.")
     return copy.deepcopy(entries[name])
 
 
 def document(name: str) -> dict[str, Any]:
-    """A copy of the document of an entry, as a user would send it; InputError if there is none."""
+    """A copy of the document of an entry, as a user would send it; UnknownSystem if there is none."""
     found: dict[str, Any] = entry(name)["document"]
     return found
 
@@ -56,4 +62,4 @@ def _suggestion(name: str) -> str:
     return f"; near: {', '.join(near)}" if near else ""
 
 
-__all__ = ["document", "entry", "names"]
+__all__ = ["UnknownSystem", "document", "entry", "names"]
