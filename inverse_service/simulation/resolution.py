@@ -28,7 +28,6 @@ from inverse_service.simulation.observing import (
     lagrangian_of_energy,
     point_energy,
     point_kinetic,
-    start_energy,
     why_energy_varies,
 )
 from inverse_service.simulation.quantities import Observed, velocities_at_points
@@ -76,14 +75,10 @@ def jump_of_energy(run: Observed) -> Outcome | None:
     if choice is not None and not choice.guard:
         return None
     at, steps = run.trajectory, run.scene.grid.steps
-    unknown = lagrangian_of_energy(run.scene) is None or why_energy_varies(run.scene)
-    if unknown or not 0 < steps < len(at.times):  # not every step was recorded
+    known = _energies(run) if 0 < steps < len(at.times) else None  # every step was recorded
+    if known is None:
         return None
-    velocities = velocities_at_points(run)
-    if velocities is None or end_of_energy(run.scene, at.positions, velocities, at.times):
-        return None
-    energies = point_energy(run.scene, at.positions, velocities, at.times)
-    kinetic = point_kinetic(run.scene, at.positions, velocities, at.times)
+    energies, kinetic = known
     share, noise = 0.5, 0.0
     if choice is not None and choice.method in OWN_STEPS:
         share, noise = min(share, _OF_TOLERANCE * choice.tolerance), _ROUND_OFF
@@ -97,6 +92,18 @@ def jump_of_energy(run: Observed) -> Outcome | None:
     step = int(places[0])
     change = float(changes[np.abs(changes[:, step]).argmax(), step])
     return Outcome("unresolved", step + 1, float(at.times[step + 1]), _JUMPS.format(f"{share:.1g}"), change, RESOLVE)
+
+
+def _energies(run: Observed) -> tuple[Array, Array] | None:
+    """E and the kinetic energy at the recorded points, (m,) each; None where E is no constant, or not known."""
+    scene, at = run.scene, run.trajectory
+    if lagrangian_of_energy(scene) is None or why_energy_varies(scene):
+        return None
+    velocities = velocities_at_points(run)
+    if velocities is None or end_of_energy(scene, at.positions, velocities, at.times):
+        return None
+    points = scene, at.positions, velocities, at.times
+    return point_energy(*points), point_kinetic(*points)
 
 
 def other_way(run: Observed, motion: Problem | Unavailable) -> Outcome | None:
@@ -163,15 +170,10 @@ def doubts(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unav
 
 def _change_of_energy(run: Observed) -> str:
     """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes."""
-    scene, at = run.scene, run.trajectory
-    if lagrangian_of_energy(scene) is None or why_energy_varies(scene):
+    if (known := _energies(run)) is None:
         return ""
-    velocities = velocities_at_points(run)
-    if velocities is None or end_of_energy(scene, at.positions, velocities, at.times):
-        return ""
-    energies = point_energy(scene, at.positions, velocities, at.times)
-    change = float(np.abs(energies - (start_energy(scene) or 0.0)).max())
-    share = change / max(float(point_kinetic(scene, at.positions, velocities, at.times).mean()), SMALLEST)
+    change = float(np.abs(known[0] - known[0][0]).max())
+    share = change / max(float(known[1].mean()), SMALLEST)
     return VARIES.format(change, share) if share > CHANGED else ""
 
 

@@ -93,7 +93,8 @@ def _numbers(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> list[
 def _why(method: Mapping[str, Any]) -> str:
     """Why a method stopped or did not begin, or where what it did is not the motion."""
     if stopped := method.get("stopped"):
-        return f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {stopped.get('remedy') or ''}"
+        remedy = stopped.get("remedy") or ""
+        return f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {remedy[:1].upper()}{remedy[1:]}"
     return method.get("reason") or method.get("doubt") or ""
 
 
