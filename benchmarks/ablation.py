@@ -55,7 +55,7 @@ def from_entries(entries: Iterable[Mapping[str, Any]]) -> Iterator[Given]:
             continue
         keys = ("coordinates", "equations", "parameters", "functions")
         schema = to_schema(entry.get("document") or {key: entry[key] for key in keys if key in entry})
-        yield entry["id"], to_system(schema), to_given(schema)
+        yield entry["id"], to_system(schema), to_given(schema).residuals
 
 
 def record(given: Given, limit: float) -> Run:

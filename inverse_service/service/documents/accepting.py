@@ -18,7 +18,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration, Expression, walk
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
-from inverse_service.mechanics.reading import read_given, read_system
+from inverse_service.mechanics.reading import GivenEquations, read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, unsolved_system
 from inverse_service.service.documents.reading import escape
 
@@ -114,7 +114,7 @@ def to_solvable(schema: SystemDocument) -> SecondOrderSystem:
             return system
     except LimitError:
         pass
-    given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
+    given = to_given(schema)
     found = unsolved_system(given.names, given.residuals, schema.name)
     own = zip(found.coordinates, found.given, strict=True)
     plain = all(Acceleration(name) in walk(f) for name, f in own) and not next(sign_cases(given.residuals)).roots
@@ -123,9 +123,9 @@ def to_solvable(schema: SystemDocument) -> SecondOrderSystem:
     return system or to_system(schema)
 
 
-def to_given(schema: SystemDocument) -> tuple[Expression, ...]:
-    """The equations of the document as they stand, left side minus right side."""
-    return read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where).residuals
+def to_given(schema: SystemDocument) -> GivenEquations:
+    """The equations of the document as they stand, left side minus right side; raises InputError as `to_system`."""
+    return read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
 
 
 def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[Expression, ...]:

@@ -12,7 +12,6 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Symbol, Velocity, substitute, subtract
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
-from inverse_service.mechanics.reading import read_given
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.preparing import is_motion, is_nonholonomic, prepared
 
@@ -34,7 +33,7 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
         if is_nonholonomic(document):
             return _compared_motion(document, canonical, end)
         schema = accepting.to_schema(document)
-        given = read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
+        given = accepting.to_given(schema)
     except InputError as error:
         return CheckResult("invalid", (f"The document as given cannot be read: {error}",))
     names, texts = given.names, _texts(schema, given.names)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from api_schemas.base import MAX_FORWARD
 from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
 from inverse_service.expressions import tree as trees
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.names import Names
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, momenta
@@ -22,15 +20,6 @@ from inverse_service.service.documents import translate
 from inverse_service.service.documents.accepting import validated
 
 
-@dataclass(frozen=True, slots=True)
-class _Motion:
-    """A Lagrangian with the system q'' = f of its Euler-Lagrange equations."""
-
-    schema: LagrangianDocument
-    lagrangian: trees.Expression
-    system: SecondOrderSystem
-
-
 def look_forward(document: Any) -> LagrangianDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
     return validated(document, LagrangianDocument)
@@ -40,46 +29,44 @@ def solve_forward(
     document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
     """The forward result; raises InputError, also where the Hessian of L is singular."""
-    motion = _motion(look_forward(document))
-    names = motion.system.coordinates
-    functions = dict(zip(names, momenta(motion.lagrangian, names), strict=True))
+    schema = look_forward(document)
+    lagrangian, system = _motion(schema)
+    names = system.coordinates
+    functions = dict(zip(names, momenta(lagrangian, names), strict=True))
     result = ForwardResult(
-        system=translate.to_understood(motion.system, motion.schema),
-        lagrangian=translate.formula(motion.lagrangian),
-        equations=translate.formulas(names, motion.system.accelerations),
+        system=translate.to_understood(system, schema),
+        lagrangian=translate.formula(lagrangian),
+        equations=translate.formulas(names, system.accelerations),
         momenta=translate.formulas(names, functions.values()),
-        hamiltonian=translate.transform_part(legendre(motion.lagrangian, names, options.time_limit / 2)),
-        conserved=_conserved(motion.lagrangian, functions),
-        guessed=translate.guessed_names(motion.schema, motion.system),
+        hamiltonian=translate.transform_part(legendre(lagrangian, names, options.time_limit / 2)),
+        conserved=_conserved(lagrangian, functions),
+        guessed=translate.guessed_names(schema, system),
     )
     return result.model_dump(mode="json")
 
 
 def parse(schema: LagrangianDocument) -> ForwardParseAnswer:
     """What was understood; raises InputError."""
-    motion = _motion(schema)
-    answer = translate.to_parse_answer(motion.system, schema)
-    return ForwardParseAnswer(**dict(answer), lagrangian=translate.parsed(motion.lagrangian))
+    lagrangian, system = _motion(schema)
+    answer = translate.to_parse_answer(system, schema)
+    return ForwardParseAnswer(**dict(answer), lagrangian=translate.parsed(lagrangian))
 
 
 def system_of(schema: LagrangianDocument) -> SecondOrderSystem:
     """q'' = f of the Euler-Lagrange equations; raises InputError."""
-    return _motion(schema).system
+    return _motion(schema)[1]
 
 
-def _motion(schema: LagrangianDocument) -> _Motion:
+def _motion(schema: LagrangianDocument) -> tuple[trees.Expression, SecondOrderSystem]:
+    """L with the system q'' = f of its Euler-Lagrange equations."""
     declared = Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most=MAX_FORWARD)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     lagrangian, names = known.put_in(read_lagrangian(schema.lagrangian, known.names)), known.remaining()
     sums = euler_lagrange_sums(lagrangian, names.coordinates, [trees.Acceleration(name) for name in names.coordinates])
     equations = [linear_equation(tree, "/lagrangian") for tree in sums]
-    accelerations = solve_accelerations(equations, names.coordinates)
-    return _Motion(schema, lagrangian, _system(schema, names, tuple(map(collect, accelerations))))
-
-
-def _system(schema: LagrangianDocument, names: Names, accelerations: tuple[trees.Expression, ...]) -> SecondOrderSystem:
+    accelerations = tuple(map(collect, solve_accelerations(equations, names.coordinates)))
     functions = tuple(FunctionDeclaration(name, arguments) for name, arguments in names.functions.items())
-    return SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
+    return lagrangian, SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
 
 
 def _conserved(lagrangian: trees.Expression, functions: dict[str, trees.Expression]) -> list[ConservedQuantity]:

@@ -6,15 +6,16 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult, ReducedPart
+from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
 from api_schemas.result import AdvicePart, ResultDocument
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
+from inverse_service.inverse_problem.constrained.answering import MotionAnswer
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.outcome import Answer, Solution
 from inverse_service.mechanics.method_advice import for_constraints
-from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, solving, translate, translate_nonholonomic
@@ -71,22 +72,27 @@ def solve_nonholonomic(
     if schema.special_cases:
         assert main.associated.system is not None
         result = solving.with_special_cases(result, main.associated.system, asked, (end, progress))
-    fields = _constrained(result, report.motion.system)
-    whole = NonholonomicResult(
-        **fields,
-        nonholonomic=translate_nonholonomic.to_nonholonomic_part(found),
-        any_associated=translate_nonholonomic.to_any_associated(any_associated),
-        reduced=_reduced(report, options, end),
-    )
+    whole = _whole(result, found, any_associated, options, end)
     if whole.verdict == "not_variational" and any_associated.verdict != "variational":
         whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
     return solving.ordered(solving.checked(whole, end - now()))
 
 
-def _constrained(result: ResultDocument, system: NonholonomicSystem) -> dict[str, Any]:
-    """The fields of the result of an associated system; what is simulated is the motion with its constraints."""
+def _whole(
+    result: ResultDocument, found: nonholonomic_study.Study, answer: MotionAnswer, options: SolveOptions, end: float
+) -> NonholonomicResult:
+    """The result of an associated system with what is known of the motion, which is what one simulates.
+
+    `reduced` has the time that is left, some of which is for checking.
+    """
+    system, left = found.report.motion.system, end - now() - SHARE_LEFT * options.time_limit
     taken = for_constraints(system.lagrangian, system.constraints, system.coordinates)
-    return dict(result) | {"advice": AdvicePart(**taken)}
+    return NonholonomicResult(
+        **dict(result) | {"advice": AdvicePart(**taken)},
+        nonholonomic=translate_nonholonomic.to_nonholonomic_part(found),
+        any_associated=translate_nonholonomic.to_any_associated(answer),
+        reduced=reduced_of_report(found.report, options.seed, left),
+    )
 
 
 def _about_the_motion(
@@ -106,21 +112,9 @@ def _about_the_motion(
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     answer = nonholonomic_study.answer_about(found, asked, end, progress)
     result = translate.to_result(solution, schema)
-    fields = _constrained(result, report.motion.system)
-    whole = NonholonomicResult(
-        **fields,
-        nonholonomic=translate_nonholonomic.to_nonholonomic_part(found),
-        any_associated=translate_nonholonomic.to_any_associated(answer),
-        reduced=_reduced(report, options, end),
-    )
-    document = whole.model_dump(mode="json")
+    document = _whole(result, found, answer, options, end).model_dump(mode="json")
     compare_motion(document, end - now())
     return solving.ordered(document)
-
-
-def _reduced(report: nonholonomic_study.MotionReport, options: SolveOptions, end: float) -> ReducedPart | None:
-    """In the time that is left, some of which is for checking."""
-    return reduced_of_report(report, options.seed, end - now() - SHARE_LEFT * options.time_limit)
 
 
 def _share(schema: NonholonomicDocument) -> float:

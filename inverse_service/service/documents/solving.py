@@ -50,7 +50,7 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
         time_dependent=schema.time_dependent_lagrangian,
         time_limit=share * (end - now()),
         ansatz=accepting.to_ansatz(schema, system),
-        given=accepting.to_given(schema),
+        given=accepting.to_given(schema).residuals,
         series_order=schema.series_order,
     )
     kinds, factor = _kinds(schema, system), _clock(schema, system)
