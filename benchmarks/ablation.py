@@ -129,6 +129,7 @@ def options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--systems", nargs="*", default=[], help="lists with one JSON object per line")
     parser.add_argument("--generated", type=int, default=0, help="so many systems of the test generator")
     parser.add_argument("--disguised", type=int, default=0, help="so many in other coordinates, for three seeds")
+    parser.add_argument("--shapes", type=int, default=0, help="so many of its less usual shapes")
     parser.add_argument("--limit", type=float, default=30.0, help="seconds for one system (default 30)")
     parser.add_argument("--most", type=int, default=20, help="systems solved again without a rung (default 20)")
     return parser.parse_args(arguments)
@@ -147,6 +148,8 @@ def given_systems(chosen: argparse.Namespace) -> Iterator[tuple[str, Given]]:
         yield from ((Path(name).stem, given) for given in from_entries(map(json.loads, lines)))
     if chosen.generated:
         yield from (("generated", plain(one)) for one in generated(chosen.generated, 7, False))
+    if chosen.shapes:
+        yield from (("shapes", plain(one)) for one in generated(chosen.shapes, 90210, False, shapes=True))
     for seed in (34, 7, 1) if chosen.disguised else ():
         yield from (("disguised", plain(one)) for one in generated(chosen.disguised, seed, True))
 

@@ -133,7 +133,6 @@ ANSATZ = (
     Family("ratios of velocities, short factors", 3.7, shapes.ratios, _SMALL),
     Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, _LARGE),
     Family("functions of velocities, short factors", 4, shapes.functions, _SMALL),
-    Family("powers and logarithms of velocities", 4.1, shapes.of_several, _LARGE),
     Family("a multiplier after a contact transformation", 6.6, contact.kinetic_terms, 0, given=True),
     Family("products of up to four velocities", 7, shapes.polynomials, _LARGE),
     Family("squares times powers of a velocity", 7.5, shapes.carried, _LARGE),

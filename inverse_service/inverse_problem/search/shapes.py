@@ -78,11 +78,6 @@ def products_and_roots(material: Material) -> list[Monomial]:
     return distinct([*functions(material), *higher, *crossed, *double, *roots(material)])
 
 
-def of_several(material: Material) -> list[Monomial]:
-    """Ratios, powers and logarithms of several velocities; those of one are among what goes before."""
-    return of_velocities(material) if material.motion.size > 1 else []
-
-
 def polynomials(material: Material) -> list[Monomial]:
     """Products of two, three and four velocities, of several coordinates."""
     if material.motion.size == 1:
