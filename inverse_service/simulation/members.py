@@ -97,10 +97,9 @@ def _elsewhere(
     momenta: Array | None,
 ) -> str:  # fmt: skip
     """How many members lead elsewhere with half the step, or a smaller tolerance, of as many as MOST_SHARPER allows."""
-    other, members, count = sharper(choice, scene.grid), scene.ensemble, len(many.positions)
-    if other is None or members is None:
-        return ""
-    choice, grid, how = other
+    members, count = scene.ensemble, len(many.positions)
+    assert members is not None
+    choice, grid, how = sharper(choice, scene.grid)
     rows = np.unique(np.linspace(0, count - 1, min(count, max(1, MOST_SHARPER // max(grid.steps, 1)))).astype(int))
     own, begun = _part(values, momenta, rows)
     again = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], grid, own, begun)

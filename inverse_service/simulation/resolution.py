@@ -57,7 +57,7 @@ LOST, TOO_LARGE = 0.2, 0.1
 LOOKED_AT, INSIDE = 256, 33
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE = 0.1, 0.1, 1e-14, 0.01
 VARIES = "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy."
-SHORTER, STRICTER = "half the step", "a tenth of the tolerance"
+SHORTER, STRICTER = "half the step", "half the step and a tenth of the tolerance"
 ELSEWHERE = (
     "With {} the method leads elsewhere: from t = {:.6g} on {} differs by more than a tenth of its range, at most by "
     "{:.3g}. Where the motion itself is wanted, take a smaller step or the method adaptive."
@@ -177,15 +177,14 @@ def _change_of_energy(run: Observed) -> str:
     return VARIES.format(change, share) if share > CHANGED else ""
 
 
-def sharper(choice: MethodChoice, grid: Grid) -> tuple[MethodChoice, Grid, str] | None:
-    """The method with half the step, over the first MOST_STEPS, at the same recorded times, or with a smaller
-    tolerance; and how to say it. None where nothing is smaller."""
-    if choice.method in OWN_STEPS | {"heyoka"}:
-        tolerance = TIGHTER * choice.tolerance
-        return None if tolerance < TIGHTEST else (replace(choice, tolerance=tolerance), grid, STRICTER)
-    every = grid.record_every
+def sharper(choice: MethodChoice, grid: Grid) -> tuple[MethodChoice, Grid, str]:
+    """The method with half the step, over the first MOST_STEPS, at the same recorded times, and where it chooses its
+    own steps within those with a smaller tolerance too; and how to say it."""
+    every, how = grid.record_every, SHORTER
+    if choice.method in OWN_STEPS | {"heyoka"} and TIGHTER * choice.tolerance >= TIGHTEST:
+        choice, how = replace(choice, tolerance=TIGHTER * choice.tolerance), STRICTER
     steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
-    return choice, replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every), SHORTER
+    return choice, replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every), how
 
 
 def apart(positions: Array, sharper: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -198,10 +197,9 @@ def apart(positions: Array, sharper: Array) -> tuple[Array, NDArray[np.bool_]]:
 def _elsewhere(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unavailable]) -> str:
     """Where the same method with shorter steps, or a smaller tolerance, is elsewhere."""
     scene, at, choice = run.scene, run.trajectory, run.requested.choice
-    other = None if choice is None else sharper(choice, scene.grid)
-    if other is None:
+    if choice is None:
         return ""
-    choice, grid, how = other
+    choice, grid, how = sharper(choice, scene.grid)
     again = repeat(replace(scene, grid=grid), replace(run.requested, choice=choice))
     if isinstance(again, Unavailable):
         return ""

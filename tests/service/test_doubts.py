@@ -77,3 +77,15 @@ def test_command_and_page_show_it_beside_the_outcome() -> None:
     assert '<span class="badge incomplete">completed</span><br><span class="note">With half the step' in html
     assert html.count('<span class="badge valid">completed</span>') == 1
     assert "doubt" not in good
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-5, 1e-8])
+def test_steps_of_its_own_that_the_grid_shortens_are_doubted_too(tolerance: float) -> None:
+    """A chaotic double pendulum, where no step is longer than that of the grid, whatever the tolerance."""
+    system = {"coordinates": ["a", "b"], "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 9.81*(2*cos(a) + cos(b))"}
+    initial = {"positions": {"a": -2.8534, "b": 1.0169}, "velocities": {"a": 0, "b": 0}}
+    scene = {"system": system, "initial": initial, "step": 0.03, "time": 40, "observe": ["error"]}
+    (found,) = simulate(scene | {"methods": [{"method": "adaptive", "tolerance": tolerance}]})["methods"]
+    until = found.get("error_until") or {"max_error": found["max_error"]}
+    assert until["max_error"] > 3
+    assert "half the step and a tenth of the tolerance" in found["doubt"]
