@@ -56,7 +56,10 @@ UNSEEN = "the error at the end: the force changes with t within each step, which
 LOST, TOO_LARGE = 0.2, 0.1
 LOOKED_AT, INSIDE = 256, 33
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE = 0.1, 0.1, 1e-14, 0.01
-VARIES = "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy."
+VARIES = (
+    "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy; at the start "
+    "its size is {:.3g}."
+)
 SHORTER, STRICTER = "half the step", "half the step and a tenth of the tolerance"
 ELSEWHERE = (
     "With {} the method leads elsewhere: from t = {:.6g} on {} differs by more than a tenth of its range, at most by "
@@ -169,12 +172,14 @@ def doubts(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unav
 
 
 def _change_of_energy(run: Observed) -> str:
-    """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes."""
+    """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes; a tenth
+    of that suffices where it is CHANGED of E_0, which is what `max_energy_error` shows."""
     if (known := _energies(run)) is None:
         return ""
-    change = float(np.abs(known[0] - known[0][0]).max())
-    share = change / max(float(known[1].mean()), SMALLEST)
-    return VARIES.format(change, share) if share > CHANGED else ""
+    energies, mean = known[0], max(float(known[1].mean()), SMALLEST)
+    change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
+    is_much = change > CHANGED * min(mean, max(start, CHANGED * mean))
+    return VARIES.format(change, change / mean, start) if is_much else ""
 
 
 def sharper(choice: MethodChoice, grid: Grid) -> tuple[MethodChoice, Grid, str]:

@@ -89,3 +89,15 @@ def test_steps_of_its_own_that_the_grid_shortens_are_doubted_too(tolerance: floa
     until = found.get("error_until") or {"max_error": found["max_error"]}
     assert until["max_error"] > 3
     assert "half the step and a tenth of the tolerance" in found["doubt"]
+
+
+def test_an_energy_error_of_a_tenth_is_not_shown_without_a_word() -> None:
+    """A skate on an incline: the change is large beside E_0 and small beside the kinetic energy."""
+    system = {"coordinates": ["x", "y", "th"], "constraints": ["-sin(th)*x' + cos(th)*y'"]}
+    system["lagrangian"] = "(x'^2 + y'^2)/2 + th'^2 + th'*(-sin(th)*x' + cos(th)*y')/2 - x"
+    initial = {"positions": {"x": 0, "y": 0, "th": 2.82}, "velocities": {"x": -1.2475, "th": -0.2586}}
+    scene = {"system": system, "initial": initial, "step": 0.16, "time": 12, "observe": ["energy"]}
+    rough, good = simulate(scene | {"methods": [{"method": "nonholonomic", "alpha": 0}, "nonholonomic"]})["methods"]
+    assert rough["max_energy_error"] > 0.1 > good["max_energy_error"]
+    assert "The energy, a constant of the motion" in rough["doubt"]
+    assert "The energy" not in good.get("doubt", "")
