@@ -201,7 +201,7 @@ def test_the_hamiltonian_without_the_time_is_short(equations: Equations, wanted:
 ENERGIES = [
     ({"x": "-y'*x", "y": "0"}, "-(p_x^2 + x^2)^2/(16*p_y)"),
     ({"x": "x^2*y'", "y": "0"}, "-(3*p_x^2 - 2*x^3)^2/(144*p_y)"),
-    ("(1-t^2)*y'' - 2*t*y' + n*(n+1)*y = 0", "p_y^2/(2*(1 - t)*(t + 1)) + n*(n + 1)*y^2/2"),
+    ("(1-t^2)*y'' - 2*t*y' + n*(n+1)*y = 0", "p_y^2/(2*(1 - t^2)) + n*(n + 1)*y^2/2"),
     ("m*x'' + c*x' + k*x = 0", "exp(-c*t/m)*p_x^2/(2*m) + k*x^2*exp(c*t/m)/2"),
 ]
 
