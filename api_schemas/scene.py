@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from decimal import Decimal
+from math import isfinite
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
@@ -68,7 +69,8 @@ def _whole(value: Any) -> Any:
     """An integer written as text, as YAML gives it, or as 2000.0."""
     if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) < 12:
         return int(value)
-    return int(value) if isinstance(value, float | Decimal) and value == int(value) else value
+    whole = isinstance(value, float | Decimal) and isfinite(value) and value == int(value)
+    return int(value) if whole else value
 
 
 def _kind_of_system(value: Any) -> str:

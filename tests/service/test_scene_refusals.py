@@ -72,6 +72,7 @@ CASES = [
     ("/step", "h", "/step", "is not a number"),
     ("/steps", 0, "/steps", "1 to"),
     ("/steps", 2_000_000_000, "/steps", "1 to 100000000"),
+    ("/steps", float("inf"), "/steps", "1 to 100000000"),
     ("/steps", None, "", "either 'steps' or 'time'"),
     ("/time", 5, "", "either 'steps' or 'time'"),
     ("/methods", [], "/methods", "list of 1"),
