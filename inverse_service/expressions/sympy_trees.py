@@ -12,6 +12,7 @@ from typing import Any
 import sympy
 from sympy.core.function import AppliedUndef
 from sympy.integrals.heurisch import heurisch
+from sympy.simplify.fu import TR8
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.operands import OF_SECOND_ORDER
@@ -185,8 +186,10 @@ def elementary_antiderivatives(
         each: sympy.log(each.args[0] + sympy.sqrt(each.args[0] ** 2 - 1)) for each in given.atoms(sympy.acosh)
     }
     plain = given.xreplace(logarithms).rewrite((sympy.sinh, sympy.cosh, sympy.tanh), sympy.exp)
+    circular = plain.atoms(sympy.sin, sympy.cos)
+    sums = [TR8(plain)] if len({each.args for each in circular}) > 1 else []  # of products of sines
     for integrate in (partial(sympy.integrate, meijerg=False), heurisch):
-        for formula in dict.fromkeys((plain, given)):
+        for formula in dict.fromkeys((*sums, plain, given)):
             with suppress(Exception):  # SymPy's are of all kinds
                 found = integrate(formula, x)
                 if found is not None and not found.has(sympy.Integral, sympy.I):

@@ -120,7 +120,7 @@ def domain_of(analysis: Analysis, lagrangian: Expression | None = None) -> Domai
     if lagrangian is not None:
         slopes = (slope for node in walk_integrals(lagrangian) for slope in node.slopes)
         formulas += [lagrangian, *(slope for slope in slopes if slope is not None)]
-        table = _point_of(analysis, to_kernels(lagrangian))
+        table = _point_of(analysis, [to_kernels(tree) for tree in formulas])
     if table is None:
         return Domain((), None)
     first = _domain_about(table, system, formulas)
@@ -140,14 +140,14 @@ def _domain_about(table: RealTable, system: SecondOrderSystem, formulas: Sequenc
     return Domain(tuple(component(positive, table, [Symbol(name) for name in system.parameters])), table)
 
 
-def _point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
-    """A real point at which f and L are defined: that of f, where L is defined there too."""
+def _point_of(analysis: Analysis, formulas: Sequence[Expression]) -> RealTable | None:
+    """A real point at which f, L and what is under integral signs are defined: that of f, where that is one."""
     table = analysis.real_point
-    if table is not None and is_defined([lagrangian], table):
-        return table
-    variables = variables_of(analysis.system)
-    formulas = [*analysis.accelerations, lagrangian]
-    return find_real_point(formulas, variables, _SEED, analysis.system.positive) or table
+    if table is not None:
+        integrals = {node: mpmath.mpf(1) for tree in formulas for node in walk(tree) if isinstance(node, Integral)}
+        if is_defined(formulas, integrals | table):
+            return integrals | table
+    return find_real_point(formulas, variables_of(analysis.system), _SEED, analysis.system.positive) or table
 
 
 def of_decision(

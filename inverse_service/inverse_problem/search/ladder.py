@@ -34,6 +34,7 @@ from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.members import best_members, needed_combinations
 from inverse_service.inverse_problem.search.multiplier_ansatz import occurring_terms, solve_multiplier
 from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
+from inverse_service.inverse_problem.search.quadratures import real_form
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler, sampler_of
 from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
 from inverse_service.inverse_problem.search.tidy import tidied
@@ -161,8 +162,10 @@ def search(
 
 def _kept(found: Found, analysis: Analysis, holds: Callable[[Expression], bool]) -> Found | None:
     """From the first Lagrangian on that holds, each written shorter where that is possible."""
+    table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
-        for form in dict.fromkeys((tidied(tree, analysis.system), tree)):
+        forms = (tidied(tree, analysis.system), tree)
+        for form in dict.fromkeys(real_form(one, table) if table else one for one in forms):
             if holds(form):
                 others = (tidied(other, analysis.system) for other in found.lagrangians[k + 1 :])
                 trees = tuple(dict.fromkeys((form, *others)))

@@ -5,6 +5,7 @@ What is left under an integral sign is one function of one variable where that i
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -33,10 +34,12 @@ from inverse_service.expressions.tree import (
     Integral,
     Number,
     Power,
+    Product,
     Symbol,
     Velocity,
     add,
     multiply,
+    rebuild,
     substitute,
     walk,
 )
@@ -132,7 +135,7 @@ def antiderivative(
     """An elementary one of a formula in one variable; None where none is found. SymPy is asked last."""
     names = fresh_names(system, slope)
     letter, inner = Symbol(next(names)), Symbol(next(names))
-    plain = joined(substitute(slope, {variable: letter}))
+    plain = joined(substitute(slope if table is None else real_form(slope, table), {variable: letter}))
     forms = [(plain, letter, letter), *((form, inner, w) for form, w in _substitutions(plain, letter, inner))]
     for form, name, meant in forms:
         with suppress(TooManyTerms, TooLarge, ZeroDivisionError):
@@ -211,7 +214,7 @@ def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expressi
     found: list[Expression] = []
     with suppress(_TimeIsUp), _at_most(_SECONDS):
         for tree in elementary_antiderivatives(slope, variable, signs):
-            found = [real for real in (_with_real_logarithms(tree, table),) if is_defined([real], table)]
+            found = [real for real in (real_form(tree, table),) if is_defined([real], table)]
             if found:
                 break
     if not found and most > _SECONDS and len(_VAIN) < _MOST_VAIN:
@@ -219,15 +222,34 @@ def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expressi
     return next((tree for tree in found if _has_slope(tree, slope, variable, table)), None)
 
 
-def _with_real_logarithms(tree: Expression, table: RealTable) -> Expression:
-    """log(-u) for log(u) where u is negative at the point: their derivatives are the same."""
-    found: dict[Expression, Expression] = {}
-    for node in walk(tree):
-        if isinstance(node, Apply) and node.function == "log":
-            with suppress(NoRealValue, IrreducibleAtoms):
-                if real_sign(node.argument, table) < 0:
-                    found[node] = Apply("log", negated(node.argument))
-    return substitute(tree, found)
+def real_form(tree: Expression, table: RealTable) -> Expression:
+    """The tree as it is real at the point: log(-u) for log(u) where u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
+
+    The first changes it by a constant. In the second sqrt(u)*sqrt(w) stands for sqrt(u*w), whole powers of u beside.
+    """
+    if is_defined([tree], table):
+        return tree
+    with suppress(NoRealValue, IrreducibleAtoms):
+        return _turned(tree, table)
+    return tree
+
+
+def _turned(tree: Expression, table: RealTable) -> Expression:
+    tree = rebuild(tree, lambda part: _turned(part, table))
+    if isinstance(tree, Integral):
+        return replace(tree, slopes=tuple(slope and _turned(slope, table) for slope in tree.slopes))
+    if isinstance(tree, Apply) and tree.function == "log" and real_sign(tree.argument, table) < 0:
+        return Apply("log", negated(tree.argument))
+    factors = tree.factors if isinstance(tree, Product) else ()
+    halves: dict[Expression, Expression] = {
+        factor: negated(factor.base) ** factor.exponent * (-1) ** (math.floor(factor.exponent.value) % 2)
+        for factor in factors
+        if isinstance(factor, Power)
+        and isinstance(factor.exponent, Number)
+        and factor.exponent.value.denominator == 2
+        and real_sign(factor.base, table) < 0
+    }
+    return multiply(*(halves.get(factor, factor) for factor in factors)) if len(halves) == 2 else tree
 
 
 def _has_slope(tree: Expression, slope: Expression, x: Symbol, table: RealTable) -> bool:

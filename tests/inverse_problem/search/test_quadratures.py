@@ -63,7 +63,7 @@ BY_SYMPY = [
     "1/(1 + exp(y))", "y/(a + y)", "1/(y^2*(y - 1))", "1/cos(y)", "1/cosh(y)", "b/cosh(a*y)^2", "sqrt(a^2 - y^2)",
     "1/(2 + cos(y))", "sin(y)/(1 + cos(y)^2)", "1/(y^4 + 1)", "y*acosh(y)", "y^(1/3)/(1 + y)", "atan(y)/y^2",
     "y/sqrt(y^4 + 4)", "1/(y*sqrt(y^2 - 1))", "1/(y*sqrt(1 + y^2))", "sin(y)/sqrt(2 - cos(y)^2)",
-    "cos(y)/sqrt(2 + sin(y))", "log(y)^2/(y*sqrt(1 + log(y)^3))",
+    "cos(y)/sqrt(2 + sin(y))", "log(y)^2/(y*sqrt(1 + log(y)^3))", "cos(b*y)*sin(a*y)^2",
 ]  # fmt: skip
 
 
@@ -80,6 +80,25 @@ def test_forces_of_one_coordinate_have_their_potential_of_the_tables(force: str)
     near = result["certificate"]["near"]
     values = {sympy.Symbol(name): sympy.Float(text, 40) for name, text in near.items()}
     assert abs(sympy.N(difference.subs(values | {u: values[sympy.Symbol("y")], velocity: 1}), 30)) < 1e-20
+
+
+# With roots of x times what else is negative on the domain of the force, which lies below 0.
+BELOW_ZERO = {
+    "-sqrt(1 - (x + 1)^2)": 0,
+    "-acos(2*x + 1)": 0,
+    "-x/sqrt(-x^2 - 2*x)": 0,
+    "-sqrt(-(x + 3)/x)": 1,
+    "-sqrt(x*(x + 1)*(x - 1))": 1,
+    "-x'*sqrt(-x^2 - 4*x)": 0,
+}
+
+
+@pytest.mark.parametrize("equation", BELOW_ZERO)
+def test_roots_of_products_of_negative_factors_are_real_in_the_lagrangian(equation: str) -> None:
+    result = solve_document({"equations": {"x": equation}}, SolveOptions(time_limit=20.0))
+    assert result["lagrangian"] is not None
+    assert result["checked"] == "valid"
+    assert len(result["integrals"]) == BELOW_ZERO[equation]
 
 
 def test_a_wrong_antiderivative_of_a_library_is_not_taken() -> None:
