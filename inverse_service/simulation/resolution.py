@@ -63,7 +63,7 @@ VARIES = (
 SHORTER, STRICTER = "half the step", "half the step and a tenth of the tolerance"
 ELSEWHERE = (
     "With {} the method leads elsewhere: from t = {:.6g} on {} differs by more than a tenth of its range, at most by "
-    "{:.3g}. Where the motion itself is wanted, take a smaller step or the method adaptive."
+    "{:.3g}. Where the motion itself is wanted, take a smaller step or tolerance."
 )
 ENDS_EARLY = "With {} the run ends at t = {:.6g}, {}."
 BY_STEPS, APART, HALF = MethodChoice("adaptive", tolerance=1e-13), 1e-4, 0.5  # of the velocity, of its change
