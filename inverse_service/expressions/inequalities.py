@@ -12,6 +12,7 @@ from typing import Any
 
 from flint import fmpq, fmpq_poly
 
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.notation import Formula, row
 from inverse_service.expressions.tree import (
     PI,
@@ -35,8 +36,8 @@ _ROUNDED_UP = 1 + 1e-12
 
 
 def inequality(tree: Expression) -> Formula:
-    """The condition that the tree is positive, in all forms of writing."""
-    left, right, is_greater = _sides(tree)
+    """The condition that the tree is positive, in all forms of writing, collected where that is shorter."""
+    left, right, is_greater = _sides(min(tree, collect(tree), key=lambda form: sum(1 for _ in walk(form))))
     return row(left, " > " if is_greater else " < ", right)
 
 
