@@ -202,8 +202,8 @@ def _is_regular_everywhere(lagrangian: outcome.Lagrangian) -> bool:
 
 
 def _inequalities(positive: Iterable[Expression]) -> list[str]:
-    """Each condition that is not seen to hold everywhere."""
-    return [inequality_text(tree) for tree in positive if not is_plainly_positive(tree)]
+    """Each condition that is not seen to hold everywhere, once."""
+    return list(dict.fromkeys(inequality_text(tree) for tree in positive if not is_plainly_positive(tree)))
 
 
 def hamiltonian_part(hamiltonian: outcome.Hamiltonian, coordinates: Iterable[str]) -> schemas.HamiltonianPart:
