@@ -69,6 +69,20 @@ def test_roots_of_positive_sums_are_one_root_in_all_that_is_shown() -> None:
     assert all("sqrt(y^4 + 4)" in text and "2*y + 2" not in text for text in shown)
 
 
+@pytest.mark.parametrize("name", FIVE[:2])
+def test_the_latex_page_has_what_the_page_of_text_has(name: str) -> None:
+    result = solved(name)
+    part, motion = result["nonholonomic"], result["any_associated"]
+    found = motion["lagrangian"]
+    shown = [found, found["on_constraints"], *found["transverse_momenta"], motion["hamiltonian"], *motion["image"]]
+    shown += [*part["equations_of_motion"]["multipliers"], part["measure_density"]["density"], *part["first_integrals"]]
+    text, latex = text_page(result, False), latex_page(result, False)
+    assert len(shown) > 6
+    assert all(one["text"] in text and one["latex"] in latex.replace(r" \\ & \quad ", "") for one in shown)
+    assert latex.count("Independent check: valid.") >= 2
+    assert all(part[each]["statement"][:40] in latex for each in ("paper_class", "integrable"))
+
+
 @pytest.mark.parametrize("name", FIVE[:3])
 def test_the_checker_accepts_the_result_and_no_other_lagrangian(name: str) -> None:
     result = solved(name)

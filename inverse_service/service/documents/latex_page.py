@@ -30,7 +30,7 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     if text_page.is_forward_result(result):
         return "\n".join([*lines, *forward_latex(result), *end]) + "\n"
     if result.get("nonholonomic") is not None:
-        lines += [escaped(result["any_associated"]["statement"])] if result.get("any_associated") else []
+        lines += any_associated_latex(result.get("any_associated"), explain)
         lines += nonholonomic_latex(result["nonholonomic"])
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
@@ -68,12 +68,18 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
     if answer.get("domain"):
         yield f"At generic points of the connected set where {_conditions(answer['domain'], system)}:"
     yield escaped(f"{text_page.verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
+    if answer["checked"] is not None:
+        yield f"Independent check: {answer['checked']}."
+    if answer["lagrangian"] is None and answer["verdict"] == "variational":
+        yield "No Lagrangian in closed form was found."
     hamiltonian = answer["hamiltonian"]
     momenta = hamiltonian["momenta"] if hamiltonian else {}
     for letter, part in (("L", answer["lagrangian"]), ("H", hamiltonian)):
         if part is not None:
             yield display(f"{letter} = {part['latex']}")
             yield from _where_regular(part, system, momenta)
+    if hamiltonian and hamiltonian.get("reason"):
+        yield escaped(f"{hamiltonian['reason'].rstrip('.')}.")
     if momenta and system:
         yield from (display(f"{to_latex(Symbol(p))} = {_latex(text, system, momenta)}") for p, text in momenta.items())
     if hamiltonian and hamiltonian["constraints"] and system:
@@ -141,8 +147,9 @@ def special_cases_latex(part: dict[str, Any]) -> Iterator[str]:
             part["variational_when_with_time"], "A Lagrangian $L(t, q, q')$ exists", "latex"
         )
     yield f"Cases examined: {part['examined']}. " + (
-        "The tree is complete." if part["complete"] else "The tree may not be complete."
+        "The tree is complete." if part["complete"] else "The tree may not be complete:"
     )
+    yield from (escaped(reason) for reason in part["reasons"])
     yield from _items(part["tree"])
 
 
@@ -154,25 +161,57 @@ def _items(node: dict[str, Any]) -> Iterator[str]:
     yield r"\end{itemize}"
 
 
+def any_associated_latex(part: Mapping[str, Any] | None, explain: bool) -> Iterator[str]:
+    """The answer about the motion itself: L, its restriction and transverse momenta, H and the image."""
+    if part is None:
+        return
+    yield escaped(f"{part['statement']} {part['reason']}".strip())
+    if part["checked"]:
+        yield f"Independent check: {part['checked']}."
+    found = part["lagrangian"]
+    if found is not None:
+        yield from _rows(("L", found), (r"\ell", found["on_constraints"]))
+        yield from _rows(*((rf"\lambda_{{{k}}}", one) for k, one in enumerate(found["transverse_momenta"], 1)))
+    elif part["verdict_with_time"] == "variational":
+        yield "No Lagrangian in closed form was found."
+    yield from _rows(("H", part["hamiltonian"]))
+    yield from _rows(*((one, "0") for one in part["image"]))
+    if part["freedom"]:
+        yield escaped(f"Up to total derivatives, L along the constraints depends on {part['freedom']}.")
+    if explain:
+        yield from latex_proof(part["explanation"])
+
+
 def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
-    """The equations of motion, N, and L, H and constraints of each Hamiltonisation."""
+    """The equations of motion, what they keep, the associated systems, and each Hamiltonisation."""
     motion = part["equations_of_motion"]
     yield "The Lagrangian and the constraints are"
-    yield display(f"L = {part['lagrangian']['latex']}")
-    yield from (display(f"{found['latex']} = 0") for found in part["constraints"])
+    yield from _rows(("L", part["lagrangian"]), *((found, "0") for found in part["constraints"]))
     yield "and the nonholonomic motion is"
-    yield from (display(rf"\ddot{{{name}}} = {found['latex']}") for name, found in _lettered(motion["second_order"]))
-    yield from (display(rf"\dot{{{name}}} = {found['latex']}") for name, found in _lettered(motion["first_order"]))
-    density = part["measure_density"]["density"]
-    if density is not None:
-        yield "and its invariant measure has the density"
-        yield display(rf"N = {density['latex']}")
+    yield from _rows(*((rf"\ddot{{{name}}}", found) for name, found in _lettered(motion["second_order"])))
+    yield from _rows(*((rf"\dot{{{name}}}", found) for name, found in _lettered(motion["first_order"])))
+    yield from _rows(*((rf"\lambda_{{{k}}}", found) for k, found in enumerate(motion["multipliers"], 1)))
+    yield from (escaped(part[name]["statement"]) for name in ("paper_class", "integrable"))
+    yield from _rows(*((found, r"\text{constant}") for found in part["integrable"]["integrals"]))
+    yield escaped(part["measure_density"]["statement"])
+    yield from _rows(("N", part["measure_density"]["density"]))
+    yield from _rows(*((rf"\text{{{escaped(one['name'])}}}", one) for one in part["first_integrals"]))
+    for one in part["associated"]:
+        yield rf"The {one['kind']} associated system: {text_page.spaced(one['verdict'] or 'not defined')}. \\"
     for one in part["hamiltonisation"]:
         yield f"By the {one['associated']} associated system:"
-        yield display(rf"L = {one['lagrangian']['latex']}")
-        if one["hamiltonian"] is not None:
-            yield display(rf"H = {one['hamiltonian']['latex']}")
-        yield from (display(rf"{found['latex']} = 0") for found in one["constraints"])
+        yield from _rows(("L", one["lagrangian"]), ("H", one["hamiltonian"]))
+        yield from _rows(*((found, "0") for found in one["constraints"]))
+
+
+Side = str | Mapping[str, Any] | None
+
+
+def _rows(*equations: tuple[Side, Side]) -> Iterator[str]:
+    """Displayed equations between formulas; one with a side that is missing is left out."""
+    for sides in equations:
+        if None not in sides:
+            yield display(" = ".join(side if isinstance(side, str) else side["latex"] for side in sides if side))
 
 
 def _lettered(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
