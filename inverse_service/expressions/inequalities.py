@@ -31,8 +31,8 @@ from inverse_service.expressions.tree import (
     walk,
 )
 
-_DEGREE = 40
-_ROUNDED_UP = 1 + 1e-12
+_DEGREE, _HIGHEST = 40, 64
+_FINE = 2**64  # parts of one in a square root
 
 
 def inequality(tree: Expression) -> Formula:
@@ -252,11 +252,24 @@ def _power_of(base: Range, exponent: Fraction) -> Range:
     is_even = exponent.denominator == 1 and exponent.numerator % 2 == 0
     if is_even and base.high <= 0:
         base = base.turned
-    if base.low < 0:
-        most = max(base.low**2, base.high**2) ** (int(exponent) // 2) if is_even and exponent > 0 else math.inf
+    if exponent.numerator > _HIGHEST:
+        base = Range(-math.inf if base.low < 0 else 0, low_open=base.low < 0 or base.is_positive)
+    is_odd = exponent.denominator == 1 and exponent.numerator % 2 == 1 and exponent > 0
+    if base.low < 0 and not is_odd:
+        most = max(base.low**2, base.high**2) ** (exponent.numerator // 2) if is_even and exponent > 0 else math.inf
         return Range(0, most, exponent < 0, most == math.inf) if is_even else Range()
     if exponent < 0 or exponent.denominator > 1:
-        most = math.inf if exponent < 0 or base.high == math.inf else float(base.high) ** float(exponent) * _ROUNDED_UP
+        most = _root_above(base.high, exponent.denominator) ** exponent.numerator if exponent > 0 else math.inf
         return Range(0, most, exponent < 0 or base.is_positive, most == math.inf)
     power = int(exponent)
     return Range(base.low**power, base.high**power, base.low_open, base.high_open)
+
+
+def _root_above(value: Bound, degree: int) -> Bound:
+    """A number whose power is at least the value; close to the root where that is a square root."""
+    if not isinstance(value, Fraction | int):
+        return value
+    whole = Fraction(value)
+    if degree != 2:
+        return max(whole, Fraction(1))
+    return Fraction(math.isqrt(whole.numerator * _FINE**2 // whole.denominator) + 1, _FINE)
