@@ -146,9 +146,10 @@ def antiderivative(
         return None
     place = {**table, letter: table[variable]}
     for form, name, meant in reversed(forms):
-        known = _by_sympy(form, name, {**place, name: evaluate(meant, place)})
-        if known is not None:
-            return substitute(substitute(known, {name: meant}), {letter: variable})
+        with suppress(NoRealValue):
+            known = _by_sympy(form, name, {**place, name: evaluate(meant, place)})
+            if known is not None:
+                return substitute(substitute(known, {name: meant}), {letter: variable})
     return None
 
 
@@ -249,7 +250,8 @@ def _turned(tree: Expression, table: RealTable) -> Expression:
         and factor.exponent.value.denominator == 2
         and real_sign(factor.base, table) < 0
     }
-    return multiply(*(halves.get(factor, factor) for factor in factors)) if len(halves) == 2 else tree
+    is_real = halves and len(halves) % 2 == 0
+    return multiply(*(halves.get(factor, factor) for factor in factors)) if is_real else tree
 
 
 def _has_slope(tree: Expression, slope: Expression, x: Symbol, table: RealTable) -> bool:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
+from fractions import Fraction
 from itertools import count
 
+import mpmath
 import pytest
 import sympy
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.expressions.tree import Integral, Velocity, walk
+from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.tree import Integral, Symbol, Velocity, multiply, walk
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import quadratures
 from inverse_service.inverse_problem.solving import solve
@@ -211,3 +215,19 @@ def test_of_two_functions_of_the_velocity_the_elementary_one_is_written_out() ->
     assert result["checked"] == "valid"
     ((_, known),) = result["integrals"].items()
     assert known["derivatives"] == {"y'": "1/log(y')"}
+
+
+EVEN = ["1/2 1/2", "3/2 -1/2", "1/2 3/2 1/2 -1/2", "-3/2 5/2 1/2 1/2"]
+
+
+@pytest.mark.parametrize("powers", EVEN)
+def test_an_even_number_of_roots_of_negative_names_is_the_root_of_their_product(powers: str) -> None:
+    exponents = list(map(Fraction, powers.split()))
+    names = list(map(Symbol, "xabc"[: len(exponents)]))
+    table = {name: mpmath.mpf(-place) for place, name in enumerate(names, 2)}
+    product = multiply(*(name**exponent for name, exponent in zip(names, exponents, strict=True)))
+    whole = mpmath.fprod(table[name] ** math.floor(e) for name, e in zip(names, exponents, strict=True))
+    wanted = whole * mpmath.sqrt(mpmath.fprod(table.values()))
+    assert mpmath.almosteq(evaluate(quadratures.real_form(product, table), table), wanted)
+    odd = product * Symbol("z") ** Fraction(1, 2)
+    assert quadratures.real_form(odd, table | {Symbol("z"): mpmath.mpf(-1)}) == odd
