@@ -74,7 +74,7 @@ def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> lis
                 answered[whole] = _answering(motion, whole, shapes)
             for q, shape in answered[whole]:
                 found.update(dict.fromkeys(times(m, shape) for m in antiderivatives(position, q)))
-    found.update(dict.fromkeys(m for extra in list(found) for m in _without_squares(extra)))
+    found.update(dict.fromkeys(m for extra in list(found) for m in without_squares(extra)))
     return list(found)
 
 
@@ -84,7 +84,7 @@ def _answering(motion: MotionTerms, whole: Monomial, shapes: set[Monomial]) -> l
     return [(q, shape) for q, w in every if (shape := times(whole, monomial(w), -1)) in shapes]
 
 
-def _without_squares(key: Monomial) -> list[Monomial]:
+def without_squares(key: Monomial) -> list[Monomial]:
     """With sin^2 u or cos^2 u also the monomial without it, 1 = sin^2 u + cos^2 u; sinh and cosh likewise."""
     return [
         times(key, frozenset([(letter, Fraction(2))]), -1)
@@ -108,7 +108,7 @@ def potentials(material: Material, seeds: Iterable[Monomial], bound: int) -> lis
                 found[m] = None
                 linear.update(dict.fromkeys(times(m, monomial(v)) for v in motion.velocities))
     for extra in list(found):
-        found.update(dict.fromkeys(_without_squares(extra)))
+        found.update(dict.fromkeys(without_squares(extra)))
     return [*sorted(found, key=rank)[:bound], *sorted(linear, key=rank)[:bound]]
 
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations_with_replacement
 from typing import Any
@@ -20,9 +20,11 @@ from typing import Any
 import numpy as np
 from flint import nmod_mat
 
+from inverse_service.algebra import modular
 from inverse_service.algebra import series as ps
-from inverse_service.algebra.modular import reconstruct
-from inverse_service.algebra.point import Expansion
+from inverse_service.algebra.echelon_kernels import Words
+from inverse_service.algebra.modular import compiled, multiply, reconstruct
+from inverse_service.algebra.point import Expansion, Variable, variables_in
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
@@ -30,18 +32,17 @@ from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Po
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.gradings import by_degree
-from inverse_service.inverse_problem.search.linear_ansatz import letters_of
+from inverse_service.inverse_problem.search.linear_ansatz import letters_of, to_montgomery
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
 from inverse_service.inverse_problem.search.motion import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
 from inverse_service.inverse_problem.search.sample_points import SamplePoints
-from inverse_service.inverse_problem.search.sampling import LetterTable, monomial_values, sampler_of, table_at
-from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of
+from inverse_service.inverse_problem.search.sampling import LetterTable, sampler_of, table_at
+from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times
 
 _SPARE = 6
 # Shapes are left out until there are so few: the elimination is cubic in them.
 _MOST = 120
-Grid = list[list[int]]
 
 
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
@@ -49,14 +50,20 @@ _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 
 @dataclass(frozen=True, slots=True)
 class Possible:
-    """The shapes that can occur in a regular multiplier, and what is known of the growth of their coefficients.
+    """The shapes that can occur in a regular multiplier, and what is known of their coefficients.
 
-    These are e^(rho t) c(q) with one rho, where that of most of them is seen; `alone` where it is seen of all.
+    `fixed` are those of t and the coordinates that the coefficient of a shape does not hold in any of them. The
+    coefficients are e^(rho t) c(q) with one rho, where that of most of them is seen; `alone` where it is seen of all.
     """
 
     shapes: list[Monomial]
+    fixed: Mapping[Monomial, frozenset[Variable]] = field(default_factory=dict)
     growth: Fraction | None = None
     alone: bool = False
+
+    def may_have(self, factor: Monomial, shape: Monomial) -> bool:
+        """Whether a function of t and the coordinates can occur in the coefficient of a shape."""
+        return self.fixed.get(shape, frozenset()).isdisjoint(name for p, _ in factor for name in variables_in(p))
 
     def in_time(self, others: Sequence[Monomial]) -> tuple[Monomial, ...]:
         """e^(rho t), before the others where it is not alone."""
@@ -82,26 +89,35 @@ def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) 
     points, letters = sampler.at_one_place(seed), letters_of(chosen)
     count = (max(map(len, groups)) * unknowns + _SPARE) // material.motion.size**2 + 2
     table = table_at(points, letters, count, with_third=True)
-    forms = _hessians(table, chosen)
-    inverse = pow(1 << 64, -1, table.prime)
-    plain = np.array(helmholtz_matrix(sampler, table, letters, chosen), dtype=object) * inverse % table.prime
+    matrix, hessians = helmholtz_matrix(sampler, table, letters, chosen)
     generator, weights = random.Random(f"velocity shapes {seed}"), list[int]()
 
     def solution(places: Sequence[int]) -> list[int]:
-        return _random_solution(
-            material, table, [[row[k] for k in places] for row in forms], plain[:, places], generator
-        )
+        return _random_solution(material, table, matrix[:, places], hessians[:, places], generator)
 
+    fixed: dict[Monomial, frozenset[Variable]] = {}
     for group in groups:
-        weights += solution(range(len(weights), len(weights) + len(group)))[: len(group)]
-    used = _used(chosen, weights, forms[0], table.prime)
+        found = solution(range(len(weights), len(weights) + len(group)))
+        weights += found[: len(group)]
+        fixed.update(zip(group, _fixed(material, found, len(group)), strict=True))
+    used = _used(chosen, weights, hessians[0], table.prime)
     squares = used == [monomial(v, v) for v in material.motion.velocities]
     if squares and not _has_function_of_position(points):
         return Possible([])
     if not used or not material.motion.with_time or material.analysis.system.depends_on_time:
-        return Possible(used)
+        return Possible(used, fixed)
     again = solution([k for k, c in enumerate(weights) if c])
-    return Possible(used, *_growth(again[: len(used)], again[len(used) : 2 * len(used)], table.prime))
+    return Possible(used, fixed, *_growth(again[: len(used)], again[len(used) : 2 * len(used)], table.prime))
+
+
+def _fixed(material: Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
+    """For each of `count` shapes those of t and the coordinates by which its coefficient has the derivative 0.
+
+    A derivative that is 0 in a random solution is 0 in all, at this place and so at almost all of them.
+    """
+    names: list[Variable] = [*([TIME] if material.motion.with_time else []), *material.motion.coordinates]
+    rates = {name: solution[(k + 1) * count : (k + 2) * count] for k, name in enumerate(names)}
+    return [frozenset(name for name in names if not rates[name][shape]) for shape in range(count)]
 
 
 # Of e^(rho t): what a larger bound admits are accidents.
@@ -136,58 +152,41 @@ def _groups(material: Material, shapes: Sequence[Monomial]) -> list[list[Monomia
 
 
 def _random_solution(
-    material: Material, table: LetterTable, forms: Sequence[Sequence[Grid]], plain: Any, generator: random.Random
+    material: Material, table: LetterTable, matrix: Words, hessians: Words, generator: random.Random
 ) -> list[int]:
     """The coefficients of the shapes of one group, and then their derivatives, in a random solution at one place."""
-    rows = [[*map(int, row), *_of_derivatives(material, table, forms, k)] for k, row in enumerate(plain.tolist())]
-    width = len(rows[0])
-    check(1 + len(rows) * width * min(len(rows), width) // 10_000)
-    basis, nullity = nmod_mat(len(rows), width, [x for row in rows for x in row], table.prime).nullspace()
-    weights = [generator.randrange(table.prime) for _ in range(nullity)]
-    return [sum(w * int(x) for w, x in zip(weights, row, strict=False)) % table.prime for row in basis.tolist()]
+    motion, prime = material.motion, table.prime
+    rates = [[1] * motion.with_time + [point.variable(v) for v in motion.velocities] for point in table.points]
+    modulus, negative_inverse, _, _ = modular.constants(prime)
+    width = matrix.shape[1]
+    rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
+    rows[:, :width] = matrix
+    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modulus, negative_inverse)
+    check(1 + rows.size * min(rows.shape) // 10_000)
+    basis, nullity = nmod_mat(len(rows), rows.shape[1], rows.ravel().tolist(), prime).nullspace()
+    weights = [generator.randrange(prime) for _ in range(nullity)]
+    return [sum(w * int(x) for w, x in zip(weights, row, strict=False)) % prime for row in basis.tolist()]
 
 
-def _hessians(table: LetterTable, shapes: Sequence[Monomial]) -> list[list[Grid]]:
-    """d2s/dv dv of each shape at each sample."""
-    prime, letters = table.prime, letters_of(shapes)
-    index = {letter: k for k, letter in enumerate(letters)}
-    inverse = pow(1 << 64, -1, prime)
-    values = [[int(x) * inverse % prime for x in row] for row in monomial_values(table, letters, shapes)]
-    weights = [[(index[p], e.numerator * pow(e.denominator, -1, prime)) for p, e in shape] for shape in shapes]
-    slopes, seconds = table.by_velocity.tolist(), table.hessian.tolist()
-    span = range(table.by_velocity.shape[2])
-    found = []
-    for s, row in enumerate(values):
-        forms = []
-        for value, weight in zip(row, weights, strict=True):
-            slope = [sum(w * slopes[s][p][i] for p, w in weight) for i in span]
-            forms.append([
-                [value * (slope[i] * slope[j] + sum(w * seconds[s][p][i][j] for p, w in weight)) % prime for j in span]
-                for i in span
-            ])  # fmt: skip
-        found.append(forms)
-    return found
+@compiled
+def _fill_rates(rates: Any, hessians: Any, rows: Any, prime: Any, inverse: Any) -> None:
+    """The entries for d_t c (where L may hold t) and each d_k c: s_ij times 1 and v^k in (H2), 0 in (H3)."""
+    samples, count, n, _ = hessians.shape
+    for s in range(samples):
+        for r in range(rates.shape[1]):
+            row = s * n * n
+            for i in range(n):
+                for j in range(i, n):
+                    for c in range(count):
+                        rows[row, (r + 1) * count + c] = multiply(rates[s, r], hessians[s, c, i, j], prime, inverse)
+                    row += 1
 
 
-def _of_derivatives(material: Material, table: LetterTable, forms: Sequence[Sequence[Grid]], row: int) -> list[int]:
-    """The entries of one row for d_t c (where L may hold t) and each d_k c: s_ij times 1 and v^k in (H2), 0 in (H3)."""
-    n, shapes = material.motion.size, len(forms[0])
-    sample, place = divmod(row, n * n)
-    pairs = [(i, j) for i in range(n) for j in range(i, n)]
-    point = table.points[sample]
-    rates = [1] * material.motion.with_time + [point.variable(v) for v in material.motion.velocities]
-    if place >= len(pairs):
-        return [0] * (len(rates) * shapes)
-    i, j = pairs[place]
-    return [rate * form[i][j] % table.prime for rate in rates for form in forms[sample]]
-
-
-def _used(shapes: Sequence[Monomial], weights: Sequence[int], forms: Sequence[Grid], prime: int) -> list[Monomial]:
+def _used(shapes: Sequence[Monomial], weights: Sequence[int], hessians: Words, prime: int) -> list[Monomial]:
     """The shapes with a coefficient in a random solution; none where its g is singular, as then all are."""
-    n = len(forms[0])
-    places = [(i, j) for i in range(n) for j in range(n)]
-    g = [sum(c * form[i][j] for c, form in zip(weights, forms, strict=True)) % prime for i, j in places]
-    if nmod_mat(n, n, g, prime).rank() < n:
+    n = hessians.shape[1]
+    g = nmod_mat(1, len(weights), weights, prime) * nmod_mat(len(weights), n * n, hessians.ravel().tolist(), prime)
+    if nmod_mat(n, n, g.entries(), prime).rank() < n:
         return []
     return [shape for shape, c in zip(shapes, weights, strict=True) if c]
 
@@ -223,12 +222,14 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
     in_time = possible.in_time(factors.in_time)
     terms = family.terms if material.motion.size > 1 else min(family.terms, _MOST_OF_ONE)
     room = max(_FEWEST, terms // (len(chosen) * len(in_time)))
-    found = products(in_time, products(_functions(material, factors, room), chosen))[: 2 * family.terms]
-    found += [m for shape in chosen for m in products(_fitted(material, factors, shape), [shape])]
+    functions = products(in_time, _functions(material, factors, room))
+    pairs = [(m, shape) for m in functions for shape in chosen if possible.may_have(m, shape)][: 2 * family.terms]
+    pairs += [(m, shape) for shape in chosen for m in _fitted(material, factors, shape) if possible.may_have(m, shape)]
     if material.motion.with_time and not material.position_letters:
         # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.
-        found += products([monomial(TIME)], chosen)
-    return [key for key in distinct(found) if is_admissible(material, key) and not is_linear(key)]
+        pairs += [(monomial(TIME), shape) for shape in chosen if possible.may_have(monomial(TIME), shape)]
+    found = distinct([times(m, shape) for m, shape in pairs])
+    return [key for key in found if is_admissible(material, key) and not is_linear(key)]
 
 
 def _with_roots_of_numbers(material: Material, shapes: Sequence[Monomial]) -> list[Monomial]:

@@ -16,14 +16,15 @@ from inverse_service.algebra.series import SingularPoint
 from inverse_service.deadline import OutOfTime, check, until, within
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, Velocity
+from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse, variables_of
 from inverse_service.inverse_problem.search import rungs
-from inverse_service.inverse_problem.search.closure import answers
+from inverse_service.inverse_problem.search.closure import answers, without_squares
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import (
     Family,
     all_terms,
+    is_linear,
     kinetic_terms,
     label,
     own_family,
@@ -31,7 +32,7 @@ from inverse_service.inverse_problem.search.families import (
 )
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
-from inverse_service.inverse_problem.search.members import best_members, needed_combinations
+from inverse_service.inverse_problem.search.members import Member, best_members, needed_combinations
 from inverse_service.inverse_problem.search.multiplier_ansatz import occurring_terms, solve_multiplier
 from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
 from inverse_service.inverse_problem.search.quadratures import real_form
@@ -266,7 +267,7 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
         chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
         residuals = [answers(material, space.combinations[k]) for k in members]
         further = dict.fromkeys(key for group in residuals for key in group)
-        return _with_potentials(material, family, chosen, list(further), seed) if chosen else None
+        return _with_potentials(material, family, chosen, list(further), len(members), seed) if chosen else None
     except _NO_POINTS:
         return None
 
@@ -276,26 +277,48 @@ def _sampler(material: Material, terms: Sequence[Monomial]) -> Sampler:
 
 
 def _with_potentials(
-    material: Material, family: Family, chosen: Sequence[Monomial], further: Sequence[Monomial], seed: int
+    material: Material, family: Family, chosen: Sequence[Monomial], further: Sequence[Monomial], count: int, seed: int
 ) -> Found | None:
-    """Letters that only antiderivatives bring in may have no value where f has one: then without them."""
-    terms = all_terms(material, family, [*chosen, *further])
-    try:
-        space = solve_ansatz(_sampler(material, terms), terms, seed)
-    except _NO_POINTS:
-        terms = _in_known_letters(material, terms, chosen)
-        space = solve_ansatz(_sampler(material, terms), terms, seed)
-    members = best_members(space, seed)
+    """The best Lagrangians with the chosen terms, which make `count` multipliers, and with potentials.
+
+    What answers the residuals of all of these suffices where it is made of letters that are there already. Over a sum
+    all of it would be multiplied out; sin^2 and cos^2 can be written in several ways, of which one is the shortest.
+    """
+    members: list[Member] = []
+    if further and not family.given and not any(map(without_squares, chosen)):
+        with suppress(*_NO_POINTS):
+            members = _members(material, [*chosen, *further], chosen, count, seed)
+    known = _known_letters(material, chosen)
+    potentials = [key for member in members[:1] for key in member.terms if is_linear(key)]
+    plain = all(p in known and not (isinstance(p, Sum) and e < 0) for key in potentials for p, e in key)
+    if not members or not plain:
+        members = _members(material, all_terms(material, family, [*chosen, *further]), chosen, 1, seed)
     if not members:
         return None
     trees = dict.fromkeys(tree_of(member.terms) for member in members)
     return Found(tuple(trees), label(family, chosen), tuple(map(tree_of, members[0].parts)))
 
 
-def _in_known_letters(material: Material, terms: Sequence[Monomial], chosen: Sequence[Monomial]) -> list[Monomial]:
-    """The terms in letters of f and of the chosen terms, and in logarithms of these."""
+def _members(
+    material: Material, terms: Sequence[Monomial], chosen: Sequence[Monomial], count: int, seed: int
+) -> list[Member]:
+    """The best members in the span of the terms; none where fewer than `count` of its Lagrangians have a Hessian.
+
+    Letters that only antiderivatives bring in may have no value where f has one: then without them.
+    """
+    try:
+        space = solve_ansatz(_sampler(material, terms), terms, seed)
+    except _NO_POINTS:
+        known = _known_letters(material, chosen)
+        terms = [key for key in terms if all(letter in known for letter, _ in key)]
+        space = solve_ansatz(_sampler(material, terms), terms, seed)
+    with_hessian = sum(not all(map(is_linear, combination)) for combination in space.combinations)
+    return best_members(space, seed) if with_hessian >= count else []
+
+
+def _known_letters(material: Material, chosen: Sequence[Monomial]) -> set[Expression]:
+    """The letters of f and of the chosen terms, and logarithms of these."""
     motion = material.motion
     known = {*motion.coordinates, *motion.velocities, *material.position_letters, *material.velocity_letters}
     known |= {letter for key in (*chosen, *material.parameter_monomials) for letter, _ in key}
-    known |= {Apply("log", letter) for letter in material.position_letters}
-    return [key for key in terms if all(letter in known for letter, _ in key)]
+    return known | {Apply("log", letter) for letter in material.position_letters}

@@ -52,7 +52,7 @@ def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> 
 
     def equations(begin: int, end: int) -> Words:
         table = letter_table(sampler, letters, end, seed, with_third=True, first=begin)
-        return helmholtz_matrix(sampler, table, letters, terms)
+        return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
     groups = graded(sampler.analysis.system, terms)
@@ -71,7 +71,7 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
 
     def equations(begin: int, end: int) -> Words:
         table = table_at(points, letters, end, with_third=True, first=begin)
-        return helmholtz_matrix(sampler, table, letters, terms)
+        return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     def samples(unknowns: int) -> int:
         return (unknowns + _SPARE_EQUATIONS) // n**2 + 1
@@ -90,8 +90,11 @@ def _independent(points: SamplePoints, terms: Sequence[Monomial]) -> list[Monomi
 
 def helmholtz_matrix(
     sampler: Sampler, table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]
-) -> Words:
-    """The n^2 conditions H2 (i <= j) and H3 (i < j) of each term at each sample, Montgomery form."""
+) -> tuple[Words, Words]:
+    """The n^2 conditions H2 (i <= j) and H3 (i < j) of each term at each sample, and its Hessian; Montgomery form.
+
+    Shapes (samples n^2, terms) and (samples, terms, n, n).
+    """
     prime = table.prime
     starts, places, exponents = exponent_lists(letters, terms, prime)
     values = monomial_values(table, letters, terms)
@@ -99,15 +102,16 @@ def helmholtz_matrix(
     pairs = tensors_of(sampler, table)
     modulus, negative_inverse, _, _ = modular.constants(prime)
     result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
+    hessians = np.zeros((len(values), len(terms), n, n), np.uint64)
     arrays = (table.along, table.by_velocity, table.mixed, table.hessian, table.third)
     along, by_velocity, mixed, hessian, third = (to_montgomery(array, prime) for array in arrays)
     connection, endomorphism = (to_montgomery(np.array([pair[k] for pair in pairs], np.uint64), prime) for k in (0, 1))
     work = (np.empty(n, np.uint64), np.empty(n, np.uint64), np.empty((n, n), np.uint64), np.empty((n, n), np.uint64))
     _fill(
         values, starts, places, exponents, along, by_velocity, mixed, hessian, third, connection, endomorphism,
-        result, *work, modulus, negative_inverse,
+        result, hessians, *work, modulus, negative_inverse,
     )  # fmt: skip
-    return result
+    return result, hessians
 
 
 def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matrix]]:
@@ -140,7 +144,7 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix,
 @compiled
 def _fill(
     values: Any, starts: Any, places: Any, exponents: Any, along: Any, by_velocity: Any, mixed: Any, hessian: Any,
-    third: Any, connection: Any, endomorphism: Any, result: Any, v: Any, h: Any, g: Any, dg: Any,
+    third: Any, connection: Any, endomorphism: Any, result: Any, hessians: Any, v: Any, h: Any, g: Any, dg: Any,
     prime: Any, inverse: Any,
 ) -> None:  # fmt: skip
     samples, count = values.shape
@@ -169,7 +173,7 @@ def _fill(
                     rate = (dg[i, j] + multiply(total, part, prime, inverse)) % prime
                     rate = (rate + multiply(h[i], v[j], prime, inverse)) % prime
                     rate = (rate + multiply(v[i], h[j], prime, inverse)) % prime
-                    g[i, j] = multiply(values[s, c], part, prime, inverse)
+                    g[i, j] = hessians[s, c, i, j] = multiply(values[s, c], part, prime, inverse)
                     dg[i, j] = multiply(values[s, c], rate, prime, inverse)
             row = s * n * n
             for i in range(n):

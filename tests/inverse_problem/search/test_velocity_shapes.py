@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 
 import pytest
 
+from inverse_service.algebra.point import variables_in
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Apply, Expression, add, multiply, number, power, square_root
+from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, add, multiply, number, power, square_root
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.search.families import possible_shapes
+from inverse_service.inverse_problem.search.factors import find_factors
+from inverse_service.inverse_problem.search.families import kinetic_terms, possible_shapes
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.motion import irreducible_factors
+from inverse_service.inverse_problem.search.rungs import ANSATZ
 from inverse_service.inverse_problem.search.shapes import carried, polynomials, quadratic
-from inverse_service.inverse_problem.search.terms import Monomial, monomial, terms_of, tree_of
+from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, monomial, terms_of, tree_of
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents.documents import solve_document
 from tests.generator import random_systems
@@ -98,6 +102,45 @@ def test_the_growth_of_coefficients_is_seen_at_one_place(
     possible = possible_shapes(given, shapes(given), 1)
     assert possible.growth == growth
     assert possible.alone
+
+
+HOLDING = [
+    ("x'^2/2 + y'^2/2 + x^2*y + x^4", {"x'^2": "", "x'*y'": "", "y'^2": ""}),
+    ("exp(x)*y'^2/2 + x'^2/2 + x^2*y + x^4", {"x'^2": "", "y'^2": "x"}),
+    ("x'^2*y/2 + y'^2/2 + x^2*y + x^4", {"x'^2": "y", "y'^2": ""}),
+    ("t*x'^2/2 + x*y'^2/2 + x^2*y", {"x'^2": "t", "y'^2": "x"}),
+]
+
+
+@pytest.mark.parametrize(("lagrangian", "held"), HOLDING)
+def test_what_coefficients_can_hold_is_seen_at_one_place(lagrangian: str, held: dict[str, str]) -> None:
+    """t times x'^2/2 where L holds it, y times x'^2/2 where g_11 is y, and nothing for a constant g."""
+    equations = equations_of(lagrangian, "x y")
+    given = gather(analyse(read_system(list(equations), equations)), True)
+    possible = possible_shapes(given, quadratic(given), 1)
+    names = (TIME, Symbol("x"), Symbol("y"))
+    free = {
+        to_text(tree_of({shape: Fraction(1)})): "".join(
+            to_text(name) for name in names if possible.may_have(monomial(name), shape)
+        )
+        for shape in possible.shapes
+    }
+    assert free == held
+    assert all(possible.may_have(EMPTY, shape) for shape in possible.shapes)
+
+
+def test_functions_are_offered_only_to_coefficients_that_can_hold_them() -> None:
+    """A relativistic particle in a potential: its kinetic energy has constant coefficients, whatever the potential."""
+    root = "(1 - x'^2 - y'^2)"
+    equations = {
+        "x": f"-{root}^(1/2)*(sin(x) - x'^2*sin(x) - x'*y'*y)",
+        "y": f"-{root}^(1/2)*(y - y'^2*y - x'*y'*sin(x))",
+    }
+    given = gather(analyse(read_system(list(equations), equations)), False)
+    row = next(rung for rung in ANSATZ if rung.name == "functions of velocities, short factors")
+    terms = kinetic_terms(given, row, find_factors(given, 1), 1)
+    assert terms
+    assert not any(name in given.motion.coordinates for key in terms for p, _ in key for name in variables_in(p))
 
 
 def test_a_system_that_holds_the_time_shows_no_growth() -> None:
