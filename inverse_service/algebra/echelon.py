@@ -6,7 +6,7 @@ rows before it until its pivot stands (to reduce it further costs two to three t
 nothing later on) and the multiples used are recorded, so that each consequence can be traced to the
 original rows.
 
-Rows that depend on the others cost most and give nothing. Those that are expected to, and those that
+SparseRows that depend on the others cost most and give nothing. Those that are expected to, and those that
 need many rows of the basis, are not reduced: they are tested on a random vector on which the basis vanishes.
 A row that does not depend on the basis vanishes there with probability 1/P (Freivalds 1977), and is inserted.
 """
@@ -28,8 +28,10 @@ from inverse_service.algebra.echelon_kernels import (
     USES,
     Basis,
     Columns,
-    Field,
+    Dense,
+    Growing,
     Indices,
+    SparseRows,
     Uses,
     Words,
     cut,
@@ -46,18 +48,6 @@ MOST = 96
 # How many rows are inserted before the rest are tested again.
 FEW = 4
 Kind = TypeVar("Kind", bound=np.generic)
-
-
-@dataclass(frozen=True, slots=True)
-class SparseRows:
-    """Rows in compressed form: starts (rows + 1), columns, values."""
-
-    starts: Indices
-    columns: Indices
-    values: Words
-
-    def __len__(self) -> int:
-        return len(self.starts) - 1
 
 
 @dataclass(slots=True)
@@ -79,16 +69,16 @@ class Echelon:
     state: Indices = field(default_factory=lambda: np.zeros(4, np.int64))
 
     @property
-    def _field(self) -> Field:
-        return modular.constants(self.prime)[:3]
+    def _field(self) -> modular.Field:
+        return modular.field_of(self.prime)
 
     @property
     def _basis(self) -> Basis:
-        return self.pivot_of, self.starts, self.columns, self.values
+        return Basis(self.pivot_of, self.starts, self.columns, self.values)
 
     @property
     def _uses(self) -> Uses:
-        return self.use_starts, self.use_rows, self.use_factors
+        return Uses(self.use_starts, self.use_rows, self.use_factors)
 
     def widen(self, width: int) -> None:
         """Append columns."""
@@ -98,65 +88,62 @@ class Echelon:
 
     def insert(
         self,
-        row_starts: Indices,
-        columns: Indices,
-        values: Words,
+        rows: SparseRows,
         expected: Flags | None = None,
         in_order: bool = True,
     ) -> Flags:
-        """Insert rows in compressed form; entries of equal column in a row are added up.
+        """Insert rows; entries of equal column in a row are added up.
 
         `expected` marks rows that should depend on all others, which is then tested at once. The answer
         marks those that do.
         """
-        total, first = len(row_starts) - 1, self.count
-        given = (row_starts, columns, values)
+        total, first = len(rows.starts) - 1, self.count
         most = self.width if in_order else MOST
         if expected is None or not expected.any():
-            self._settle(self._insert(np.arange(total), *given, most), *given)
+            self._settle(self._insert(np.arange(total), rows, most), rows)
         else:
-            later = self._insert((~expected).nonzero()[0], *given, most)
-            self._settle(np.concatenate([later, expected.nonzero()[0]]), *given)
+            later = self._insert((~expected).nonzero()[0], rows, most)
+            self._settle(np.concatenate([later, expected.nonzero()[0]]), rows)
         dependent = np.ones(total, np.bool_)
         dependent[self.origin[first : self.count]] = False
         self.origin[first : self.count] += self.inserted
         self.inserted += total
         return dependent
 
-    def _settle(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words) -> None:
+    def _settle(self, places: Indices, rows: SparseRows) -> None:
         """Insert those of the rows that do not depend on the basis; most should. Some at a time: then test again."""
-        given, some = (row_starts, columns, values), FEW
-        while len(rows := self._independent(rows, *given)):
-            before, tried, rows = self.count, rows[:some], rows[some:]
-            self._insert(tried, *given, self.width)
+        some = FEW
+        while len(places := self._independent(places, rows)):
+            before, tried, places = self.count, places[:some], places[some:]
+            self._insert(tried, rows, self.width)
             some = 2 * some if self.count - before == len(tried) else some
 
-    def _independent(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words) -> Indices:
+    def _independent(self, places: Indices, rows: SparseRows) -> Indices:
         """Those of the rows that do not depend on the basis."""
-        if not len(rows):
-            return rows
+        if not len(places):
+            return places
         # The prime is random itself, and so are numbers that come from it.
         seed = np.uint64(self.prime * 0x2545F4914F6CDD1D + self.inserted & 0xFFFFFFFFFFFFFFFF)
-        solution, kept = np.empty(self.width, np.uint64), np.empty(len(rows), np.int64)
-        solve_at_random(solution, seed, *self._basis, *self._field)
-        count = keep_those_that_do_not_vanish(rows, row_starts, columns, values, solution, kept, *self._field)
+        solution, kept = np.empty(self.width, np.uint64), np.empty(len(places), np.int64)
+        solve_at_random(solution, seed, self._basis, self._field)
+        count = keep_those_that_do_not_vanish(places, rows, solution, kept, self._field)
         return kept[:count]
 
-    def _insert(self, rows: Indices, row_starts: Indices, columns: Indices, values: Words, most: int) -> Indices:
+    def _insert(self, places: Indices, rows: SparseRows, most: int) -> Indices:
         """Insert those rows one by one; the answer has those left out that need over `most` rows of the basis."""
-        dense = np.zeros(self.width, np.uint64), np.zeros((self.width >> 6) + 1, np.uint64)
-        later, self.state[LATER] = np.empty(len(rows), np.int64), 0
+        dense = Dense(np.zeros(self.width, np.uint64), np.zeros((self.width >> 6) + 1, np.uint64))
+        later, self.state[LATER] = np.empty(len(places), np.int64), 0
         place = 0
         while True:
-            arrays = (*dense, *self._basis, self.origin, *self._uses, self.state, *self._field)
-            place = reduce_rows(place, most, rows, later, row_starts, columns, values, *arrays)
-            if place == len(rows):
+            into = Growing(self._basis, self.origin, self._uses, self.state)
+            place = reduce_rows(place, most, places, later, rows, dense, into, self._field)
+            if place == len(places):
                 break
             self._grow()
         first, self.count = self.count, int(self.state[ROWS])
         if self.count > first:
-            given = (np.empty(self.count - first, np.uint64), *self._basis, *self._uses, *self._field)
-            normalise_rows(first, self.count, *given)
+            products = np.empty(self.count - first, np.uint64)
+            normalise_rows(first, self.count, products, self._basis, self._uses, self._field)
         return later[: self.state[LATER]]
 
     def _grow(self) -> None:
@@ -184,7 +171,7 @@ class Echelon:
         starts = np.zeros(len(numbers) + 1, np.int64)
         room = int((self.starts[numbers + 1] - self.starts[numbers]).sum())
         columns, values = np.empty(room, np.int64), np.empty(room, np.uint64)
-        cut(numbers, first, self.starts, self.columns, self.values, starts, columns, values)
+        cut(numbers, first, self._basis, SparseRows(starts, columns, values))
         return SparseRows(starts, columns[: starts[-1]], values[: starts[-1]])
 
     def _row(self, number: int) -> dict[int, int]:
@@ -199,7 +186,7 @@ class Echelon:
         vector = np.zeros(self.count, np.uint64)
         for number, weight in weights.items():
             vector[number] = weight % self.prime
-        trace_weights(vector, *self._uses, *self._field)
+        trace_weights(vector, self._uses, self._field)
         return [int(self.origin[k]) for k in np.flatnonzero(vector)]
 
 

@@ -2,24 +2,61 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra.modular import GOLDEN, compiled, leading_zeros, mixed, multiply, power
+from inverse_service.algebra.modular import GOLDEN, Field, compiled, leading_zeros, minus, mixed, multiply, plus, power
 
 Words = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
 Columns = npt.NDArray[np.int32]
 
-# P, -1/P modulo 2^64, and 1 in Montgomery form.
-Field = tuple[np.uint64, np.uint64, np.uint64]
-# Rows in compressed form: starts, columns, values; those of a basis, the pivots in front: row of each column or -1.
-Rows = tuple[Indices, Indices, Words]
-Basis = tuple[Indices, Indices, Columns, Words]
-# The multiples of basis rows that each row was reduced by: starts, rows, factors; its own factor is the last.
-Uses = tuple[Indices, Columns, Words]
-# A dense row, and a bit for each of its columns that may not be zero.
-Dense = tuple[Words, Words]
+
+class SparseRows(NamedTuple):
+    """SparseRows in compressed form: the entries of row k are those from starts[k] to starts[k + 1]."""
+
+    starts: Indices
+    columns: Indices
+    values: Words
+
+
+class Basis(NamedTuple):
+    """The rows of an echelon form, their largest column first, and the row whose pivot a column is, or -1."""
+
+    pivot_of: Indices
+    starts: Indices
+    columns: Columns
+    values: Words
+
+
+class Uses(NamedTuple):
+    """The multiples of basis rows that each row was reduced by; its own factor is the last."""
+
+    starts: Indices
+    rows: Columns
+    factors: Words
+
+
+class Dense(NamedTuple):
+    """A dense row, and a bit for each of its columns that may not be zero."""
+
+    values: Words
+    touched: Words
+
+
+class Growing(NamedTuple):
+    """What rows are inserted into: the basis, the number of the given row that each row comes from, what was used.
+
+    `state` counts: see ROWS.
+    """
+
+    basis: Basis
+    origin: Indices
+    uses: Uses
+    state: Indices
+
 
 # The state of a basis: rows, entries, recorded multiples, rows put off.
 ROWS, ENTRIES, USES, LATER = 0, 1, 2, 3
@@ -30,8 +67,7 @@ _ZERO, _TOO_LONG = -1, -2
 @compiled
 def _less_product(value: np.uint64, a: np.uint64, b: np.uint64, field: Field) -> np.uint64:
     """value - a b."""
-    product = multiply(a, b, field[0], field[1])
-    return value - product if value >= product else value + (field[0] - product)
+    return minus(value, multiply(a, b, field), field)
 
 
 @compiled
@@ -55,16 +91,13 @@ def _unmark(touched: Words, column: int) -> None:
 
 
 @compiled
-def _add_row(row: int, rows: Rows, dense: Dense, prime: np.uint64) -> int:
+def _add_row(row: int, rows: SparseRows, dense: Dense, field: Field) -> int:
     """Add a row to the dense one; its last column. A row not in Montgomery's form is taken for a multiple of one."""
-    starts, columns, values = rows
-    work, touched = dense
     top = -1
-    for k in range(starts[row], starts[row + 1]):
-        column = columns[k]
-        total = work[column] + values[k]
-        work[column] = total - prime if total >= prime else total
-        _mark(touched, column)
+    for k in range(rows.starts[row], rows.starts[row + 1]):
+        column = rows.columns[k]
+        dense.values[column] = plus(dense.values[column], rows.values[k], field)
+        _mark(dense.touched, column)
         top = max(top, column)
     return top
 
@@ -72,107 +105,98 @@ def _add_row(row: int, rows: Rows, dense: Dense, prime: np.uint64) -> int:
 @compiled
 def _scale(row: int, factor: np.uint64, basis: Basis, uses: Uses, field: Field) -> None:
     """Multiply a basis row that is still as it was reduced."""
-    _, starts, _, values = basis
-    for k in range(starts[row], starts[row + 1]):
-        values[k] = multiply(values[k], factor, field[0], field[1])
-    uses[2][uses[0][row + 1] - 1] = factor
+    for k in range(basis.starts[row], basis.starts[row + 1]):
+        basis.values[k] = multiply(basis.values[k], factor, field)
+    uses.factors[uses.starts[row + 1] - 1] = factor
 
 
 @compiled
 def _normalise(row: int, basis: Basis, uses: Uses, field: Field) -> None:
     """Make the pivot of a basis row 1: before it is first subtracted, the others are all done at the end."""
-    prime, negative_inverse, one = field
-    pivot = basis[3][basis[1][row]]
-    if pivot != one:
-        _scale(row, power(pivot, prime - np.uint64(2), one, prime, negative_inverse), basis, uses, field)
+    pivot = basis.values[basis.starts[row]]
+    if pivot != field.one:
+        _scale(row, power(pivot, field.prime - np.uint64(2), field), basis, uses, field)
 
 
 @compiled
 def _subtract_basis_row(row: int, factor: np.uint64, dense: Dense, basis: Basis, field: Field) -> None:
-    _, starts, columns, values = basis
-    work, touched = dense
-    for k in range(starts[row], starts[row + 1]):
-        work[columns[k]] = _less_product(work[columns[k]], factor, values[k], field)
-        _mark(touched, columns[k])
+    for k in range(basis.starts[row], basis.starts[row + 1]):
+        column = basis.columns[k]
+        dense.values[column] = _less_product(dense.values[column], factor, basis.values[k], field)
+        _mark(dense.touched, column)
 
 
 @compiled
-def _reduce(top: int, most: int, dense: Dense, basis: Basis, uses: Uses, state: Indices, field: Field) -> int:
+def _reduce(top: int, most: int, dense: Dense, into: Growing, field: Field) -> int:
     """Reduce the dense row as far as its pivot, with `most` multiples at most, and record these."""
-    work, touched = dense
+    basis, uses, state = into.basis, into.uses, into.state
     count = state[USES]
-    column = _last_marked(touched, top >> 6)
+    column = _last_marked(dense.touched, top >> 6)
     while column >= 0:
-        factor = work[column]
+        factor = dense.values[column]
         if factor != np.uint64(0):
-            row = basis[0][column]
+            row = basis.pivot_of[column]
             if row < 0:
                 state[USES] = count
                 return column
             if count - state[USES] == most:
                 return _TOO_LONG
             _normalise(row, basis, uses, field)
-            uses[1][count], uses[2][count] = row, factor
+            uses.rows[count], uses.factors[count] = row, factor
             count += 1
             _subtract_basis_row(row, factor, dense, basis, field)
-        _unmark(touched, column)
-        column = _last_marked(touched, column >> 6)
+        _unmark(dense.touched, column)
+        column = _last_marked(dense.touched, column >> 6)
     return _ZERO
 
 
 @compiled
 def _store(pivot: int, dense: Dense, basis: Basis, state: Indices) -> None:
     """Move the dense row into the basis and clear it."""
-    work, touched = dense
-    _, _, columns, values = basis
     entries, column = state[ENTRIES], pivot
     while column >= 0:
-        if work[column] != np.uint64(0):
-            columns[entries], values[entries] = column, work[column]
-            work[column] = np.uint64(0)
+        if dense.values[column] != np.uint64(0):
+            basis.columns[entries], basis.values[entries] = column, dense.values[column]
+            dense.values[column] = np.uint64(0)
             entries += 1
-        _unmark(touched, column)
-        column = _last_marked(touched, column >> 6)
+        _unmark(dense.touched, column)
+        column = _last_marked(dense.touched, column >> 6)
     state[ENTRIES] = entries
 
 
 @compiled
-def _has_room(top: int, basis: Basis, uses: Uses, state: Indices) -> bool:
+def _has_room(top: int, into: Growing) -> bool:
     """Whether one row more with this last column, and the multiples used for it, fit the arrays."""
-    room = state[ENTRIES] + top + 1 <= len(basis[2]) and state[USES] + top + 2 <= len(uses[1])
-    return bool(room and state[ROWS] + 2 <= len(basis[1]))
+    state = into.state
+    room = state[ENTRIES] + top + 1 <= len(into.basis.columns) and state[USES] + top + 2 <= len(into.uses.rows)
+    return bool(room and state[ROWS] + 2 <= len(into.basis.starts))
 
 
 @compiled
 def _clear(top: int, dense: Dense) -> None:
     """Make the dense row zero."""
-    work, touched = dense
     for word in range(top >> 6, -1, -1):
-        if touched[word] != np.uint64(0):
-            touched[word] = np.uint64(0)
-            for column in range(word << 6, min((word + 1) << 6, len(work))):
-                work[column] = np.uint64(0)
+        if dense.touched[word] != np.uint64(0):
+            dense.touched[word] = np.uint64(0)
+            for column in range(word << 6, min((word + 1) << 6, len(dense.values))):
+                dense.values[column] = np.uint64(0)
 
 
 @compiled
 def reduce_rows(
-    start: int, most: int, places: Indices, later: Indices, row_starts: Indices, row_columns: Indices,
-    row_values: Words, work: Words, touched: Words, pivot_of: Indices, starts: Indices, columns: Columns,
-    values: Words, origin: Indices, use_starts: Indices, use_rows: Columns, use_factors: Words, state: Indices,
-    prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
-) -> int:  # fmt: skip
+    start: int, most: int, places: Indices, later: Indices, rows: SparseRows, dense: Dense, into: Growing, field: Field
+) -> int:
     """Insert rows places[start], places[start + 1], …; stop early (returning the place) where an array is full.
 
-    Rows that need more than `most` rows of the basis are put into `later` instead.
+    Those that need more than `most` rows of the basis are put into `later` instead. `dense` is zero, and is left so.
     """
-    rows, dense, field = (row_starts, row_columns, row_values), (work, touched), (prime, negative_inverse, one)
-    basis, uses = (pivot_of, starts, columns, values), (use_starts, use_rows, use_factors)
+    basis, uses, state = into.basis, into.uses, into.state
     for place in range(start, len(places)):
-        top = _add_row(places[place], rows, dense, prime)
-        if not _has_room(top, basis, uses, state):
+        top = _add_row(places[place], rows, dense, field)
+        if not _has_room(top, into):
             _clear(top, dense)
             return place
-        pivot = _reduce(top, most, dense, basis, uses, state, field)
+        pivot = _reduce(top, most, dense, into, field)
         if pivot == _TOO_LONG:
             _clear(top, dense)
             later[state[LATER]] = places[place]
@@ -181,64 +205,54 @@ def reduce_rows(
             continue
         _store(pivot, dense, basis, state)
         count, last = state[ROWS], state[USES]
-        origin[count], pivot_of[pivot] = places[place], count
-        use_rows[last], use_factors[last] = -1, one
+        into.origin[count], basis.pivot_of[pivot] = places[place], count
+        uses.rows[last], uses.factors[last] = -1, field.one
         state[ROWS], state[USES] = count + 1, last + 1
-        starts[count + 1], use_starts[count + 1] = state[ENTRIES], last + 1
+        basis.starts[count + 1], uses.starts[count + 1] = state[ENTRIES], last + 1
     return len(places)
 
 
 @compiled
-def normalise_rows(
-    first: int, last: int, products: Words, pivot_of: Indices, starts: Indices, columns: Columns, values: Words,
-    use_starts: Indices, use_rows: Columns, use_factors: Words,
-    prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
-) -> None:  # fmt: skip
+def normalise_rows(first: int, last: int, products: Words, basis: Basis, uses: Uses, field: Field) -> None:
     """As `_normalise` for rows first … last - 1, with one inversion (Montgomery's trick); `products` is scratch."""
-    basis, uses = (pivot_of, starts, columns, values), (use_starts, use_rows, use_factors)
-    product = one
+    product = field.one
     for row in range(first, last):
         products[row - first] = product
-        product = multiply(product, values[starts[row]], prime, negative_inverse)
-    inverse = power(product, prime - np.uint64(2), one, prime, negative_inverse)
+        product = multiply(product, basis.values[basis.starts[row]], field)
+    inverse = power(product, field.prime - np.uint64(2), field)
     for row in range(last - 1, first - 1, -1):
-        pivot = values[starts[row]]
-        factor = multiply(inverse, products[row - first], prime, negative_inverse)
-        inverse = multiply(inverse, pivot, prime, negative_inverse)
-        if pivot != one:
-            _scale(row, factor, basis, uses, (prime, negative_inverse, one))
+        pivot = basis.values[basis.starts[row]]
+        factor = multiply(inverse, products[row - first], field)
+        inverse = multiply(inverse, pivot, field)
+        if pivot != field.one:
+            _scale(row, factor, basis, uses, field)
 
 
 @compiled
-def solve_at_random(
-    solution: Words, state: np.uint64, pivot_of: Indices, starts: Indices, columns: Columns, values: Words,
-    prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
-) -> None:  # fmt: skip
+def solve_at_random(solution: Words, state: np.uint64, basis: Basis, field: Field) -> None:
     """A random vector on which all rows of the basis vanish; their pivots are 1. `state` seeds it."""
-    field = (prime, negative_inverse, one)
     for column in range(len(solution)):
-        row = pivot_of[column]
+        row = basis.pivot_of[column]
         if row < 0:
             state += GOLDEN
-            solution[column] = mixed(state) % prime
+            solution[column] = mixed(state) % field.prime
             continue
         total = np.uint64(0)
-        for k in range(starts[row] + 1, starts[row + 1]):
-            total = _less_product(total, values[k], solution[columns[k]], field)
+        for k in range(basis.starts[row] + 1, basis.starts[row + 1]):
+            total = _less_product(total, basis.values[k], solution[basis.columns[k]], field)
         solution[column] = total
 
 
 @compiled
 def keep_those_that_do_not_vanish(
-    places: Indices, row_starts: Indices, columns: Indices, values: Words, solution: Words, kept: Indices,
-    prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
-) -> int:  # fmt: skip
+    places: Indices, rows: SparseRows, solution: Words, kept: Indices, field: Field
+) -> int:
     """Put into `kept` the rows that do not vanish on the vector; their number."""
     count = 0
     for row in places:
         total = np.uint64(0)
-        for k in range(row_starts[row], row_starts[row + 1]):
-            total = _less_product(total, values[k], solution[columns[k]], (prime, negative_inverse, one))
+        for k in range(rows.starts[row], rows.starts[row + 1]):
+            total = _less_product(total, rows.values[k], solution[rows.columns[k]], field)
         if total != np.uint64(0):
             kept[count] = row
             count += 1
@@ -246,32 +260,26 @@ def keep_those_that_do_not_vanish(
 
 
 @compiled
-def trace_weights(
-    weights: Words, use_starts: Indices, use_rows: Columns, use_factors: Words,
-    prime: np.uint64, negative_inverse: np.uint64, one: np.uint64,
-) -> None:  # fmt: skip
+def trace_weights(weights: Words, uses: Uses, field: Field) -> None:
     """Turn weights on basis rows into weights on original rows, last inserted first (in place)."""
     for k in range(len(weights) - 1, -1, -1):
         if weights[k] == np.uint64(0):
             continue
-        last = use_starts[k + 1] - 1
-        weights[k] = weight = multiply(weights[k], use_factors[last], prime, negative_inverse)
-        for u in range(use_starts[k], last):
-            row = use_rows[u]
-            weights[row] = _less_product(weights[row], weight, use_factors[u], (prime, negative_inverse, one))
+        last = uses.starts[k + 1] - 1
+        weights[k] = weight = multiply(weights[k], uses.factors[last], field)
+        for u in range(uses.starts[k], last):
+            row = uses.rows[u]
+            weights[row] = _less_product(weights[row], weight, uses.factors[u], field)
 
 
 @compiled
-def cut(
-    numbers: Indices, first: int, basis_starts: Indices, basis_columns: Columns, basis_values: Words,
-    starts: Indices, columns: Indices, values: Words,
-) -> None:  # fmt: skip
+def cut(numbers: Indices, first: int, basis: Basis, found: SparseRows) -> None:
     """The entries from column `first` on of those basis rows; each row ends with its smallest column."""
     entries = 0
     for row in range(len(numbers)):
-        for k in range(basis_starts[numbers[row]], basis_starts[numbers[row] + 1]):
-            if basis_columns[k] < first:
+        for k in range(basis.starts[numbers[row]], basis.starts[numbers[row] + 1]):
+            if basis.columns[k] < first:
                 break
-            columns[entries], values[entries] = basis_columns[k] - first, basis_values[k]
+            found.columns[entries], found.values[entries] = basis.columns[k] - first, basis.values[k]
             entries += 1
-        starts[row + 1] = entries
+        found.starts[row + 1] = entries

@@ -20,7 +20,7 @@ import random
 from collections.abc import Callable, Iterable
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -136,27 +136,48 @@ def _leading_zeros(typing_context: Any, word: Any) -> Any:
 leading_zeros = cast(Callable[[np.uint64], int], intrinsic(_leading_zeros))
 
 
+class Field(NamedTuple):
+    """The integers modulo a prime P < 2^62 for compiled loops: P, -1/P modulo R, R modulo P, R^2 modulo P."""
+
+    prime: np.uint64
+    negative_inverse: np.uint64
+    one: np.uint64
+    square: np.uint64
+
+
 @compiled
-def multiply(a: np.uint64, b: np.uint64, prime: np.uint64, negative_inverse: np.uint64) -> np.uint64:
+def plus(a: np.uint64, b: np.uint64, field: Field) -> np.uint64:
+    """a + b modulo the prime."""
+    total = a + b
+    return total - field.prime if total >= field.prime else total
+
+
+@compiled
+def minus(a: np.uint64, b: np.uint64, field: Field) -> np.uint64:
+    """a - b modulo the prime."""
+    return a - b if a >= b else a + (field.prime - b)
+
+
+@compiled
+def multiply(a: np.uint64, b: np.uint64, field: Field) -> np.uint64:
     """a b / R modulo the prime."""
+    prime = field.prime
     low = a * b
     high = high_product(a, b)
-    correction = high_product(low * negative_inverse, prime)
+    correction = high_product(low * field.negative_inverse, prime)
     # low + (low * negative_inverse * prime) is 0 modulo R; it carries exactly when low != 0.
     result = high + correction + (np.uint64(1) if low != np.uint64(0) else np.uint64(0))
     return result - prime if result >= prime else result
 
 
 @compiled
-def power(
-    base: np.uint64, exponent: np.uint64, one: np.uint64, prime: np.uint64, negative_inverse: np.uint64
-) -> np.uint64:
+def power(base: np.uint64, exponent: np.uint64, field: Field) -> np.uint64:
     """base^exponent, base and result in Montgomery form."""
-    result = one
+    result = field.one
     while exponent > np.uint64(0):
         if exponent & np.uint64(1):
-            result = multiply(result, base, prime, negative_inverse)
-        base = multiply(base, base, prime, negative_inverse)
+            result = multiply(result, base, field)
+        base = multiply(base, base, field)
         exponent >>= np.uint64(1)
     return result
 
@@ -174,10 +195,10 @@ def mixed(state: np.uint64) -> np.uint64:
 
 
 @lru_cache(maxsize=256)
-def constants(prime: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
-    """(P, -1/P modulo R, R modulo P, R^2 modulo P)."""
+def field_of(prime: int) -> Field:
+    """The field of this prime."""
     radix = 1 << 64
-    return (
+    return Field(
         np.uint64(prime),
         np.uint64(-pow(prime, -1, radix) % radix),
         np.uint64(radix % prime),

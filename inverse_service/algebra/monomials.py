@@ -9,9 +9,10 @@ one after the other, monomials of one degree as in `exponents_of_degree`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -100,8 +101,7 @@ def products(size: int, order: int) -> int:
     return math.comb(2 * size + order, order)
 
 
-@dataclass(frozen=True, slots=True)
-class SeriesTables:
+class SeriesTables(NamedTuple):
     """Tables for `size` displacements to degree `order`.
 
     Degree d has counts[d] monomials from starts[d] on; the last of `starts` is the number of all. The product
@@ -130,11 +130,20 @@ def series_tables(size: int, order: int) -> SeriesTables:
     raised = [raised_places(size, d).ravel() for d in range(order)]
     exponents = [exponents_of_degree(size, d).ravel().astype(np.int64) + 1 for d in range(order)]
     nothing = np.empty(0, np.int64)
-    return SeriesTables(
+    found = SeriesTables(
         size, order, counts, _ends(counts), _ends([len(part) for part in pairs]), np.concatenate(pairs),
         _ends([len(part) for part in raised]), np.concatenate([nothing, *raised]),
         np.concatenate([nothing, *exponents]),
     )  # fmt: skip
+    freeze(found)
+    return found
+
+
+def freeze(tables: Iterable[Any]) -> None:
+    """Make the arrays among these read-only: they are shared by all callers."""
+    for table in tables:
+        if isinstance(table, np.ndarray):
+            table.setflags(write=False)
 
 
 _NONE = np.empty(0, np.int32)

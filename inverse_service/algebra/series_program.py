@@ -256,15 +256,19 @@ class Registers:
         kept = self.values[register * stride : register * stride + int(self.tops[register]) + 1]
         return [int(value) * inverse % self.prime for value in kept] + [0] * (stride - len(kept))
 
-    def coefficients(self, registers: Integers, last: int) -> tuple[Integers, Integers, Words, Integers]:
-        """Starts, places within their degree, values, degrees of those not zero, to degree `last`."""
-        stride = len(self.values) // len(self.tops)
-        given = (registers, self.values, self.tops, last, stride, self.tables.starts)
+    @property
+    def stored(self) -> machine.Registers:
+        """As the kernels have them."""
+        return machine.Registers(self.values, self.tops, len(self.values) // len(self.tops))
+
+    def coefficients(self, registers: Integers, last: int) -> machine.SparseSeries:
+        """The coefficients of some registers that are not zero, to degree `last`."""
+        given = (registers, self.stored, self.tables.starts, last)
         count = machine.count_coefficients(*given)
         starts, places = np.zeros(len(registers) + 1, np.int64), np.empty(count, np.int64)
-        values, degrees = np.empty(count, np.uint64), np.empty(count, np.int64)
-        machine.list_coefficients(*given, starts, places, values, degrees)
-        return starts, places, values, degrees
+        found = machine.SparseSeries(starts, places, np.empty(count, np.uint64), np.empty(count, np.int64))
+        machine.list_coefficients(*given, found)
+        return found
 
 
 def constants_at(program: SeriesProgram, point: Point) -> Words:
@@ -307,15 +311,10 @@ def run_again(
 
 
 def _run(registers: Registers, instructions: Integers, constants: Words) -> Registers:
-    t, prime, values, tops = registers.tables, registers.prime, registers.values, registers.tops
-    size, order, stride = t.size, t.order, len(values) // len(tops)
-    modulus, negative_inverse, one, _ = modular.constants(prime)
-    stopped = machine.run(
-        instructions, constants, values, tops, size, stride, order, t.counts, t.starts, t.product_starts, t.products,
-        t.raised_starts, t.raised, t.exponents, modular.small_numbers(prime, order + 2), _inverses(prime, order + 1),
-        modulus, negative_inverse, one,
-    )  # fmt: skip
-    if stopped >= 0:
+    prime, order = registers.prime, registers.tables.order
+    small, inverses = modular.small_numbers(prime, order + 2), _inverses(prime, order + 1)
+    given = machine.Machine(registers.stored, registers.tables, modular.field_of(prime), small, inverses)
+    if machine.run(instructions, constants, given) >= 0:
         raise SingularPoint("division by a series that vanishes at the point")
     return registers
 

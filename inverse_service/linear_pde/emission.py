@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from inverse_service.algebra import modular
 from inverse_service.algebra.echelon import Echelon, Flags
-from inverse_service.algebra.echelon_kernels import Words
-from inverse_service.algebra.modular import compiled, multiply
+from inverse_service.algebra.echelon_kernels import SparseRows, Words
+from inverse_service.algebra.modular import Field, compiled, multiply
 from inverse_service.algebra.monomials import exponents_of_degree, raised_places
 from inverse_service.algebra.series import Series
-from inverse_service.linear_pde.unknowns import Places, Unknowns, known_places, row_tables, width_below
+from inverse_service.algebra.series_kernels import SparseSeries
+from inverse_service.linear_pde.unknowns import RowTables, Unknowns, known_places, row_tables, width_below
 
 Integers = npt.NDArray[np.int64]
 Exponents = npt.NDArray[np.int8]
@@ -35,19 +36,11 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class TermTable:
-    """The terms of all equations of a kind.
-
-    Series s has the Taylor coefficients starts[s] … starts[s + 1] - 1 (places among the monomials of
-    their degree, values, degrees, ascending); term t is equation, series, sign, entry, d_a in the
-    columns of `terms`, (terms, 5).
-    """
+    """The terms of all equations of a kind: equation, series, sign, entry, d_a in the columns of `terms`."""
 
     unknowns: Unknowns
     equations: int
-    starts: Integers
-    places: Integers
-    values: Words
-    degrees: Integers
+    series: SparseSeries
     terms: Integers
 
 
@@ -70,80 +63,64 @@ def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, most: 
                     degrees += [degree] * len(table)
             starts.append(len(places))
         rows.append((term.equation, numbers[id(term.series)], term.negative, term.entry, term.derivative))
-    return TermTable(
-        unknowns, equations, np.array(starts, np.int64), np.array(places, np.int64),
-        np.array(values, np.uint64), np.array(degrees, np.int64), np.array(rows, np.int64).reshape(-1, 5),
-    )  # fmt: skip
+    found = (np.array(starts, np.int64), np.array(places, np.int64), np.array(values, np.uint64))
+    series = SparseSeries(*found, np.array(degrees, np.int64))
+    return TermTable(unknowns, equations, series, np.array(rows, np.int64).reshape(-1, 5))
 
 
 @compiled
 def _emit(
-    fill: bool, degree: int, series_starts: Integers, places: Integers, series_values: Words, degrees: Integers,
-    terms: Integers, monomials: Integers, product_starts: Integers, products: Places, column_starts: Integers,
-    entry_columns: Integers, factors: Integers, raised_starts: Integers, raised: Integers, exponents: Integers,
-    size: int, small: Words, prime: np.uint64, negative_inverse: np.uint64,
-    counts: Integers, columns: Integers, values: Words,
+    fill: bool, degree: int, series: SparseSeries, terms: Integers, tables: RowTables, small: Words, field: Field,
+    rows: SparseRows,
 ) -> None:  # fmt: skip
     """Entries of term * (d_a) entry in the rows of one degree, for all terms; counted or filled in.
 
-    The entries of row k are counted in counts[k + 2]; then counts[k + 1], their sum before row k, is where its next
+    The entries of row k are counted in starts[k + 2]; then starts[k + 1], their sum before row k, is where its next
     entry goes, and in the end where row k + 1 begins.
     """
+    monomials, ends = tables.counts, rows.starts
     for t in range(len(terms)):
         first_row, pair, along = terms[t, 0] * monomials[degree], terms[t, 3], terms[t, 4]
-        for c in range(series_starts[terms[t, 1]], series_starts[terms[t, 1] + 1]):
-            if degrees[c] > degree:
+        for c in range(series.starts[terms[t, 1]], series.starts[terms[t, 1] + 1]):
+            if series.degrees[c] > degree:
                 break
             # Coefficient m of the series times coefficient m' of (d_a) entry, for all m' of this degree.
-            low = degree - degrees[c]
+            low = degree - series.degrees[c]
             count = monomials[low]
-            start = product_starts[degrees[c]] + places[c] * count
+            start = tables.product_starts[series.degrees[c]] + series.places[c] * count
             if not fill:
                 for k in range(start, start + count):
-                    counts[first_row + products[k] + 2] += 1
+                    ends[first_row + tables.products[k] + 2] += 1
                 continue
-            value = prime - series_values[c] if terms[t, 2] else series_values[c]
+            value = field.prime - series.values[c] if terms[t, 2] else series.values[c]
             for k in range(count):
                 if along < 0:
-                    entry = column_starts[low] + pair * count + k
-                    factor = factors[entry]
+                    entry = tables.column_starts[low] + pair * count + k
+                    factor = tables.factors[entry]
                 else:
-                    above = raised_starts[low] + k * size + along
-                    entry = column_starts[low + 1] + pair * monomials[low + 1] + raised[above]
-                    factor = factors[entry] * exponents[above]
-                place = counts[first_row + products[start + k] + 1]
-                columns[place] = entry_columns[entry]
-                values[place] = multiply(value, small[factor], prime, negative_inverse)
-                counts[first_row + products[start + k] + 1] = place + 1
+                    above = tables.raised_starts[low] + k * tables.size + along
+                    entry = tables.column_starts[low + 1] + pair * monomials[low + 1] + tables.raised[above]
+                    factor = tables.factors[entry] * tables.exponents[above]
+                row = first_row + tables.products[start + k] + 1
+                place = ends[row]
+                rows.columns[place] = tables.columns[entry]
+                rows.values[place] = multiply(value, small[factor], field)
+                ends[row] = place + 1
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
-    """Rows in compressed form: starts, columns, values."""
-
-    starts: Integers
-    columns: Integers
-    values: Words
-
-
-def rows_of_degree(table: TermTable, degree: int, prime: int) -> Rows:
+def rows_of_degree(table: TermTable, degree: int, prime: int) -> SparseRows:
     """The coefficients of all monomials of one degree, equation after equation."""
-    t = row_tables(table.unknowns, degree)
-    modulus, negative_inverse, _, _ = modular.constants(prime)
+    tables = row_tables(table.unknowns, degree)
     # A factor is a product of one exponent more than the order, of a monomial of that much more degree.
     most = table.unknowns.most + 1
     small = modular.small_numbers(prime, (degree + most + 1) ** most)
-    starts = np.zeros(table.equations * int(t.counts[degree]) + 2, np.int64)
-    head = (
-        degree, table.starts, table.places, table.values, table.degrees, table.terms, t.counts, t.product_starts,
-        t.products, t.column_starts, t.columns, t.factors, t.raised_starts, t.raised, t.exponents, table.unknowns.size,
-        small, modulus, negative_inverse, starts,
-    )  # fmt: skip
-    _emit(False, *head, _NO_COLUMNS, _NO_VALUES)
+    starts = np.zeros(table.equations * int(tables.counts[degree]) + 2, np.int64)
+    given = (degree, table.series, table.terms, tables, small, modular.field_of(prime))
+    _emit(False, *given, SparseRows(starts, _NO_COLUMNS, _NO_VALUES))
     starts.cumsum(out=starts)
-    columns, values = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64)
-    _emit(True, *head, columns, values)
-    return Rows(starts[:-1], columns, values)
+    rows = SparseRows(starts, np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64))
+    _emit(True, *given, rows)
+    return rows._replace(starts=starts[:-1])
 
 
 # (kind, *indices, alpha): which equation, which Taylor coefficient of it.
@@ -229,7 +206,7 @@ def advance(prolongation: Prolongation) -> None:
             continue
         rows = rows_of_degree(block.table, degree, prolongation.local.prime)
         expected = _expected(prolongation, block, degree)
-        found = prolongation.echelon.insert(rows.starts, rows.columns, rows.values, expected, in_order=False)
+        found = prolongation.echelon.insert(rows, expected, in_order=False)
         prolongation.dependent[block.kind, degree] = found
         prolongation.row_blocks.append((block, degree))
 

@@ -11,11 +11,18 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service.algebra import modular
-from inverse_service.algebra.echelon import Echelon, SparseRows
-from inverse_service.algebra.echelon_kernels import Indices, Words
-from inverse_service.algebra.modular import GOLDEN, compiled, mixed, multiply
+from inverse_service.algebra.echelon import Echelon
+from inverse_service.algebra.echelon_kernels import Indices, SparseRows, Words
+from inverse_service.algebra.modular import GOLDEN, Field, compiled, mixed, multiply
 from inverse_service.linear_pde.emission import Prolongation
-from inverse_service.linear_pde.unknowns import Derivative, Unknowns, column_of, count_of_degree, raised_unknowns
+from inverse_service.linear_pde.unknowns import (
+    Derivative,
+    Raised,
+    Unknowns,
+    column_of,
+    count_of_degree,
+    raised_unknowns,
+)
 
 Rows = list[dict[int, int]]
 
@@ -104,7 +111,7 @@ def symbol(prolongation: Prolongation, degree: int, seed: int) -> Symbol:
     """
     low, high = prolongation.width(degree - 1), prolongation.width(degree)
     rows = prolongation.echelon.cut_rows(low, high)
-    dimension = high - low - len(rows)
+    dimension = high - low - (len(rows.starts) - 1)
     if dimension == 0:
         return Symbol(0, 0, (0,) * prolongation.size)
     characters = _characters(prolongation, degree, rows, seed)
@@ -112,49 +119,42 @@ def symbol(prolongation: Prolongation, degree: int, seed: int) -> Symbol:
 
 
 @compiled
-def _raise(
-    columns: Indices, values: Words, places: Indices, factors: Indices, small: Words,
-    prime: np.uint64, negative_inverse: np.uint64, raised: Indices, scaled: Words,
-) -> None:  # fmt: skip
+def _raise(rows: SparseRows, step: Raised, small: Words, field: Field, raised: Indices, scaled: Words) -> None:
     """Each entry, for the coefficient of m in d_a y, as one for that of x_a m in y: all entries for each a."""
-    entries = len(columns)
-    for a in range(places.shape[1]):
+    entries = len(rows.columns)
+    for a in range(step.places.shape[1]):
         for k in range(entries):
-            column = columns[k]
-            raised[a * entries + k] = places[column, a]
-            scaled[a * entries + k] = multiply(values[k], small[factors[column, a]], prime, negative_inverse)
+            column = rows.columns[k]
+            raised[a * entries + k] = step.places[column, a]
+            scaled[a * entries + k] = multiply(rows.values[k], small[step.factors[column, a]], field)
 
 
 def _prolonged(prolongation: Prolongation, degree: int, rows: SparseRows) -> int:
     """dim {y of degree d + 1 : all partial derivatives lie in M_d}."""
     size, prime = prolongation.size, prolongation.local.prime
     step = raised_unknowns(prolongation.unknowns, degree)
-    modulus, negative_inverse, _, _ = modular.constants(prime)
     entries = len(rows.columns)
     columns, values = np.empty(size * entries, np.int64), np.empty(size * entries, np.uint64)
     small = modular.small_numbers(prime, degree + prolongation.unknowns.most + 2)
-    _raise(rows.columns, rows.values, step.places, step.factors, small, modulus, negative_inverse, columns, values)
+    _raise(rows, step, small, modular.field_of(prime), columns, values)
     starts = rows.starts[None, :-1] + entries * np.arange(size)[:, None]
     echelon = Echelon(prime)
     echelon.widen(count_of_degree(prolongation.unknowns, degree + 1))
-    echelon.insert(np.append(starts.ravel(), size * entries), columns, values)
+    echelon.insert(SparseRows(np.append(starts.ravel(), size * entries), columns, values))
     return echelon.width - echelon.count
 
 
 @compiled
-def _derive(
-    state: np.uint64, factors: Indices, small: Words, directions: Words, values: Words,
-    prime: np.uint64, negative_inverse: np.uint64,
-) -> None:  # fmt: skip
+def _derive(state: np.uint64, factors: Indices, small: Words, directions: Words, values: Words, field: Field) -> None:
     """values[k, m, a] = directions[k, a] * (the exponent of x_a in x_a m), the directions random."""
     for k in range(directions.shape[0]):
         for a in range(directions.shape[1]):
             state += GOLDEN
-            directions[k, a] = mixed(state) % prime
+            directions[k, a] = mixed(state) % field.prime
     for k in range(values.shape[0]):
         for m in range(values.shape[1]):
             for a in range(values.shape[2]):
-                values[k, m, a] = multiply(directions[k, a], small[factors[m, a]], prime, negative_inverse)
+                values[k, m, a] = multiply(directions[k, a], small[factors[m, a]], field)
 
 
 def _characters(prolongation: Prolongation, degree: int, rows: SparseRows, seed: int) -> tuple[int, ...]:
@@ -164,13 +164,12 @@ def _characters(prolongation: Prolongation, degree: int, rows: SparseRows, seed:
     """
     prime, size = prolongation.local.prime, prolongation.size
     step = raised_unknowns(prolongation.unknowns, degree - 1)
-    modulus, negative_inverse, _, _ = modular.constants(prime)
     values, directions = np.empty((size, *step.places.shape), np.uint64), np.empty((size, size), np.uint64)
     small = modular.small_numbers(prime, degree + prolongation.unknowns.most + 1)
-    _derive(np.uint64(seed), step.factors, small, directions, values, modulus, negative_inverse)
+    _derive(np.uint64(seed), step.factors, small, directions, values, modular.field_of(prime))
     echelon = Echelon(prime)
     echelon.widen(count_of_degree(prolongation.unknowns, degree))
-    echelon.insert(rows.starts, rows.columns, rows.values)
+    echelon.insert(rows)
     columns = np.tile(step.places.ravel(), size)
-    dependent = echelon.insert(np.arange(0, len(columns) + 1, size), columns, values.ravel())
+    dependent = echelon.insert(SparseRows(np.arange(0, len(columns) + 1, size), columns, values.ravel()))
     return tuple(int(k) for k in np.count_nonzero(~dependent.reshape(size, -1), axis=1))

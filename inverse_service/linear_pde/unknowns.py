@@ -13,6 +13,7 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,7 @@ import numpy.typing as npt
 from inverse_service.algebra.monomials import (
     MonomialKeys,
     exponents_of_degree,
+    freeze,
     keys_of,
     places_among,
     products_of_degree,
@@ -61,16 +63,12 @@ class Unknowns:
         return max(function.order for function in self.functions)
 
 
-def _frozen(array: npt.NDArray[np.generic]) -> None:
-    array.setflags(write=False)
-
-
 @lru_cache(maxsize=_KEPT)
 def unknown_exponents(size: int, function: Function, degree: int) -> Exponents:
     """The monomials of one unknown function of one degree, (count, size)."""
     table = exponents_of_degree(size, degree + function.order)
     kept: Exponents = table[table[:, function.first :].sum(axis=1) >= function.order]
-    _frozen(kept)
+    freeze([kept])
     return kept
 
 
@@ -109,8 +107,7 @@ def unknown_names(unknowns: Unknowns, degree: int) -> list[tuple[int, tuple[int,
     return [(k, tuple(row)) for k, table in enumerate(tables) for row in table.tolist()]
 
 
-@dataclass(frozen=True, slots=True)
-class Raised:
+class Raised(NamedTuple):
     """x_a m for the unknown monomials m of one degree: its place among those of the next, its exponent of x_a.
 
     Both of shape (count, size). d_a of x_a m is the exponent times m.
@@ -132,8 +129,7 @@ def raised_unknowns(unknowns: Unknowns, degree: int) -> Raised:
         places.append(places_among(size, above, keys_of(monomials, block)[:, None] + steps) + start)
         factors.append(block.astype(np.int64) + 1)
     found = Raised(np.concatenate(places), np.concatenate(factors))
-    _frozen(found.places)
-    _frozen(found.factors)
+    freeze(found)
     return found
 
 
@@ -165,8 +161,7 @@ def entry_columns(unknowns: Unknowns, degree: int) -> EntryColumns:
         math.prod((e[:, a] + by[: k + 1].count(a) for k, a in enumerate(by)), start=ones) for _, by in unknowns.entries
     ]
     found = EntryColumns(np.concatenate(columns), np.array(factors))
-    _frozen(found.columns)
-    _frozen(found.factors)
+    freeze((found.columns, found.factors))
     return found
 
 
@@ -185,15 +180,15 @@ def known_places(size: int) -> KnownPlaces:
     return KnownPlaces()
 
 
-@dataclass(frozen=True, slots=True)
-class RowTables:
+class RowTables(NamedTuple):
     """All that the rows of one degree need, put end to end for the compiled loop.
 
-    Of the monomials of degree d there are counts[d]. Products with a coefficient of degree c begin at
-    product_starts[c], as `products_of_degree`(degree - c, c); columns and factors of `entry_columns`(d) at
+    There are `size` displacements, and counts[d] monomials of degree d. Products with a coefficient of degree c begin
+    at product_starts[c], as `products_of_degree`(degree - c, c); columns and factors of `entry_columns`(d) at
     column_starts[d]; places and exponents of x_a m, m of degree d, at raised_starts[d].
     """
 
+    size: int
     counts: Integers
     product_starts: Integers
     products: Places
@@ -214,7 +209,8 @@ def row_tables(unknowns: Unknowns, degree: int) -> RowTables:
     entries = [entry_columns(unknowns, d) for d in range(degree + 2)]
     raised = [raised_places(size, d).ravel() for d in range(degree + 1)]
     exponents = [exponents_of_degree(size, d).ravel().astype(np.int64) + 1 for d in range(degree + 1)]
-    return RowTables(
+    found = RowTables(
+        size,
         counts,
         _starts(products),
         np.concatenate(products),
@@ -225,6 +221,8 @@ def row_tables(unknowns: Unknowns, degree: int) -> RowTables:
         np.concatenate(raised),
         np.concatenate(exponents),
     )
+    freeze(found)
+    return found
 
 
 def _starts(parts: list[npt.NDArray[np.generic]] | list[Places] | list[Integers]) -> Integers:

@@ -6,6 +6,7 @@ Imported only where the store has no code: numba takes 0.3 s to import and some 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from types import FunctionType
 from typing import Any, cast
 
@@ -15,7 +16,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from inverse_service.machine_code.kernels import Kinds, array_of
+from inverse_service.machine_code.kernels import Kind, Kinds, array_of, leaves
 from inverse_service.machine_code.loading import ENTRY, Unstorable, target_machine, used
 
 _NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}
@@ -57,7 +58,9 @@ def object_code(compiler: Any, kinds: Kinds) -> tuple[bytes, str]:
     return bytes(machine.emit_object(module)), answer
 
 
-def _type(kind: str) -> Any:
+def _type(kind: Kind) -> Any:
+    if not isinstance(kind, str):
+        return types.NamedTuple(tuple(map(_type, kind[1])), kind[0])  # type: ignore[no-untyped-call]
     array = array_of(kind)
     if not array.dimensions:
         return _NUMBERS[kind]
@@ -66,13 +69,24 @@ def _type(kind: str) -> Any:
 
 def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
     """The kernel as a C function of addresses, lengths and numbers."""
-    parameters, arguments = zip(*map(_parameters, range(len(kinds)), kinds), strict=True)
-    call = f"work({', '.join(arguments)})"
-    body = f"{call}; return 0" if answer == "none" else f"return {'int' if answer == 'bool' else ''}({call})"
     space: dict[str, Any] = {"work": compiler, "carray": carray}
+    parameters: list[str] = []
+    numbers = count()
+
+    def argument(kind: Kind) -> str:
+        k = next(numbers)
+        if isinstance(kind, str):
+            taken, made = _parameters(k, kind)
+            parameters.append(taken)
+            return made
+        space[f"S{k}"] = kind[0]
+        return f"S{k}({', '.join(map(argument, kind[1]))})"
+
+    call = f"work({', '.join(map(argument, kinds))})"
+    body = f"{call}; return 0" if answer == "none" else f"return {'int' if answer == 'bool' else ''}({call})"
     exec(f"def flat({', '.join(parameters)}): {body}", space)  # a text of numbered letters, nobody's input
     given = types.uint64 if answer == "uint64" else types.int64
-    signature = given(*(one for kind in kinds for one in _types(kind)))
+    signature = given(*(one for kind in leaves(kinds) for one in _types(kind)))
     return numba.cfunc(signature, error_model="numpy")(space["flat"])
 
 

@@ -6,23 +6,26 @@ where the store has none. A call costs 1 us and as much again for each array.
 What a kernel is called with: each argument's kind, which decides the machine code that takes it.
 
 Kinds are texts: "int64", "uint64", "bool", and arrays such as "int64[2]" (element type, dimensions) or
-"const int64[2]", which the kernel only reads.
+"const int64[2]", which the kernel only reads. A NamedTuple of such arguments is one argument, which the kernel reads by
+its names; its kind is the class with the kinds of its parts. Machine code takes the parts one after another.
 """
 
 from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from inverse_service.machine_code import store
 
-Kinds = tuple[str, ...]
+Kind = str | tuple[type, "Kinds"]
+Kinds = tuple[Kind, ...]
 
 ELEMENTS = ("int8", "int32", "int64", "uint64")
 _TYPES: dict[Any, str] = {np.dtype(name): name for name in ELEMENTS}
@@ -47,19 +50,73 @@ def array_of(kind: str) -> ArrayKind:
     return ArrayKind(name, int(rest.rstrip("]") or 0), kind.startswith(_CONSTANT))
 
 
-def kinds_of(arguments: Sequence[Any]) -> Kinds | None:
-    """The kinds, or None where one argument is none that machine code of ours takes."""
-    kinds = tuple(map(_kind, arguments))
-    return None if None in kinds else cast(Kinds, kinds)
+def kinds_of(arguments: Sequence[Any], words: list[int]) -> Kinds | None:
+    """The kinds, or None where one argument is none that machine code of ours takes; its words are appended.
+
+    The words of an array are its address and its lengths. OverflowError for an integer of more than 64 bits.
+    """
+    kinds: list[Kind] = []
+    for argument in arguments:
+        kind: Kind | None
+        if isinstance(argument, np.ndarray):
+            kind = _kind_of_array(argument)
+            words += (argument.ctypes.data, *argument.shape)
+        elif isinstance(argument, tuple):
+            kind = _kind_of_struct(argument, words)
+        elif (kind := _SCALARS.get(type(argument))) is not None:
+            if type(argument) is int and not -_LARGE <= argument < _LARGE:
+                raise OverflowError("a number does not fit 64 bits")
+            words.append(int(argument))
+        if kind is None:
+            return None
+        kinds.append(kind)
+    return tuple(kinds)
 
 
-def _kind(argument: Any) -> str | None:
-    if not isinstance(argument, np.ndarray):
-        return _SCALARS.get(type(argument))
-    flags = argument.flags
+_LARGE = 1 << 63
+# By their `id`: structs that nothing changes, with their kind and words. Each is kept as long as its entry.
+_lasting: dict[int, tuple[tuple[Any, ...], Kind, list[int]]] = {}
+_MOST_LASTING = 256
+
+
+def _kind_of_struct(struct: tuple[Any, ...], words: list[int]) -> Kind | None:
+    """That of a NamedTuple; where all its arrays are read-only, as in tables that are made once, it is kept."""
+    known = _lasting.get(id(struct))
+    if known is not None:
+        words += known[2]
+        return known[1]
+    own: list[int] = []
+    parts = kinds_of(struct, own) if hasattr(struct, "_fields") else None
+    if parts is None:
+        return None
+    words += own
+    kind = (type(struct), parts)
+    if all(leaf.startswith(_CONSTANT) or not array_of(leaf).dimensions for leaf in leaves(parts)):
+        if len(_lasting) >= _MOST_LASTING:
+            _lasting.clear()
+        _lasting[id(struct)] = struct, kind, own
+    return kind
+
+
+def leaves(kinds: Kinds) -> Iterator[str]:
+    """The kinds of numbers and arrays, those of the parts in the place of a NamedTuple."""
+    for kind in kinds:
+        if isinstance(kind, str):
+            yield kind
+        else:
+            yield from leaves(kind[1])
+
+
+def told(kinds: Kinds) -> list[Any]:
+    """The kinds as texts and lists: a NamedTuple with its names, which say where a kernel finds what."""
+    return [k if isinstance(k, str) else [k[0].__qualname__, *getattr(k[0], "_fields", ()), told(k[1])] for k in kinds]
+
+
+def _kind_of_array(array: npt.NDArray[Any]) -> str | None:
+    flags = array.flags
     if not (flags.c_contiguous and flags.aligned):
         return None
-    return _array_kind(argument.dtype, argument.ndim, flags.writeable)
+    return _array_kind(array.dtype, array.ndim, flags.writeable)
 
 
 @lru_cache(maxsize=256)
@@ -70,6 +127,8 @@ def _array_kind(element: Any, dimensions: int, writable: bool) -> str | None:
 
 
 Work = TypeVar("Work", bound=Callable[..., Any])
+# Machine code: the words of the arguments to the answer.
+Entry = Callable[[list[int]], Any]
 
 _KIND = "modular"
 # Entries pass addresses as 64-bit numbers.
@@ -84,18 +143,19 @@ class Kernel:
 
     def __init__(self, work: Callable[..., Any]) -> None:
         self.py_func = work
-        self._entries: dict[Kinds, Callable[..., Any]] = {}
+        self._entries: dict[Kinds, Entry | None] = {}
         self._made: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
-        kinds = kinds_of(arguments) if POINTERS_OF_64_BITS else None
+        words: list[int] = []
+        kinds = kinds_of(arguments, words) if POINTERS_OF_64_BITS else None
         if kinds is None:
             return self.made()(*arguments)
-        entry = self._entries.get(kinds)
-        if entry is None:
+        if kinds not in self._entries:
             with _lock:
-                entry = self._entries[kinds] = self._entry(kinds)
-        return entry(*arguments)
+                self._entries[kinds] = self._entry(kinds)
+        entry = self._entries[kinds]
+        return self.made()(*arguments) if entry is None else entry(words)
 
     def __repr__(self) -> str:
         return f"<kernel {self.py_func.__module__}.{self.py_func.__qualname__}>"
@@ -109,15 +169,16 @@ class Kernel:
                 self._made = dispatcher(self.py_func)
             return self._made
 
-    def _entry(self, kinds: Kinds) -> Callable[..., Any]:
+    def _entry(self, kinds: Kinds) -> Entry | None:
+        """The machine code for arguments of these kinds; None where numba has to call it."""
         from inverse_service.machine_code.loading import Unstorable  # LLVM takes 0.03 s to import
 
         try:
             return self._from_store(kinds) or self._built(kinds)
         except (Unstorable, OSError, RuntimeError):  # the last two where this LLVM wants it otherwise
-            return cast(Callable[..., Any], self.made())
+            return None
 
-    def _from_store(self, kinds: Kinds) -> Callable[..., Any] | None:
+    def _from_store(self, kinds: Kinds) -> Entry | None:
         from inverse_service.machine_code.loading import kernel_digest, load
 
         found = store.read(kernel_digest(self.py_func, kinds), _KIND, with_program=True)
@@ -126,12 +187,12 @@ class Kernel:
         except (OSError, RuntimeError):
             return None
 
-    def _built(self, kinds: Kinds) -> Callable[..., Any]:
+    def _built(self, kinds: Kinds) -> Entry:
         from inverse_service.machine_code.building import object_code
         from inverse_service.machine_code.loading import kernel_digest, load
 
         code, answer = object_code(self.made(), kinds)
-        noted = {"kernel": repr(self), "kinds": kinds, "answer": answer}
+        noted = {"kernel": repr(self), "kinds": told(kinds), "answer": answer}
         store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND, with_program=True)
         return load(code, kinds, answer)
 

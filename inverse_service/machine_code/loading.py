@@ -16,7 +16,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from inverse_service.machine_code.kernels import Kinds, array_of
+from inverse_service.machine_code.kernels import Entry, Kinds, array_of, leaves, told
 
 ENTRY = "entry"
 _ANSWERS: dict[str, Callable[[int], Any]] = {"none": lambda answer: None, "int64": int, "uint64": int, "bool": bool}
@@ -60,32 +60,18 @@ def engine_of(code: bytes) -> Any:
     return engine
 
 
-def load(code: bytes, kinds: Kinds, answer: str) -> Callable[..., Any]:
-    """The kernel in the object file as a function of arguments of these kinds; OverflowError for a number too large."""
+def load(code: bytes, kinds: Kinds, answer: str) -> Entry:
+    """The kernel in the object file as a function of the words of arguments of these kinds (`kinds_of`)."""
     engine = engine_of(code)
     address = engine.get_function_address(ENTRY)
     if not address:
         raise OSError("the object file has no entry")
     _kept.append(engine)
     result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
-    function = ctypes.PYFUNCTYPE(result, *(word for kind in kinds for word in _words(kind)))(address)
+    function = ctypes.PYFUNCTYPE(result, *(word for kind in leaves(kinds) for word in _words(kind)))(address)
     finished = _ANSWERS[answer]
 
-    def call(*arguments: Any) -> Any:
-        words: list[int] = []
-        for argument in arguments:
-            if isinstance(argument, np.ndarray):
-                words += (argument.ctypes.data, *argument.shape)
-            elif type(argument) is int and not -_LARGE <= argument < _LARGE:
-                raise OverflowError("a number does not fit 64 bits")
-            else:
-                words.append(int(argument))
-        return finished(function(*words))
-
-    return call
-
-
-_LARGE = 1 << 63
+    return lambda words: finished(function(*words))
 
 
 def _words(kind: str) -> list[Any]:
@@ -120,7 +106,7 @@ def _names(code: CodeType) -> Iterator[str]:
 def kernel_digest(work: Callable[..., Any], kinds: Kinds) -> str:
     """SHA-256 of the kernel for arguments of these kinds; raises Unstorable."""
     digest = hashlib.sha256(_makers())
-    for part in (repr(kinds), *_described(work)):
+    for part in (repr(told(kinds)), *_described(work)):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()
 

@@ -154,7 +154,7 @@ def test_a_program_too_large_for_arrays_says_so() -> None:
 def test_constants_are_in_montgomery_form() -> None:
     program, point = SeriesProgram([X], 1), point_of(X)
     place = program.constant(lambda point, known: 7)
-    _, _, one, _ = modular.constants(point.prime)
+    one = modular.field_of(point.prime).one
     found = constants_at(program, point)
     assert found[0] == one
     assert int(found[place]) == 7 * (1 << 64) % point.prime

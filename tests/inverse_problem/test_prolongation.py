@@ -14,7 +14,7 @@ from flint import nmod_mat
 
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon import Echelon, Flags
-from inverse_service.algebra.echelon_kernels import Indices, Words
+from inverse_service.algebra.echelon_kernels import SparseRows
 from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Expansion, Point
 from inverse_service.algebra.series import Series, SeriesRing
@@ -96,12 +96,10 @@ def test_rows_are_the_taylor_coefficients_of_the_helmholtz_conditions(
 ) -> None:
     order, recorded, insert = 2, list[list[tuple[int, int]]](), Echelon.insert
 
-    def record(
-        echelon: Echelon, starts: Indices, columns: Indices, values: Words, expected: Flags | None, in_order: bool
-    ) -> Flags:
-        pairs = list(zip(columns.tolist(), values.tolist(), strict=True))
-        recorded.extend(pairs[a:b] for a, b in itertools.pairwise(starts.tolist()))
-        return insert(echelon, starts, columns, values, expected, in_order)
+    def record(echelon: Echelon, rows: SparseRows, expected: Flags | None, in_order: bool) -> Flags:
+        pairs = list(zip(rows.columns.tolist(), rows.values.tolist(), strict=True))
+        recorded.extend(pairs[a:b] for a, b in itertools.pairwise(rows.starts.tolist()))
+        return insert(echelon, rows, expected, in_order)
 
     monkeypatch.setattr(Echelon, "insert", record)
     prolongation = prolongation_of(system, order, with_time)

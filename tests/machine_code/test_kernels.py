@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -139,10 +139,10 @@ def test_arguments_of_other_kinds_go_through_numba(folder: Path) -> None:
     work = again(add_up)
     expected = outcome(work, (first, steps, table, factor, negative))
     apart = np.repeat(steps, 2)[::2]
-    assert kinds_of((apart,)) is None
+    assert kinds_of((apart,), []) is None
     assert outcome(work, (first, apart, table, factor, negative)) == expected
     assert again(is_positive)(0.5) is True
-    assert kinds_of((0.5,)) is None
+    assert kinds_of((0.5,), []) is None
 
 
 def test_wrong_calls_are_refused(folder: Path) -> None:
@@ -183,7 +183,7 @@ def changed(kernel: Any, **names: Any) -> Callable[..., Any]:
 
 
 def test_the_digest_is_that_of_all_that_is_compiled() -> None:
-    kinds = kinds_of(arguments(0))
+    kinds = kinds_of(arguments(0), [])
     assert kinds == ("int64", "int64[1]", "uint64[2]", "uint64", "bool")
     source: Any = add_up
     known = kernel_digest(source.py_func, kinds)
@@ -355,3 +355,77 @@ def test_processes_that_compile_at_once_leave_one_entry(folder: Path) -> None:
     ended = [child.communicate(timeout=120) for child in children]
     assert [out for out, _ in ended] == ["21\n"] * 3, ended
     assert [path.suffix for path in folder.iterdir()] == [".modular"]
+
+
+class Pair(NamedTuple):
+    """Numbers with the factor that belongs to them."""
+
+    numbers: Any
+    factor: int
+
+
+class Turned(NamedTuple):
+    """The same in the other order."""
+
+    factor: int
+    numbers: Any
+
+
+class Store(NamedTuple):
+    """A struct that holds another one."""
+
+    pair: Pair
+    sums: Any
+
+
+@compiled
+def add_pairs(store: Store, place: int) -> int:
+    for number in store.pair.numbers:
+        store.sums[place] += number * store.pair.factor
+    return store.sums[place] - store.pair.factor  # type: ignore[no-any-return]
+
+
+def test_structs_are_read_by_their_names_from_the_store_as_from_the_compiler(
+    folder: Path, compilations: list[str]
+) -> None:
+    for _ in range(2):
+        given = Store(Pair(np.array([1, 2, 4]), 10), np.zeros(2, np.int64))
+        assert again(add_pairs)(given, 1) == 60
+        assert given.sums.tolist() == [0, 70]
+    assert compilations == ["add_pairs"]
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_a_struct_with_other_names_or_another_order_is_other_code(folder: Path, compilations: list[str]) -> None:
+    """The same numbers and arrays in a row, and a kernel of the same text."""
+    Turned.__qualname__ = Pair.__qualname__
+    pairs: list[Any] = [Pair(np.array([3]), 2), Turned(2, np.array([3]))]
+    for pair in pairs:
+        assert again(add_pairs)(Store(pair, np.zeros(1, np.int64)), 0) == 4
+    assert compilations == ["add_pairs", "add_pairs"]
+
+
+def test_arrays_in_a_struct_that_are_read_only_are_not_written(folder: Path) -> None:
+    sums = np.zeros(1, np.int64)
+    sums.setflags(write=False)
+    with pytest.raises(TypingError):
+        again(add_pairs)(Store(Pair(np.array([1]), 1), sums), 0)
+    assert sums.tolist() == [0]
+
+
+def test_a_tuple_without_names_is_left_to_numba() -> None:
+    assert kinds_of(((1, 2), 3), []) is None
+    assert kinds_of((Pair(np.array([1.5]), 1),), []) is None
+
+
+def test_what_is_kept_of_a_struct_is_that_of_the_same_struct_only(folder: Path) -> None:
+    """Those of read-only arrays are known by their identity; others, and later ones at that place, are looked at."""
+    work, sums = again(add_pairs), np.zeros(1, np.int64)
+    for factor in range(600):
+        numbers = np.array([factor, 1])
+        numbers.setflags(write=factor % 2 == 0)
+        pair = Pair(numbers, factor)
+        for _ in range(2):
+            sums[0] = 0
+            assert work(Store(pair, sums), 0) == factor * (factor + 1) - factor
+        del pair, numbers

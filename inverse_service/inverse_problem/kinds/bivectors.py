@@ -181,6 +181,6 @@ def equations(
         own = terms.copy()
         own[:, 1] = places
         count = shape.free - 1 - alpha
-        table = TermTable(unknowns, count, *again.coefficients(used, order - order_of(j)), own)
+        table = TermTable(unknowns, count, again.coefficients(used, order - order_of(j)), own)
         indices = tuple((beta,) for beta in range(alpha + 1, shape.free))
         yield Equations(f"B{j}_{alpha}", indices, order_of(j), table)

@@ -132,7 +132,7 @@ def compiled_equations(shape: Shape, prime: int, order: int, registers: Register
     unknowns = unknowns_of(shape)
     series = registers.coefficients(np.arange(shape.one + 1), order - 1)
     counts = (("free", shape.free), ("dependent", shape.dependent))
-    tables = ((kind, count, TermTable(unknowns, count, *series, _terms(kind, shape))) for kind, count in counts)
+    tables = ((kind, count, TermTable(unknowns, count, series, _terms(kind, shape))) for kind, count in counts)
     blocks = (Equations(kind, tuple((k,) for k in range(count)), 1, table) for kind, count, table in tables)
     return LocalEquations(unknowns, prime, tuple(blocks))
 

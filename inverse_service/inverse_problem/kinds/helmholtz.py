@@ -92,7 +92,7 @@ def compiled_equations(n: int, size: int, prime: int, order: int, registers: Reg
         unknowns,
         prime,
         tuple(
-            Equations(kind, pairs, k, TermTable(unknowns, len(pairs), *series, _terms(kind, n, size)))
+            Equations(kind, pairs, k, TermTable(unknowns, len(pairs), series, _terms(kind, n, size)))
             for kind, k, pairs in blocks
         ),
     )

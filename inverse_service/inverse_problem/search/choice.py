@@ -39,11 +39,11 @@ def hessians(space: LagrangianSpace, seed: int) -> tuple[int, list[Matrix]]:
 
 def _hessian(table: LetterTable, letters: Sequence[tuple[int, Fraction]], value: int) -> Matrix:
     """m (V_i V_j + sum e d2 log p)."""
-    prime, n = table.prime, table.by_velocity.shape[2]
+    prime, n = table.prime, table.derivatives.size
     weights = [(k, e.numerator * pow(e.denominator, -1, prime) % prime) for k, e in letters]
-    slope = [sum(w * int(table.by_velocity[0, k, i]) for k, w in weights) % prime for i in range(n)]
+    slope = [sum(w * int(table.derivatives.by_velocity[0, k, i]) for k, w in weights) % prime for i in range(n)]
     return [
-        [value * (slope[i] * slope[j] + sum(w * int(table.hessian[0, k, i, j]) for k, w in weights)) % prime
+        [value * (slope[i] * slope[j] + sum(w * int(table.derivatives.hessian[0, k, i, j]) for k, w in weights)) % prime
          for j in range(n)]
         for i in range(n)
     ]  # fmt: skip

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations_with_replacement
-from typing import Any
 
 import numpy as np
 from flint import nmod_mat
@@ -23,7 +22,7 @@ from flint import nmod_mat
 from inverse_service.algebra import modular
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon_kernels import Words
-from inverse_service.algebra.modular import compiled, multiply, reconstruct
+from inverse_service.algebra.modular import Field, compiled, multiply, reconstruct
 from inverse_service.algebra.point import Expansion, Variable, variables_in
 from inverse_service.algebra.series import SingularPoint
 from inverse_service.deadline import check
@@ -157,11 +156,10 @@ def _random_solution(
     """The coefficients of the shapes of one group, and then their derivatives, in a random solution at one place."""
     motion, prime = material.motion, table.prime
     rates = [[1] * motion.with_time + [point.variable(v) for v in motion.velocities] for point in table.points]
-    modulus, negative_inverse, _, _ = modular.constants(prime)
     width = matrix.shape[1]
     rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
     rows[:, :width] = matrix
-    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modulus, negative_inverse)
+    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modular.field_of(prime))
     check(1 + rows.size * min(rows.shape) // 10_000)
     basis, nullity = nmod_mat(len(rows), rows.shape[1], rows.ravel().tolist(), prime).nullspace()
     weights = [generator.randrange(prime) for _ in range(nullity)]
@@ -169,7 +167,7 @@ def _random_solution(
 
 
 @compiled
-def _fill_rates(rates: Any, hessians: Any, rows: Any, prime: Any, inverse: Any) -> None:
+def _fill_rates(rates: Words, hessians: Words, rows: Words, field: Field) -> None:
     """The entries for d_t c (where L may hold t) and each d_k c: s_ij times 1 and v^k in (H2), 0 in (H3)."""
     samples, count, n, _ = hessians.shape
     for s in range(samples):
@@ -178,7 +176,7 @@ def _fill_rates(rates: Any, hessians: Any, rows: Any, prime: Any, inverse: Any) 
             for i in range(n):
                 for j in range(i, n):
                     for c in range(count):
-                        rows[row, (r + 1) * count + c] = multiply(rates[s, r], hessians[s, c, i, j], prime, inverse)
+                        rows[row, (r + 1) * count + c] = multiply(rates[s, r], hessians[s, c, i, j], field)
                     row += 1
 
 

@@ -156,7 +156,7 @@ def _constants_of_divergence(
     width = len(letters) + len(constants)
     table = letter_table(sampler, letters, width + 6, seed)
     rows = []
-    places = zip(table.points, table.along.tolist(), tensors_of(sampler, table), strict=True)
+    places = zip(table.points, table.derivatives.along.tolist(), tensors_of(sampler, table), strict=True)
     for point, along, (connection, _) in places:
         trace = 2 * sum(connection[i][i] for i in range(material.motion.size))
         rows.append([*along, *(evaluate(to_kernels(c), point) for c in constants), trace % table.prime])

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from inverse_service.algebra import modular
 from inverse_service.algebra.echelon_kernels import Words
-from inverse_service.algebra.modular import compiled, multiply
+from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.null_vectors import SampledRows, kernel, vectors_of_groups
 from inverse_service.inverse_problem.search.sampling import (
+    Derivatives,
+    Integers,
     LetterTable,
     Sampler,
     letter_table,
@@ -37,68 +39,61 @@ class LagrangianSpace:
     combinations: tuple[Combination, ...]
 
 
+class Exponents(NamedTuple):
+    """The letters of candidate c are letters[starts[c]] … letters[starts[c + 1] - 1], with exponents as residues."""
+
+    starts: Integers
+    letters: Integers
+    exponents: Words
+
+
 @compiled
-def _fill(
-    values: Any, starts: Any, letters: Any, exponents: Any, along: Any, by_velocity: Any, mixed: Any,
-    by_position: Any, result: Any, prime: Any, negative_inverse: Any,
-) -> None:  # fmt: skip
+def _fill(values: Words, candidates: Exponents, d: Derivatives, field: Field, result: Words) -> None:
     """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s, from and to Montgomery form."""
-    samples, count = values.shape
-    n = by_velocity.shape[2]
-    for s in range(samples):
-        for c in range(count):
-            total_along = np.uint64(0)
-            for k in range(starts[c], starts[c + 1]):
-                total_along += multiply(exponents[k], along[s, letters[k]], prime, negative_inverse)
-                if total_along >= prime:
-                    total_along -= prime
+    n = d.by_velocity.shape[2]
+    for s in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            first, last = candidates.starts[c], candidates.starts[c + 1]
+            along = np.uint64(0)
+            for k in range(first, last):
+                along = plus(along, multiply(candidates.exponents[k], d.along[s, candidates.letters[k]], field), field)
             for i in range(n):
-                velocity = np.uint64(0)
-                rest = np.uint64(0)
-                for k in range(starts[c], starts[c + 1]):
-                    e, p = exponents[k], letters[k]
-                    velocity += multiply(e, by_velocity[s, p, i], prime, negative_inverse)
-                    if velocity >= prime:
-                        velocity -= prime
-                    rest += multiply(e, mixed[s, p, i], prime, negative_inverse)
-                    if rest >= prime:
-                        rest -= prime
-                    part = multiply(e, by_position[s, p, i], prime, negative_inverse)
-                    rest = rest - part if rest >= part else rest + (prime - part)
-                total = multiply(velocity, total_along, prime, negative_inverse) + rest
-                if total >= prime:
-                    total -= prime
-                result[s * n + i, c] = multiply(values[s, c], total, prime, negative_inverse)
+                velocity = rest = np.uint64(0)
+                for k in range(first, last):
+                    e, p = candidates.exponents[k], candidates.letters[k]
+                    velocity = plus(velocity, multiply(e, d.by_velocity[s, p, i], field), field)
+                    other = minus(d.mixed[s, p, i], d.by_position[s, p, i], field)
+                    rest = plus(rest, multiply(e, other, field), field)
+                total = plus(multiply(velocity, along, field), rest, field)
+                result[s * n + i, c] = multiply(values[s, c], total, field)
 
 
 def to_montgomery(array: Words, prime: int) -> Words:
-    modulus, negative_inverse, _, radix_squared = modular.constants(prime)
+    """x R modulo the prime for each residue x."""
     result = np.ascontiguousarray(array).copy()
-    _times(result.reshape(-1), radix_squared, modulus, negative_inverse)
+    _scale(result.reshape(-1), modular.field_of(prime))
     return result
 
 
 @compiled
-def _times(numbers: Any, factor: Any, prime: Any, negative_inverse: Any) -> None:
+def _scale(numbers: Words, field: Field) -> None:
+    """Each number times R."""
     for k in range(numbers.shape[0]):
-        numbers[k] = multiply(numbers[k], factor, prime, negative_inverse)
+        numbers[k] = multiply(numbers[k], field.square, field)
 
 
 def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
     """EL_i of each candidate at each sample, (samples * n, candidates)."""
     prime = table.prime
-    starts, places, exponents = exponent_lists(letters, candidates, prime)
     values = monomial_values(table, letters, candidates)
-    modulus, negative_inverse, _, _ = modular.constants(prime)
-    result = np.zeros((len(values) * table.by_velocity.shape[2], len(candidates)), np.uint64)
-    arrays = (table.along, table.by_velocity, table.mixed, table.by_position)
-    along, by_velocity, mixed, by_position = (to_montgomery(array, prime) for array in arrays)
-    _fill(values, starts, places, exponents, along, by_velocity, mixed, by_position, result, modulus, negative_inverse)
+    result = np.zeros((len(values) * table.derivatives.size, len(candidates)), np.uint64)
+    derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
+    _fill(values, exponents_of(letters, candidates, prime), derivatives, modular.field_of(prime), result)
     return result
 
 
-def exponent_lists(letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int) -> tuple[Any, Any, Words]:
-    """(starts, letter numbers, exponents in Montgomery form): the letters of each candidate in a row."""
+def exponents_of(letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int) -> Exponents:
+    """The letters of each candidate in a row, their exponents in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
     starts, places, exponents = [0], [], []
     residues: dict[tuple[int, int], int] = {}
@@ -111,7 +106,7 @@ def exponent_lists(letters: Sequence[Expression], candidates: Sequence[Monomial]
             exponents.append(residues[key])
         starts.append(len(places))
     numbers = to_montgomery(np.array(exponents, np.uint64), prime)
-    return np.array(starts, np.int64), np.array(places, np.int64), numbers
+    return Exponents(np.array(starts, np.int64), np.array(places, np.int64), numbers)
 
 
 def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:

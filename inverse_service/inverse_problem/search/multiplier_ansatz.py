@@ -8,14 +8,14 @@ holds a regular Lagrangian before its potentials are searched for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from inverse_service.algebra import modular
 from inverse_service.algebra import series as ps
 from inverse_service.algebra.echelon_kernels import Words
-from inverse_service.algebra.modular import compiled, multiply
+from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
 from inverse_service.algebra.point import Expansion, Point, evaluate
 from inverse_service.deadline import check
 from inverse_service.expressions.derivative import differentiate
@@ -23,14 +23,16 @@ from inverse_service.expressions.tree import Expression, walk
 from inverse_service.inverse_problem.decision.local_system import local_system
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.linear_ansatz import (
+    Exponents,
     LagrangianSpace,
-    exponent_lists,
+    exponents_of,
     letters_of,
     to_montgomery,
 )
 from inverse_service.inverse_problem.search.null_vectors import SampledRows, pivots, settled_kernel, vectors_of_groups
 from inverse_service.inverse_problem.search.sample_points import Matrix, SamplePoints
 from inverse_service.inverse_problem.search.sampling import (
+    Derivatives,
     LetterTable,
     Sampler,
     letter_table,
@@ -95,22 +97,16 @@ def helmholtz_matrix(
 
     Shapes (samples n^2, terms) and (samples, terms, n, n).
     """
-    prime = table.prime
-    starts, places, exponents = exponent_lists(letters, terms, prime)
+    prime, n = table.prime, table.derivatives.size
     values = monomial_values(table, letters, terms)
-    n = table.by_velocity.shape[2]
-    pairs = tensors_of(sampler, table)
-    modulus, negative_inverse, _, _ = modular.constants(prime)
+    tensors = tensors_of(sampler, table)
+    geometry = Geometry(*(to_montgomery(np.array([pair[k] for pair in tensors], np.uint64), prime) for k in (0, 1)))
+    derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
     result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
-    hessians = np.zeros((len(values), len(terms), n, n), np.uint64)
-    arrays = (table.along, table.by_velocity, table.mixed, table.hessian, table.third)
-    along, by_velocity, mixed, hessian, third = (to_montgomery(array, prime) for array in arrays)
-    connection, endomorphism = (to_montgomery(np.array([pair[k] for pair in pairs], np.uint64), prime) for k in (0, 1))
-    work = (np.empty(n, np.uint64), np.empty(n, np.uint64), np.empty((n, n), np.uint64), np.empty((n, n), np.uint64))
-    _fill(
-        values, starts, places, exponents, along, by_velocity, mixed, hessian, third, connection, endomorphism,
-        result, hessians, *work, modulus, negative_inverse,
-    )  # fmt: skip
+    hessians, rates = (np.zeros((len(values), len(terms), n, n), np.uint64) for _ in range(2))
+    field = modular.field_of(prime)
+    _differentiate(values, exponents_of(letters, terms, prime), derivatives, field, hessians, rates)
+    _write_conditions(hessians, rates, geometry, field, result)
     return result, hessians
 
 
@@ -141,54 +137,73 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix,
     )
 
 
+class Geometry(NamedTuple):
+    """The connection N and the Jacobi endomorphism Phi at each sample, (samples, n, n)."""
+
+    connection: Words
+    endomorphism: Words
+
+
 @compiled
-def _fill(
-    values: Any, starts: Any, places: Any, exponents: Any, along: Any, by_velocity: Any, mixed: Any, hessian: Any,
-    third: Any, connection: Any, endomorphism: Any, result: Any, hessians: Any, v: Any, h: Any, g: Any, dg: Any,
-    prime: Any, inverse: Any,
-) -> None:  # fmt: skip
-    samples, count = values.shape
-    n = by_velocity.shape[2]
-    zero = np.uint64(0)
+def _differentiate(
+    values: Words, terms: Exponents, d: Derivatives, field: Field, hessians: Words, rates: Words
+) -> None:
+    """g_ij = m (V_i V_j + W_ij) and Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma W_ij).
+
+    V, W, G, H are sums over the letters of m; all in Montgomery form, the results (samples, terms, n, n) zero before.
+    """
+    n = d.by_velocity.shape[2]
+    for s in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            first, last = terms.starts[c], terms.starts[c + 1]
+            along = _sum_of(terms, d.along, s, first, last, field)
+            for i in range(n):
+                for j in range(i, n):
+                    v = h = w = x = part = rate = np.uint64(0)
+                    for k in range(first, last):
+                        e, p = terms.exponents[k], terms.letters[k]
+                        v = plus(v, multiply(e, d.by_velocity[s, p, i], field), field)
+                        h = plus(h, multiply(e, d.mixed[s, p, i], field), field)
+                        w = plus(w, multiply(e, d.by_velocity[s, p, j], field), field)
+                        x = plus(x, multiply(e, d.mixed[s, p, j], field), field)
+                        part = plus(part, multiply(e, d.hessian[s, p, i, j], field), field)
+                        rate = plus(rate, multiply(e, d.third[s, p, i, j], field), field)
+                    part = plus(part, multiply(v, w, field), field)
+                    rate = plus(rate, multiply(along, part, field), field)
+                    rate = plus(rate, plus(multiply(h, w, field), multiply(v, x, field), field), field)
+                    hessians[s, c, i, j] = hessians[s, c, j, i] = multiply(values[s, c], part, field)
+                    rates[s, c, i, j] = rates[s, c, j, i] = multiply(values[s, c], rate, field)
+
+
+@compiled
+def _sum_of(terms: Exponents, numbers: Words, s: int, first: int, last: int, field: Field) -> np.uint64:
+    """The sum of a quantity over the letters of a term, each times its exponent."""
+    total = np.uint64(0)
+    for k in range(first, last):
+        total = plus(total, multiply(terms.exponents[k], numbers[s, terms.letters[k]], field), field)
+    return total
+
+
+@compiled
+def _write_conditions(hessians: Words, rates: Words, geometry: Geometry, field: Field, result: Words) -> None:
+    """Gamma(g_ij) - g_ik N_kj - g_jk N_ki for i <= j, then g_ik Phi_kj - g_jk Phi_ki for i < j, for each sample."""
+    samples, count, n, _ = hessians.shape
     for s in range(samples):
         for c in range(count):
-            total = zero
-            for i in range(n):
-                v[i] = h[i] = zero
-                for j in range(n):
-                    g[i, j] = dg[i, j] = zero
-            for k in range(starts[c], starts[c + 1]):
-                e, p = exponents[k], places[k]
-                total = (total + multiply(e, along[s, p], prime, inverse)) % prime
-                for i in range(n):
-                    v[i] = (v[i] + multiply(e, by_velocity[s, p, i], prime, inverse)) % prime
-                    h[i] = (h[i] + multiply(e, mixed[s, p, i], prime, inverse)) % prime
-                    for j in range(n):
-                        g[i, j] = (g[i, j] + multiply(e, hessian[s, p, i, j], prime, inverse)) % prime
-                        dg[i, j] = (dg[i, j] + multiply(e, third[s, p, i, j], prime, inverse)) % prime
-            # g_ij = m (V_i V_j + W_ij), Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma W_ij)
-            for i in range(n):
-                for j in range(n):
-                    part = (g[i, j] + multiply(v[i], v[j], prime, inverse)) % prime
-                    rate = (dg[i, j] + multiply(total, part, prime, inverse)) % prime
-                    rate = (rate + multiply(h[i], v[j], prime, inverse)) % prime
-                    rate = (rate + multiply(v[i], h[j], prime, inverse)) % prime
-                    g[i, j] = hessians[s, c, i, j] = multiply(values[s, c], part, prime, inverse)
-                    dg[i, j] = multiply(values[s, c], rate, prime, inverse)
             row = s * n * n
             for i in range(n):
                 for j in range(i, n):
-                    rate = dg[i, j]
+                    rate = rates[s, c, i, j]
                     for k in range(n):
-                        rate = (rate + prime - multiply(g[i, k], connection[s, k, j], prime, inverse)) % prime
-                        rate = (rate + prime - multiply(g[j, k], connection[s, k, i], prime, inverse)) % prime
+                        rate = minus(rate, multiply(hessians[s, c, i, k], geometry.connection[s, k, j], field), field)
+                        rate = minus(rate, multiply(hessians[s, c, j, k], geometry.connection[s, k, i], field), field)
                     result[row, c] = rate
                     row += 1
             for i in range(n):
                 for j in range(i + 1, n):
-                    skew = zero
+                    skew = np.uint64(0)
                     for k in range(n):
-                        skew = (skew + multiply(g[i, k], endomorphism[s, k, j], prime, inverse)) % prime
-                        skew = (skew + prime - multiply(g[j, k], endomorphism[s, k, i], prime, inverse)) % prime
+                        skew = plus(skew, multiply(hessians[s, c, i, k], geometry.endomorphism[s, k, j], field), field)
+                        skew = minus(skew, multiply(hessians[s, c, j, k], geometry.endomorphism[s, k, i], field), field)
                     result[row, c] = skew
                     row += 1

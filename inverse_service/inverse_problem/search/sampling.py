@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, TypeGuard, TypeVar
+from typing import NamedTuple, TypeGuard, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from inverse_service.algebra import modular
 from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.modular import compiled, multiply, positive_power
+from inverse_service.algebra.modular import Field, compiled, multiply, positive_power
 from inverse_service.algebra.point import Point
 from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined
 from inverse_service.algebra.reduction import reduce_atoms
@@ -27,6 +27,7 @@ from inverse_service.inverse_problem.search.sample_points import Drawn, KnownTow
 from inverse_service.inverse_problem.search.terms import Monomial
 
 Words = npt.NDArray[np.uint64]
+Integers = npt.NDArray[np.int64]
 _ATTEMPTS = 8
 # Of f, where the terms of an ansatz have none in common.
 _POINTS = 8
@@ -155,25 +156,35 @@ def _is_cosine(atom: Expression) -> TypeGuard[Apply]:
     return isinstance(atom, Apply) and atom.function == "cos"
 
 
-@dataclass(frozen=True, slots=True)
-class LetterTable:
+class Derivatives(NamedTuple):
     """Per sample and letter: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i) and d log p/dq_i.
 
     Arrays of residues, (samples, letters) and (samples, letters, n); Gamma' acts on the derivative
     only, so that EL_i(m)/m = V_i G + H_i - Q_i with sums over the letters of m. `hessian` is
     d2 log p/dv_i dv_j, `third` Gamma of it (zero unless asked for), (samples, letters, n, n).
-    `numbers` are those of the samples among the points.
     """
 
-    known: SamplePoints
-    numbers: tuple[int, ...]
-    values: list[list[int]]
     along: Words
     by_velocity: Words
     mixed: Words
     by_position: Words
     hessian: Words
     third: Words
+
+    @property
+    def size(self) -> int:
+        """The number of coordinates."""
+        return int(self.by_velocity.shape[2])
+
+
+@dataclass(frozen=True, slots=True)
+class LetterTable:
+    """The values of the letters, with their derivatives; `numbers` are those of the samples among the points."""
+
+    known: SamplePoints
+    numbers: tuple[int, ...]
+    values: list[list[int]]
+    derivatives: Derivatives
 
     @property
     def prime(self) -> int:
@@ -204,7 +215,7 @@ def table_at(
         for column, rank in enumerate((0, 1, 1, 1, 2, 2), 1)
     ]
     values = [[letter.value for letter in row] for row in rows[first:]]
-    return LetterTable(known, tuple(numbers[first:]), values, *arrays)
+    return LetterTable(known, tuple(numbers[first:]), values, Derivatives(*arrays))
 
 
 def values_at(known: SamplePoints, letters: Sequence[Expression], count: int) -> list[list[int]]:
@@ -250,18 +261,17 @@ def products_of_values(
     powers = [
         [positive_power(sample[index[letter]], e, prime) * radix % prime for letter, e in pairs] for sample in rows
     ]
-    modulus, negative_inverse, one, _ = modular.constants(prime)
-    result = np.full((len(powers), len(candidates)), one, np.uint64)
-    _products(
-        np.array(powers, np.uint64).reshape(len(powers), -1), np.array(starts, np.int64),
-        np.array(places, np.int64), result, modulus, negative_inverse,
-    )  # fmt: skip
+    field = modular.field_of(prime)
+    result = np.full((len(powers), len(candidates)), field.one, np.uint64)
+    given = np.array(powers, np.uint64).reshape(len(powers), -1)
+    _products(given, np.array(starts, np.int64), np.array(places, np.int64), result, field)
     return result
 
 
 @compiled
-def _products(powers: Any, starts: Any, places: Any, result: Any, prime: Any, negative_inverse: Any) -> None:
+def _products(powers: Words, starts: Integers, places: Integers, result: Words, field: Field) -> None:
+    """result[s, c] times the powers at places[starts[c]] … places[starts[c + 1] - 1] of sample s."""
     for s in range(result.shape[0]):
         for c in range(result.shape[1]):
             for k in range(starts[c], starts[c + 1]):
-                result[s, c] = multiply(result[s, c], powers[s, places[k]], prime, negative_inverse)
+                result[s, c] = multiply(result[s, c], powers[s, places[k]], field)

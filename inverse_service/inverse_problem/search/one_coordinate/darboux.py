@@ -64,7 +64,7 @@ class Samples:
 
     def along(self, sample: int, key: Monomial) -> int:
         """Gamma(log key)."""
-        rates = self.table.along[sample]
+        rates = self.table.derivatives.along[sample]
         return sum(int(rates[self.places[p]]) * residue(e, self.prime) for p, e in key) % self.prime
 
 
