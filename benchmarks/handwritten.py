@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.problems import HENON_HEILES
 from inverse_service.integrators.tableaux import composition
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
 
 START = Start((0.0, 0.1), (0.3, 0.1))
 STEPS, STEP = 20_000, 0.05

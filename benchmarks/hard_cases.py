@@ -24,7 +24,7 @@ from benchmarks.problems import (
 )
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
 TYPED = ("singular", "guard", "no_convergence", "off_domain", "not_finite")
 ALPHAS = (0.0, 1 / 5, 1 / 3, 1 / 2, 4 / 5, 1.0)

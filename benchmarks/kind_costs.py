@@ -25,13 +25,13 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
-from inverse_service.inverse_problem.of_kind import answering
-from inverse_service.inverse_problem.of_kind.answering import answer_kind
+from inverse_service.inverse_problem.of_kind import kind_answers
 from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
+from inverse_service.inverse_problem.of_kind.kind_answers import answer_kind
 from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.outcome import Answer, Solution
+from inverse_service.inverse_problem.solutions import Answer, Solution
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -45,7 +45,7 @@ class Checks:
 
     def __init__(self) -> None:
         self.seconds = 0.0
-        answering.check_certificate = self.check  # type: ignore[attr-defined,assignment]
+        kind_answers.check_certificate = self.check  # type: ignore[attr-defined,assignment]
 
     def check(self, certificate: object, **options: Any) -> Any:
         began = time.thread_time()
@@ -58,7 +58,7 @@ def plain(system: SecondOrderSystem, seed: int) -> None:
     analysis = analyse(system)
     found = decide(system, False, seed, analysis=analysis)
     if found.verdict != "undetermined":
-        answering.check_certificate(certify.of_decision(analysis, found))  # type: ignore[attr-defined]
+        kind_answers.check_certificate(certify.of_decision(analysis, found))  # type: ignore[attr-defined]
 
 
 def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:

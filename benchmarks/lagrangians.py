@@ -20,7 +20,7 @@ from typing import Any
 
 from benchmarks.tables import MISSING, table
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.outcome import Answer
+from inverse_service.inverse_problem.solutions import Answer
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 

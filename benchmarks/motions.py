@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.measured import conditions, put
-from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.existence import analyse_motion, decide_motion
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.linear_pde.deciding import Finding
+from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
-from inverse_service.service.documents.nonholonomic import solve_nonholonomic
+from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 
 QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/open-questions.md")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
-from inverse_service.simulation.scene import Observable, Problem
+from inverse_service.simulation.scene_data import Observable, Problem
 
 
 def read(text: str, coordinates: tuple[str, ...], parameters: tuple[str, ...] = ()) -> Expression:

@@ -22,7 +22,15 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.simulation import advice
 from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of, with_effects
 from inverse_service.simulation.running import MethodRun, observed_problem, run_method
-from inverse_service.simulation.scene import FreeLagrangian, Grid, MethodChoice, Problem, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import (
+    FreeLagrangian,
+    Grid,
+    MethodChoice,
+    Problem,
+    Requested,
+    Scene,
+    Unavailable,
+)
 
 COORDINATES = ("phi", "theta", "x", "y")
 LAGRANGIAN = "(x'^2 + y'^2)/2 + theta'^2/4 + phi'^2/8 + B*(x*y' - y*x')/2 - k*(x^2 + y^2)/2"

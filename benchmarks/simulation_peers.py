@@ -15,7 +15,7 @@ from benchmarks.hard_cases import contact_start, disk_start, particle_start
 from benchmarks.problems import CONTACT, DISK, HENON_HEILES, PARTICLE
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.peers import taylor_integrator, used_parameters
-from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
 SPAN, TARGET, ROUNDS = 100.0, 1e-9, 5
 SHORT = 5e-3  # seconds
@@ -148,8 +148,8 @@ def _rates(problem: Problem, values: dict[str, float]) -> Callable[[float, Seque
     """The right-hand side as plain Python, compiled once by SymPy's lambdify, as a user would have it."""
     import sympy
 
-    from inverse_service.codegen.algebra import symbol
-    from inverse_service.simulation.formulas import Formulas
+    from inverse_service.codegen.symengine_trees import symbol
+    from inverse_service.simulation.callables import Formulas
 
     f = Formulas(problem)
     given = {symbol(f"c{k}"): values[name] for k, name in enumerate(problem.parameters)}

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from inverse_service.client import Client
     from inverse_service.errors import InputError
-    from inverse_service.sympy.result import Result
+    from inverse_service.sympy.result_objects import Result
 
 __all__ = ["Client", "InputError", "Result", "catalogue", "check", "simulate", "solve"]
 __version__ = "0.1.0"
 _ELSEWHERE = {
     "Client": "inverse_service.client",
     "InputError": "inverse_service.errors",
-    "Result": "inverse_service.sympy.result",
+    "Result": "inverse_service.sympy.result_objects",
 }
 
 
@@ -49,7 +49,7 @@ def solve(
     `keys` are further keys of the document, such as time="x", or of `inverse_service.sympy.solve`. Raises InputError.
     """
     from inverse_service.sympy import asked
-    from inverse_service.sympy.result import result_of
+    from inverse_service.sympy.result_objects import result_of
 
     whole, names = asked(document, **keys)
     from inverse_service.inverse_problem.options import SolveOptions
@@ -94,7 +94,7 @@ def _as_dictionary(value: Any) -> Any:
 def _read(text: str) -> Any:
     """The value of a JSON text; None, which is no result, where it is not one that is read here."""
     from inverse_service.errors import InputError
-    from inverse_service.service.documents.reading import read_json
+    from inverse_service.service.documents.plain_data import read_json
 
     try:
         return read_json(text)
@@ -107,7 +107,7 @@ def _plain(document: Mapping[str, Any]) -> Any:
     import json
 
     from inverse_service.errors import InputError
-    from inverse_service.service.documents.reading import read_json
+    from inverse_service.service.documents.plain_data import read_json
 
     try:
         text = json.dumps(document, default=_as_dictionary)

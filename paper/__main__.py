@@ -10,7 +10,7 @@ from pathlib import Path
 
 from inverse_service import __version__
 from inverse_service.cli.exits import ExitCode
-from inverse_service.cli.simulating import made_folder
+from inverse_service.cli.simulate_command import made_folder
 from paper.pages import counts, markdown, page
 from paper.paper import FIGURES, sections
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from inverse_service import catalogue
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.nonholonomic import solve_nonholonomic
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
+from inverse_service.service.documents.system_documents import solve_document
 from paper.statement import Progress, Section, Statement, Table, finding
 
 CODE = "paper/further_systems.py"

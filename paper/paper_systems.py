@@ -25,7 +25,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.nonholonomic import solve_nonholonomic
+from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 
 CLASSICAL = (
     "nonholonomic-particle",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -59,3 +60,10 @@ def test_every_slow_test_is_one_that_exists() -> None:
     for name in slow_tests():
         place, _, function = name.partition("::")
         assert f"def {function.partition('[')[0]}(" in (ROOT / place).read_text(), name
+
+
+def test_no_two_modules_have_the_same_name() -> None:
+    """Whoever hears of `members.py` finds one file."""
+    names = [path.stem for path in SOURCES if path.name not in ("__init__.py", "__main__.py")]
+    assert len(names) > 300
+    assert [name for name, times in Counter(names).items() if times > 1] == []

@@ -8,9 +8,9 @@ from fractions import Fraction
 from functools import lru_cache
 from hashlib import blake2b
 
-from inverse_service.algebra import series as ps
+from inverse_service.algebra import truncated_series as ps
 from inverse_service.algebra.modular import is_positive, positive_power, prime_factors
-from inverse_service.algebra.series import Series, SeriesRing, SingularPoint
+from inverse_service.algebra.truncated_series import Series, SeriesRing, SingularPoint
 from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,

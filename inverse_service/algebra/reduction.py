@@ -16,6 +16,7 @@ from functools import partial
 
 from flint import fmpq_mpoly
 
+from inverse_service.algebra.elementary import is_even_root, is_root
 from inverse_service.algebra.generators import (
     Generators,
     Quotient,
@@ -26,7 +27,6 @@ from inverse_service.algebra.generators import (
     to_quotient,
     used_generators,
 )
-from inverse_service.algebra.kernels import is_even_root, is_root
 from inverse_service.algebra.modular import is_positive
 from inverse_service.algebra.point import Variable, evaluate
 from inverse_service.algebra.real_point import RealTable, real_sign, turns

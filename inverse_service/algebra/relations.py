@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 
-from inverse_service.algebra.kernels import is_even_root, is_root
+from inverse_service.algebra.elementary import is_even_root, is_root
 from inverse_service.algebra.modular import prime_factors, reconstruct
 from inverse_service.algebra.point import Point, Variable, evaluate, number_value, variables_in
 from inverse_service.algebra.rules import (
@@ -24,8 +24,8 @@ from inverse_service.algebra.rules import (
     Rule,
     replay,
 )
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import IrrationalRatio, Samples, Tower, atoms_in_order, draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import HALF, PI, Apply, Expression, Number, Power, Product, distinct_nodes
 

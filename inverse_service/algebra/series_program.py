@@ -20,7 +20,7 @@ from inverse_service.algebra import modular
 from inverse_service.algebra import series_kernels as machine
 from inverse_service.algebra.monomials import SeriesTables, coefficients, products, series_tables
 from inverse_service.algebra.point import Point, Variable, evaluate, number_value, power_value
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,

@@ -15,8 +15,8 @@ from itertools import combinations
 
 from flint import fmpz_mat
 
+from inverse_service.algebra.elementary import is_root
 from inverse_service.algebra.generators import Generators, factors, to_quotient
-from inverse_service.algebra.kernels import is_root
 from inverse_service.algebra.modular import prime_factors
 from inverse_service.algebra.tower import Tower, atoms_in_order
 from inverse_service.errors import IrreducibleAtoms

@@ -15,7 +15,7 @@ from functools import lru_cache
 
 from flint import nmod_mat
 
-from inverse_service.algebra.kernels import is_root
+from inverse_service.algebra.elementary import is_root
 from inverse_service.algebra.modular import is_positive, reconstruct, safe_prime
 from inverse_service.algebra.point import (
     Expansion,
@@ -31,7 +31,7 @@ from inverse_service.algebra.rules import (
     half_angle,
     replay,
 )
-from inverse_service.algebra.series import SingularPoint, derivative, value_at_point
+from inverse_service.algebra.truncated_series import SingularPoint, derivative, value_at_point
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
     Apply,

@@ -5,6 +5,6 @@ from __future__ import annotations
 
 def main() -> None:
     """Entry point of `inverse-service`; ends the process with the exit code of the contract."""
-    from inverse_service.cli.application import run
+    from inverse_service.cli.command_line import run
 
     run()

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from inverse_service.cli.exits import ExitCode, write
-from inverse_service.cli.solving import time_limit_or, warm_alone
+from inverse_service.cli.solve_command import time_limit_or, warm_alone
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch import AGAIN, BatchPlan, Summary, run_batch
 from inverse_service.service.jobs.batch_files import Line, count_lines, open_source, read_answers

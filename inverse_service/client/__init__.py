@@ -6,8 +6,7 @@
 `Client` and `AsyncClient` have the same methods. docs/rest.md shows each of them at work.
 """
 
-from inverse_service.client.clients import AsyncClient, Client
-from inverse_service.client.reading import (
+from inverse_service.client.decoding import (
     BatchAnswer,
     ClientError,
     Event,
@@ -19,6 +18,7 @@ from inverse_service.client.reading import (
     UnexpectedAnswer,
     WaitedTooLong,
 )
+from inverse_service.client.sync_and_async import AsyncClient, Client
 
 __all__ = [
     "AsyncClient",

@@ -17,7 +17,7 @@ from urllib.parse import quote, urlencode
 from api_schemas.base import CheckAnswer
 from api_schemas.job import FINAL, Batch, Job, JobList
 from api_schemas.result import ResultDocument
-from inverse_service.client import calls, reading
+from inverse_service.client import decoding, requests
 
 Brought = TypeVar("Brought", covariant=True)
 LONGEST_WAIT = 20.0
@@ -27,22 +27,22 @@ JSON = {"Content-Type": "application/json"}
 KINDS = {"solve": "/v1/solve", "check": "/v1/check", "simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
 
 
-def accepted(call: calls.Call, patience: float) -> calls.Flow[calls.Answer]:
+def accepted(call: requests.Call, patience: float) -> requests.Flow[requests.Answer]:
     """The answer of a call that succeeded; raises RequestRefused with the problem document otherwise."""
-    answer = yield from calls.exchange(call, patience)
+    answer = yield from requests.exchange(call, patience)
     if answer.status >= 400:
         raise refusal_of(answer)
     if answer.status >= 300 and answer.status != 304:
-        raise reading.unexpected(f"points elsewhere (status {answer.status})")
+        raise decoding.unexpected(f"points elsewhere (status {answer.status})")
     return answer
 
 
-def refusal_of(answer: calls.Answer) -> reading.ClientError:
+def refusal_of(answer: requests.Answer) -> decoding.ClientError:
     """The error of an answer that is one: of the request, or of the job that it asked for."""
-    problem, job_id = reading.problem_of(answer.status, answer.body), id_in_location(answer)
+    problem, job_id = decoding.problem_of(answer.status, answer.body), id_in_location(answer)
     if job_id and answer.status == DISMISSED:
-        return reading.JobDismissed(job_id)
-    return reading.JobFailed(job_id, problem) if job_id else reading.RequestRefused(answer.status, problem)
+        return decoding.JobDismissed(job_id)
+    return decoding.JobFailed(job_id, problem) if job_id else decoding.RequestRefused(answer.status, problem)
 
 
 def solve(
@@ -52,28 +52,28 @@ def solve(
     time_limit: float | None = None,
     fresh: bool = False,
     timeout: float | None = None,
-) -> calls.Flow[ResultDocument]:
+) -> requests.Flow[ResultDocument]:
     """The result of one system. Raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s.
 
     `time_limit` (s) is the service's for the work; `fresh` computes again what has a stored answer.
     """
     result = yield from _asked(patience, document, "solve", time_limit, fresh, timeout)
     if not isinstance(result, ResultDocument):
-        raise reading.unexpected("is not the result of a system")
+        raise decoding.unexpected("is not the result of a system")
     return result
 
 
-def check(patience: float, result: Any, *, timeout: float | None = None) -> calls.Flow[CheckAnswer]:
+def check(patience: float, result: Any, *, timeout: float | None = None) -> requests.Flow[CheckAnswer]:
     """The independent checker's verdict on a result."""
     found = yield from _asked(patience, result, "check", None, False, timeout)
     if not isinstance(found, CheckAnswer):
-        raise reading.unexpected("is not a verdict of the checker")
+        raise decoding.unexpected("is not a verdict of the checker")
     return found
 
 
 def simulate(
     patience: float, scene: Any, *, fresh: bool = False, timeout: float | None = None
-) -> calls.Flow[dict[str, Any]]:
+) -> requests.Flow[dict[str, Any]]:
     """The result of one scene."""
     result = yield from _asked(patience, scene, "simulate", None, fresh, timeout)
     return result if isinstance(result, dict) else result.model_dump(mode="json")
@@ -81,7 +81,7 @@ def simulate(
 
 def _asked(
     patience: float, document: Any, kind: str, time_limit: float | None, fresh: bool, timeout: float | None
-) -> calls.Flow[reading.Result]:
+) -> requests.Flow[decoding.Result]:
     """The result of a document; a quick one comes with the first answer. All within `timeout` s."""
     begin = time.monotonic()
     seconds, patience = (
@@ -90,151 +90,151 @@ def _asked(
     call = replace(question(document, kind, f"wait={int(seconds)}", time_limit, fresh), timeout=timeout)
     answer = yield from accepted(call, patience)
     if answer.status == 200:
-        return reading.result_of(reading.read_value(answer.body))
+        return decoding.result_of(decoding.read_value(answer.body))
     left = None if timeout is None else timeout - (time.monotonic() - begin)
     return (yield from wait(patience, job_of(answer, kind), timeout=left))
 
 
 def submit(
     patience: float, document: Any, kind: str = "solve", *, time_limit: float | None = None, fresh: bool = False
-) -> calls.Flow[Job]:
+) -> requests.Flow[Job]:
     """The stored job of a document, at once; `kind` is solve, check, simulate or work-precision."""
     answer = yield from accepted(question(document, kind, "respond-async", time_limit, fresh), patience)
     return job_of(answer, kind)
 
 
-def wait(patience: float, job: Job | str, *, timeout: float | None = None) -> calls.Flow[reading.Result]:
+def wait(patience: float, job: Job | str, *, timeout: float | None = None) -> requests.Flow[decoding.Result]:
     """The result of a job. Raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s."""
     end = None if timeout is None else time.monotonic() + timeout
     patience = patience if timeout is None else max(0.0, min(patience, timeout))
-    for seconds in calls.pauses(FIRST_LOOK, LONGEST_LOOK):
-        answer = yield from accepted(calls.Call("GET", job_path(job)), patience)
-        found = reading.read(Job, answer.body)
+    for seconds in requests.pauses(FIRST_LOOK, LONGEST_LOOK):
+        answer = yield from accepted(requests.Call("GET", job_path(job)), patience)
+        found = decoding.read(Job, answer.body)
         if found.is_final:
             return outcome(found)
-        seconds = min(seconds, calls.retry_after(answer.headers) or LONGEST_LOOK)
+        seconds = min(seconds, requests.retry_after(answer.headers) or LONGEST_LOOK)
         if end is not None and time.monotonic() + seconds > end:
-            raise reading.WaitedTooLong(found.id, timeout or 0.0)
-        yield calls.Pause(seconds)
+            raise decoding.WaitedTooLong(found.id, timeout or 0.0)
+        yield requests.Pause(seconds)
     raise AssertionError("the pauses never end")
 
 
-def outcome(job: Job) -> reading.Result:
+def outcome(job: Job) -> decoding.Result:
     """The result of a job that is final, or the error it ended with."""
     if job.status == "failed":
-        raise reading.JobFailed(job.id, job.problem or reading.problem_from({}))
+        raise decoding.JobFailed(job.id, job.problem or decoding.problem_from({}))
     if job.status == "dismissed":
-        raise reading.JobDismissed(job.id)
-    return reading.result_of(job.result)
+        raise decoding.JobDismissed(job.id)
+    return decoding.result_of(job.result)
 
 
-def job(patience: float, job: Job | str) -> calls.Flow[Job]:
+def job(patience: float, job: Job | str) -> requests.Flow[Job]:
     """The job as it is now."""
-    answer = yield from accepted(calls.Call("GET", job_path(job)), patience)
-    return reading.read(Job, answer.body)
+    answer = yield from accepted(requests.Call("GET", job_path(job)), patience)
+    return decoding.read(Job, answer.body)
 
 
-def jobs(patience: float, cursor: str | None = None) -> calls.Flow[JobList]:
+def jobs(patience: float, cursor: str | None = None) -> requests.Flow[JobList]:
     """One page of the jobs; its `next` is the cursor of the page after it."""
     query = f"?{urlencode({'cursor': cursor})}" if cursor else ""
-    answer = yield from accepted(calls.Call("GET", f"/v1/jobs{query}"), patience)
-    return reading.read(JobList, answer.body)
+    answer = yield from accepted(requests.Call("GET", f"/v1/jobs{query}"), patience)
+    return decoding.read(JobList, answer.body)
 
 
-def cancel(patience: float, job: Job | str) -> calls.Flow[None]:
+def cancel(patience: float, job: Job | str) -> requests.Flow[None]:
     """Have the work of a job stopped; one that is final already stays as it is."""
-    yield from accepted(calls.Call("DELETE", job_path(job)), patience)
+    yield from accepted(requests.Call("DELETE", job_path(job)), patience)
 
 
 def submit_batch(
     patience: float, documents: Iterable[Mapping[str, Any]], kind: str = "solve", *, time_limit: float | None = None
-) -> calls.Flow[Batch]:
+) -> requests.Flow[Batch]:
     """The stored batch of documents, at once."""
     lines = b"".join(json.dumps(document).encode() + b"\n" for document in documents)
     path = "/v1/batches" + query_of(time_limit, kind=kind)
-    answer = yield from accepted(calls.Call("POST", path, lines, {"Content-Type": calls.NDJSON}), patience)
-    return reading.read(Batch, answer.body)
+    answer = yield from accepted(requests.Call("POST", path, lines, {"Content-Type": requests.NDJSON}), patience)
+    return decoding.read(Batch, answer.body)
 
 
-def batch_status(patience: float, batch: Batch | str) -> calls.Flow[Batch]:
+def batch_status(patience: float, batch: Batch | str) -> requests.Flow[Batch]:
     """The batch as it is now: its counts by status."""
-    answer = yield from accepted(calls.Call("GET", batch_path(batch)), patience)
-    return reading.read(Batch, answer.body)
+    answer = yield from accepted(requests.Call("GET", batch_path(batch)), patience)
+    return decoding.read(Batch, answer.body)
 
 
-def cancel_batch(patience: float, batch: Batch | str) -> calls.Flow[Batch]:
+def cancel_batch(patience: float, batch: Batch | str) -> requests.Flow[Batch]:
     """Have what is open in a batch, and in no other one, stopped; the batch as it is then."""
-    answer = yield from accepted(calls.Call("DELETE", batch_path(batch)), patience)
-    return reading.read(Batch, answer.body)
+    answer = yield from accepted(requests.Call("DELETE", batch_path(batch)), patience)
+    return decoding.read(Batch, answer.body)
 
 
-def parse(patience: float, document: Any) -> calls.Flow[dict[str, Any]]:
+def parse(patience: float, document: Any) -> requests.Flow[dict[str, Any]]:
     """What the service understands of a document."""
-    answer = yield from accepted(calls.Call("POST", "/v1/parse", encoded(document), JSON), patience)
-    return dict(reading.read_value(answer.body))
+    answer = yield from accepted(requests.Call("POST", "/v1/parse", encoded(document), JSON), patience)
+    return dict(decoding.read_value(answer.body))
 
 
-def catalogue(patience: float, name: str | None = None) -> calls.Flow[dict[str, Any]]:
+def catalogue(patience: float, name: str | None = None) -> requests.Flow[dict[str, Any]]:
     """The named systems, or one of them."""
     path = "/v1/catalogue" if name is None else f"/v1/catalogue/{quote(name, safe='')}"
-    answer = yield from accepted(calls.Call("GET", path), patience)
-    return dict(reading.read_value(answer.body))
+    answer = yield from accepted(requests.Call("GET", path), patience)
+    return dict(decoding.read_value(answer.body))
 
 
-def limits(patience: float) -> calls.Flow[dict[str, Any]]:
+def limits(patience: float) -> requests.Flow[dict[str, Any]]:
     """Every limit of the service."""
-    answer = yield from accepted(calls.Call("GET", "/v1/limits"), patience)
-    return dict(reading.read_value(answer.body))
+    answer = yield from accepted(requests.Call("GET", "/v1/limits"), patience)
+    return dict(decoding.read_value(answer.body))
 
 
-def items(patience: float, reader: Reader[Any]) -> calls.Flow[None]:
+def items(patience: float, reader: Reader[Any]) -> requests.Flow[None]:
     """What a stream brings, each as an Item, up to its end; it is begun again where it breaks."""
-    repetition, was_final = calls.Repetition(patience), False
+    repetition, was_final = requests.Repetition(patience), False
     while not reader.done:
         try:
-            answer: calls.Answer = yield calls.Open(reader.call())
+            answer: requests.Answer = yield requests.Open(reader.call())
             if answer.status != 200:
-                problem = reading.problem_of(answer.status, (yield from calls.body_of(reader.call())))
-                if answer.status not in calls.BUSY:
-                    raise reading.RequestRefused(answer.status, problem)
-                yield repetition.pause_after(reading.ServiceBusy(answer.status, problem), answer.headers)
+                problem = decoding.problem_of(answer.status, (yield from requests.body_of(reader.call())))
+                if answer.status not in requests.BUSY:
+                    raise decoding.RequestRefused(answer.status, problem)
+                yield repetition.pause_after(decoding.ServiceBusy(answer.status, problem), answer.headers)
                 continue
             lines = Lines()
-            while data := (yield calls.More()):
+            while data := (yield requests.More()):
                 for item in filter(None, map(reader.feed, lines.feed(data))):
                     repetition.reset()
-                    yield calls.Item(item)
+                    yield requests.Item(item)
                 if reader.done:
                     return
-        except reading.ServiceUnreachable as error:
+        except decoding.ServiceUnreachable as error:
             yield repetition.pause_after(error)
             continue
         if was_final:
             return reader.close()
-        answer = yield from accepted(calls.Call("GET", reader.status_path), patience)
-        value = reading.read_value(answer.body)
+        answer = yield from accepted(requests.Call("GET", reader.status_path), patience)
+        value = decoding.read_value(answer.body)
         was_final = isinstance(value, dict) and value.get("status") in FINAL
         if not was_final:
-            yield calls.Pause(calls.LOOK_AGAIN)
+            yield requests.Pause(requests.LOOK_AGAIN)
 
 
-def question(document: Any, kind: str, prefer: str, time_limit: float | None, fresh: bool) -> calls.Call:
+def question(document: Any, kind: str, prefer: str, time_limit: float | None, fresh: bool) -> requests.Call:
     """The POST of a document; `fresh` asks again what the service has answered before."""
     headers = {**JSON, "Prefer": prefer, **({"Cache-Control": "no-cache"} if fresh else {})}
-    return calls.Call("POST", KINDS[kind] + query_of(time_limit), encoded(document), headers)
+    return requests.Call("POST", KINDS[kind] + query_of(time_limit), encoded(document), headers)
 
 
-def job_of(answer: calls.Answer, kind: str) -> Job:
+def job_of(answer: requests.Answer, kind: str) -> Job:
     """The job that an answer is about: a 202 has its address; a 200 is the result of a finished one."""
     job_id = id_in_location(answer)
     if answer.status == 200:
-        return Job(id=job_id, kind=kind, status="successful", result=reading.read_value(answer.body))
+        return Job(id=job_id, kind=kind, status="successful", result=decoding.read_value(answer.body))
     if not job_id:
-        raise reading.unexpected("has no address of a job")
+        raise decoding.unexpected("has no address of a job")
     return Job(id=job_id, kind=kind, status="accepted")
 
 
-def id_in_location(answer: calls.Answer) -> str:
+def id_in_location(answer: requests.Answer) -> str:
     """The id at the end of the address that an answer names; empty where it names none."""
     return answer.headers.get("location", "").partition("?")[0].rstrip("/").rpartition("/")[2]
 
@@ -271,7 +271,7 @@ class Reader(Protocol[Brought]):
     done: bool
     status_path: str
 
-    def call(self) -> calls.Call:
+    def call(self) -> requests.Call:
         """The request of the stream, or of what is still missing of it."""
 
     def feed(self, line: str) -> Brought | None:
@@ -299,16 +299,16 @@ class JobEvents:
     def __init__(self, job: Job | str) -> None:
         self.status_path = job_path(job)
         self._path = f"{self.status_path}/events"
-        self._reader = reading.EventReader()
+        self._reader = decoding.EventReader()
         self.done = False
 
-    def call(self) -> calls.Call:
+    def call(self) -> requests.Call:
         last = self._reader.last_id
-        self._reader = reading.EventReader(last)
+        self._reader = decoding.EventReader(last)
         headers = {"Accept": "text/event-stream", **({"Last-Event-ID": last} if last else {})}
-        return calls.Call("GET", self._path, headers=headers)
+        return requests.Call("GET", self._path, headers=headers)
 
-    def feed(self, line: str) -> reading.Event | None:
+    def feed(self, line: str) -> decoding.Event | None:
         event = self._reader.feed(line)
         if event is not None and event.data.get("status") in FINAL:
             self.done = True
@@ -328,13 +328,13 @@ class BatchResults:
         self._seen: set[Any] = set()
         self.done = batch.total == 0
 
-    def call(self) -> calls.Call:
-        return calls.Call("GET", self._path)
+    def call(self) -> requests.Call:
+        return requests.Call("GET", self._path)
 
-    def feed(self, line: str) -> reading.BatchAnswer | None:
+    def feed(self, line: str) -> decoding.BatchAnswer | None:
         if not line.strip():
             return None
-        answer = reading.batch_answer(line)
+        answer = decoding.batch_answer(line)
         key = ("line", answer.line) if answer.line is not None else ("id", answer.id)
         if key in self._seen:
             return None
@@ -345,4 +345,4 @@ class BatchResults:
     def close(self) -> None:
         missing = self._total - len(self._seen)
         if missing:
-            raise reading.unexpected(f"lacks {missing} of {self._total} results of a finished batch")
+            raise decoding.unexpected(f"lacks {missing} of {self._total} results of a finished batch")

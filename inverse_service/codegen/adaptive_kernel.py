@@ -7,7 +7,6 @@ Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.4.
 
 from __future__ import annotations
 
-from inverse_service.codegen.algebra import ALPHA, WHOLE_STEP
 from inverse_service.codegen.kernel import Kernel
 from inverse_service.codegen.program import (
     STATUS,
@@ -15,6 +14,7 @@ from inverse_service.codegen.program import (
     TOO_SHORT,
     TRIAL,
 )
+from inverse_service.codegen.symengine_trees import ALPHA, WHOLE_STEP
 
 SAFETY, MOST, LEAST = 0.9, 5.0, 0.2
 FIRST = 1e-2  # of the grid's step: the first trial

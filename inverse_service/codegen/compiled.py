@@ -27,7 +27,7 @@ from inverse_service.codegen.kernel import Kernel
 from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import Layout, Program, Solve, changing, layout_of
 from inverse_service.integrators.trajectory import Array
-from inverse_service.machine_code import store
+from inverse_service.machine_code import code_store
 from inverse_service.machine_code.loading import engine_of, processor_name, target_machine
 
 _ROOMS = ("codegen", "machine_code", "integrators", "simulation", "expressions")
@@ -173,7 +173,7 @@ def kernel_text(program: Program, lanes: int = 1) -> str:
 
 def _from_disk(digest: str) -> Compiled | None:
     begin = time.perf_counter()
-    entry = store.read(digest)
+    entry = code_store.read(digest)
     if entry is None:
         return None
     try:
@@ -193,7 +193,7 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
     code = object_code(text, thorough=lanes > 1)
     optimised = time.perf_counter()
     card = card_of(program, lanes)
-    store.write(digest, asdict(card), code)
+    code_store.write(digest, asdict(card), code)
     stored = time.perf_counter()
     machine = load(code)
     stages = {"derive": derived - begin, "write": written - derived, "compile": optimised - written}

@@ -9,8 +9,6 @@ from collections.abc import Sequence
 
 import symengine
 
-from inverse_service.codegen.algebra import Formula, symbol
-from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import (
     CLOCK,
@@ -24,6 +22,8 @@ from inverse_service.codegen.program import (
     Solve,
     size_name,
 )
+from inverse_service.codegen.straight_line import Emitter
+from inverse_service.codegen.symengine_trees import Formula, symbol
 
 
 def solve_dense(writer: LlvmWriter, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from inverse_service.codegen.algebra import STEP
-from inverse_service.codegen.emission import Emitter
 from inverse_service.codegen.implicit import Blocks
 from inverse_service.codegen.llvm_writer import LlvmWriter
 from inverse_service.codegen.program import (
@@ -27,6 +25,8 @@ from inverse_service.codegen.program import (
     changing,
     layout_of,
 )
+from inverse_service.codegen.straight_line import Emitter
+from inverse_service.codegen.symengine_trees import STEP
 
 CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iterations")
 

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 
 import symengine
 
-from inverse_service.codegen.algebra import STEP, ZERO, Formula, contains, free_names, slope, symbol
 from inverse_service.codegen.program import Assign, Solve, Statement
+from inverse_service.codegen.symengine_trees import STEP, ZERO, Formula, contains, free_names, slope, symbol
 from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from inverse_service.codegen.algebra import Formula
+from inverse_service.codegen.symengine_trees import Formula
 
 NOT_FINITE = 1
 NO_CONVERGENCE, SINGULAR, GUARDED, WATCHED = 100, 200, 300, 400

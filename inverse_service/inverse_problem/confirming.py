@@ -20,10 +20,10 @@ from inverse_service.inverse_problem.explanation.finding import (
     legendre_steps,
     verification_steps,
 )
-from inverse_service.inverse_problem.outcome import Answer, Solution, Step
 from inverse_service.inverse_problem.search.further import is_multiple, with_squared_energies
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome, describe
 from inverse_service.inverse_problem.search.tidy import tidied
+from inverse_service.inverse_problem.solutions import Answer, Solution, Step
 
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.analysis import Analysis

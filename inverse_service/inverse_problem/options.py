@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from inverse_service.expressions.tree import Expression
 
 if TYPE_CHECKING:
-    from inverse_service.inverse_problem.outcome import Solution
+    from inverse_service.inverse_problem.solutions import Solution
 
 
 @dataclass(frozen=True, slots=True)

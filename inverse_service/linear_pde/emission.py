@@ -13,8 +13,8 @@ from inverse_service.algebra.echelon import Echelon, Flags
 from inverse_service.algebra.echelon_kernels import SparseRows, Words
 from inverse_service.algebra.modular import Field, compiled, multiply
 from inverse_service.algebra.monomials import exponents_of_degree, raised_places
-from inverse_service.algebra.series import Series
 from inverse_service.algebra.series_kernels import SparseSeries
+from inverse_service.algebra.truncated_series import Series
 from inverse_service.linear_pde.unknowns import RowTables, Unknowns, known_places, row_tables, width_below
 
 Integers = npt.NDArray[np.int64]

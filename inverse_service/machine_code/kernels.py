@@ -22,7 +22,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.machine_code import store
+from inverse_service.machine_code import code_store
 
 Kind = str | tuple[type, "Kinds"]
 Kinds = tuple[Kind, ...]
@@ -181,7 +181,7 @@ class Kernel:
     def _from_store(self, kinds: Kinds) -> Entry | None:
         from inverse_service.machine_code.loading import kernel_digest, load
 
-        found = store.read(kernel_digest(self.py_func, kinds), _KIND, with_program=True)
+        found = code_store.read(kernel_digest(self.py_func, kinds), _KIND, with_program=True)
         try:
             return None if found is None else load(found[1], kinds, found[0]["answer"])
         except (OSError, RuntimeError):
@@ -193,7 +193,7 @@ class Kernel:
 
         code, answer = object_code(self.made(), kinds)
         noted = {"kernel": repr(self), "kinds": told(kinds), "answer": answer}
-        store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND, with_program=True)
+        code_store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND, with_program=True)
         return load(code, kinds, answer)
 
 

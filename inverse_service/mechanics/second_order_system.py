@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.real_point import are_positive, find_real_point
 from inverse_service.algebra.sign_cases import Case, sign_cases

@@ -21,10 +21,10 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.mechanics import method_advice
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.callables import Formulas, walls
 from inverse_service.simulation.derivation import USES_FREE, Derived, Find, derive, problem_of
-from inverse_service.simulation.formulas import Formulas, walls
 from inverse_service.simulation.initial import is_degenerate
-from inverse_service.simulation.scene import Observation, Problem, Requested, Scene, Stop, Unavailable
+from inverse_service.simulation.scene_data import Observation, Problem, Requested, Scene, Stop, Unavailable
 from inverse_service.simulation.schemes import program_of
 
 STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed

@@ -27,7 +27,7 @@ from inverse_service.simulation.impulses import SHARE, Ways, hidden_impulses
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import point_kinetic
 from inverse_service.simulation.quantities import Observed
-from inverse_service.simulation.scene import (
+from inverse_service.simulation.scene_data import (
     OWN_STEPS,
     SCIPY,
     Grid,

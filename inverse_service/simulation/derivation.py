@@ -21,7 +21,7 @@ from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
 from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations
-from inverse_service.simulation.scene import (
+from inverse_service.simulation.scene_data import (
     EXACT,
     POINT_METHODS,
     SCIPY,

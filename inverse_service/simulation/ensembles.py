@@ -11,18 +11,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.codegen.algebra import closure
 from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.codegen.symengine_trees import closure
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome
 from inverse_service.machine_code.loading import processor_features
+from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.execution import stopped
-from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.methods import check, kernel_of
 from inverse_service.simulation.outcomes import unknown_names, weights_of
-from inverse_service.simulation.scene import (
+from inverse_service.simulation.scene_data import (
     OWN_STEPS,
     POINT_METHODS,
     Grid,

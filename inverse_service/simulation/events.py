@@ -22,7 +22,7 @@ from inverse_service.simulation.array_values import NoValue, array_value, table_
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.observing import point_velocities
 from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.scene import (
+from inverse_service.simulation.scene_data import (
     POINT_METHODS,
     Event,
     Grid,

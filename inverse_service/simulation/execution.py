@@ -31,7 +31,7 @@ from inverse_service.codegen.program import (
     WATCHED,
 )
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation.scene import Grid
+from inverse_service.simulation.scene_data import Grid
 
 _FIRST_PIECE = 4096
 _FIRST_OWN = 8  # of a method that takes any number of steps between two points

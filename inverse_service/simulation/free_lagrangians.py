@@ -46,7 +46,7 @@ from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.exact_motion import ExactMotion, turning_table
 from inverse_service.simulation.initial import initial_velocities
 from inverse_service.simulation.regular_motion import determinant
-from inverse_service.simulation.scene import Scene
+from inverse_service.simulation.scene_data import Scene
 
 SAMPLES = 32
 CONSTANT = 1e-13

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.array_values import Box, array_value, bounds, table_of
-from inverse_service.simulation.scene import Stop
+from inverse_service.simulation.scene_data import Stop
 
 SHARE = 64  # a box that may hold less than this part of what is too much is not cut
 _DEPTH, _MOST_BOXES, _AT_ONCE, _NOISE = 48, 2**17, 2**13, 1e-9

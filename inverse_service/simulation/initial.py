@@ -20,7 +20,7 @@ from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity,
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.scene import Scene
+from inverse_service.simulation.scene_data import Scene
 
 TOLERANCE = 1e-9
 RANK = 1e-10

@@ -10,16 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from inverse_service.codegen.algebra import free_names, real_value
 from inverse_service.codegen.compiled import Compiled, compiled
+from inverse_service.codegen.symengine_trees import free_names, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.tableaux import ORDERS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.execution import execute, memory_of
-from inverse_service.simulation.formulas import MOMENT, Formulas
 from inverse_service.simulation.outcomes import Ended, failed_start, trajectory_of, weights_of
 from inverse_service.simulation.peers import run_heyoka, run_scipy
-from inverse_service.simulation.scene import (
+from inverse_service.simulation.scene_data import (
     OWN_STEPS,
     SCIPY,
     Grid,

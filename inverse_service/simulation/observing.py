@@ -33,7 +33,7 @@ from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Vel
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.formulas import walls
+from inverse_service.simulation.callables import walls
 from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.matching_circle import (
     CircleDrift,
@@ -44,7 +44,7 @@ from inverse_service.simulation.matching_circle import (
     radial_distance,
     recorded_drift,
 )
-from inverse_service.simulation.scene import Grid, Observable, Observation, Problem, Scene
+from inverse_service.simulation.scene_data import Grid, Observable, Observation, Problem, Scene
 from inverse_service.simulation.truth import Truth
 
 WITH_TIME = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."

@@ -14,18 +14,18 @@ from functools import cached_property
 import numpy as np
 import symengine
 
-from inverse_service.codegen.algebra import STEP, Formula, real_value, symbol
 from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.codegen.planning import limit_at_zero_step
 from inverse_service.codegen.program import CLOCK, Program, Solve
+from inverse_service.codegen.symengine_trees import STEP, Formula, real_value, symbol
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
 from inverse_service.integrators.tableaux import composition
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.simulation.callables import Denominator, Formulas
 from inverse_service.simulation.execution import Run, Stopped, at_last, stopped
-from inverse_service.simulation.formulas import Denominator, Formulas
-from inverse_service.simulation.scene import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.scene_data import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.schemes import parts_of, program_of
 from inverse_service.simulation.starting import Initial
 from inverse_service.simulation.watches import where_it_ends

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.codegen.algebra import closure
+from inverse_service.codegen.symengine_trees import closure
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -31,8 +31,8 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.formulas import MOMENT, Formulas, kinks
-from inverse_service.simulation.scene import SCIPY, Grid, MethodChoice, Observation, Problem, Start
+from inverse_service.simulation.callables import MOMENT, Formulas, kinks
+from inverse_service.simulation.scene_data import SCIPY, Grid, MethodChoice, Observation, Problem, Start
 
 _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}
 

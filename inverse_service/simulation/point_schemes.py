@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from inverse_service.codegen.algebra import ALPHA, STEP, WHOLE_STEP, Formula, number, slope, symbol, translate
 from inverse_service.codegen.planning import plan, used_only
 from inverse_service.codegen.program import Assign, Iterate, Program, Solve, Statement, Watch
+from inverse_service.codegen.symengine_trees import ALPHA, STEP, WHOLE_STEP, Formula, number, slope, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.integrators.tableaux import DOP853_ERRORS, RODAS, TABLEAUX, collocation
-from inverse_service.simulation.formulas import MOMENT, Formulas
-from inverse_service.simulation.scene import MethodChoice, Observation
+from inverse_service.simulation.callables import MOMENT, Formulas
+from inverse_service.simulation.scene_data import MethodChoice, Observation
 from inverse_service.simulation.watches import (
     SMALLEST,
     moment_at,

@@ -27,7 +27,7 @@ from inverse_service.simulation.observing import (
 )
 from inverse_service.simulation.quantities import velocities_at_points
 from inverse_service.simulation.running import MethodRun, run_method
-from inverse_service.simulation.scene import EXACT, OWN_STEPS, SCIPY, Grid, Progress, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import EXACT, OWN_STEPS, SCIPY, Grid, Progress, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, true_motion
 
 CHECKS = 8

@@ -27,7 +27,7 @@ from inverse_service.simulation.observing import (
     start_energy,
     why_energy_varies,
 )
-from inverse_service.simulation.scene import Problem, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import Problem, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
 
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."

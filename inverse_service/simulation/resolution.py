@@ -31,7 +31,7 @@ from inverse_service.simulation.observing import (
     why_energy_varies,
 )
 from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.scene import (
+from inverse_service.simulation.scene_data import (
     OWN_STEPS,
     SCIPY,
     Grid,

@@ -37,9 +37,9 @@ from inverse_service.simulation.derivation import (
     with_accelerations,
     with_energy,
 )
+from inverse_service.simulation.ensemble_members import EnsembleRun, run_members
 from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
-from inverse_service.simulation.members import EnsembleRun, run_members
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.quantities import Observed, observed_quantities
@@ -52,7 +52,7 @@ from inverse_service.simulation.resolution import (
     other_motion,
     other_way,
 )
-from inverse_service.simulation.scene import (
+from inverse_service.simulation.scene_data import (
     EXACT,
     FreeLagrangian,
     Grid,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from inverse_service.codegen.algebra import ALPHA, HALF, STEP, Formula, contains, number, symbol, translate
 from inverse_service.codegen.planning import plan, used_only
 from inverse_service.codegen.program import Assign, Program, Statement, Watch
+from inverse_service.codegen.symengine_trees import ALPHA, HALF, STEP, Formula, contains, number, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.integrators.variational import (
     between,
@@ -15,9 +15,9 @@ from inverse_service.integrators.variational import (
     raw_step,
     symmetrised_hamiltonian_step,
 )
-from inverse_service.simulation.formulas import MOMENT, Formulas
+from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.point_schemes import adaptive, gauss_legendre, runge_kutta, stiff
-from inverse_service.simulation.scene import MethodChoice, Observable, Observation
+from inverse_service.simulation.scene_data import MethodChoice, Observable, Observation
 from inverse_service.simulation.watches import (
     REGULAR_MOTION,
     SMALLER_STEP,

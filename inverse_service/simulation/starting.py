@@ -10,11 +10,11 @@ import numpy as np
 import symengine
 from numpy.typing import NDArray
 
-from inverse_service.codegen.algebra import ZERO, Formula, real_value
+from inverse_service.codegen.symengine_trees import ZERO, Formula, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Outcome
-from inverse_service.simulation.formulas import MOMENT, Formulas
-from inverse_service.simulation.scene import POINT_METHODS, Grid, MethodChoice, Start
+from inverse_service.simulation.callables import MOMENT, Formulas
+from inverse_service.simulation.scene_data import POINT_METHODS, Grid, MethodChoice, Start
 from inverse_service.simulation.schemes import parts_of
 from inverse_service.simulation.watches import GUARD_REMEDY
 

@@ -18,7 +18,16 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.derivation import Derived, with_accelerations
 from inverse_service.simulation.exact_motion import ExactMotion, positions_of
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem, Scene, Start, Stop, Unavailable
+from inverse_service.simulation.scene_data import (
+    Grid,
+    MethodChoice,
+    Observation,
+    Problem,
+    Scene,
+    Start,
+    Stop,
+    Unavailable,
+)
 
 ENOUGH = 1e-12  # two references that are this near, over the size of the motion, need no third
 USELESS = 1e-3  # where references part by more than this share of the motion, there is no truth any more

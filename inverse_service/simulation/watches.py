@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import symengine
 
-from inverse_service.codegen.algebra import ONE, STEP, Formula, contains, free_names, number, symbol
 from inverse_service.codegen.planning import determinant
 from inverse_service.codegen.program import Iterate, Program, Watch
+from inverse_service.codegen.symengine_trees import ONE, STEP, Formula, contains, free_names, number, symbol
 from inverse_service.integrators.variational import between
-from inverse_service.simulation.formulas import MOMENT, Formulas
+from inverse_service.simulation.callables import MOMENT, Formulas
 
 SMALLER_STEP = "take a smaller step"
 GUARD_REMEDY = "take a smaller step or smaller free constants of the free Lagrangian"

@@ -18,10 +18,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.sympy.result import Result, result_of
+from inverse_service.sympy.result_objects import Result, result_of
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.conditions import Conditions
+    from inverse_service.sympy.sympy_tensors import Conditions
 
 __all__ = ["Result", "document", "from_result", "helmholtz", "nonholonomic", "solve", "solve_many", "table"]
 
@@ -69,7 +69,7 @@ def asked(
         return ({"equations": system} if texts and system and not _KEYS & system.keys() else dict(system)) | given, None
     if isinstance(system, list | tuple) and system and all(isinstance(entry, str) for entry in system):
         return {"equations": list(system)} | given, None
-    from inverse_service.sympy.reading import read
+    from inverse_service.sympy.from_sympy import read
 
     found = read(system, coordinates, velocities, time, questions)
     return found.document, found.names
@@ -79,7 +79,7 @@ def _of_text(text: str) -> dict[str, Any]:
     """The document of a text: a name of the catalogue, JSON, or equations."""
     from inverse_service import catalogue
     from inverse_service.errors import InputError
-    from inverse_service.service.documents.reading import read_json
+    from inverse_service.service.documents.plain_data import read_json
 
     if text.strip().startswith("{") and '"' in text:
         try:
@@ -101,7 +101,7 @@ def nonholonomic(
 ) -> Result:
     """The result of a Lagrangian with constraints that are zero or equations; `questions` as in the document."""
     from inverse_service import solve as solve_document
-    from inverse_service.sympy.reading import read_constrained
+    from inverse_service.sympy.from_sympy import read_constrained
 
     found = read_constrained(lagrangian, constraints, coordinates, questions)
     return result_of(solve_document(found.document, time_limit=time_limit, seed=seed), found.names)
@@ -109,7 +109,7 @@ def nonholonomic(
 
 def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> Conditions:
     """N, Phi, nabla Phi and R of a system, without a decision."""
-    from inverse_service.sympy.conditions import conditions_of
+    from inverse_service.sympy.sympy_tensors import conditions_of
 
     return conditions_of(system, coordinates, keys)
 

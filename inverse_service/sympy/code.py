@@ -20,11 +20,11 @@ from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
-from inverse_service.sympy.names import expression
+from inverse_service.sympy.symbol_names import expression
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.names import Table
-    from inverse_service.sympy.result import Answer
+    from inverse_service.sympy.result_objects import Answer
+    from inverse_service.sympy.symbol_names import Table
 
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.text_page import first_answer
-from inverse_service.sympy.result import Result, result_of
+from inverse_service.sympy.result_objects import Result, result_of
 
 COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
 

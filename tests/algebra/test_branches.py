@@ -7,8 +7,8 @@ from fractions import Fraction
 import pytest
 from mpmath import mpf
 
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.generators import Generators, factors, positive_factors, reduce_roots, to_quotient
-from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.modular import is_positive
 from inverse_service.algebra.point import evaluate
 from inverse_service.algebra.real_point import find_real_point, real_sign, turns

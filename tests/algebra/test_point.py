@@ -7,14 +7,14 @@ from fractions import Fraction
 import pytest
 from mpmath import mp, mpf
 
-from inverse_service.algebra import series as ps
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra import truncated_series as ps
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.modular import is_positive, safe_prime
 from inverse_service.algebra.point import Expansion, Point, evaluate
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point, moved_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import evaluate as real
 from inverse_service.expressions.names import Names

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.modular import is_positive, positive_power, safe_prime
 from inverse_service.algebra.point import evaluate
 from inverse_service.algebra.real_point import find_real_point

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from inverse_service.algebra import modular, series_kernels
-from inverse_service.algebra import series as ps
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra import truncated_series as ps
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.monomials import coefficients, exponents_of_degree, products, series_tables
 from inverse_service.algebra.point import Expansion, Point, Variable
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.series_program import Registers, SeriesProgram, TooLarge, constants_at, run
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ELEMENTARY, Arbitrary, Expression, Symbol, add, multiply, number, power

@@ -15,7 +15,7 @@ from benchmarks.simulation_peers import peer_rows
 from benchmarks.simulation_routes import lambdify_and_fsolve, ours, python_text, with_numba
 from benchmarks.simulation_speed import effect_rows, ensemble_rows, latency_rows, long_rows
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid
+from inverse_service.simulation.scene_data import Grid
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.label)

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem.constrained import certify
-from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained import motion_certificate
+from inverse_service.inverse_problem.constrained.existence import analyse_motion, decide_motion
 from inverse_service.inverse_problem.decision.certify import FORMAT
 from tests.inverse_problem.constrained.motions import BLADE, SLEIGH, given, heisenberg, knife_edge, motion_of
 
@@ -25,7 +25,7 @@ SLEIGH_DOCUMENT = {
 def certificate_of(document: Document, with_time: bool = False) -> Document:
     analysed = analyse_motion(motion_of(document))
     found = decide_motion(analysed, with_time, 1, float("inf"), lambda _: None)
-    return certify.of_finding(analysed, found, with_time)
+    return motion_certificate.of_finding(analysed, found, with_time)
 
 
 def verdict(certificate: Document) -> str:
@@ -104,7 +104,7 @@ def test_rows_prove_that_the_chaplygin_sleigh_has_none(with_time: bool) -> None:
 
 def test_rows_of_one_motion_prove_nothing_of_another() -> None:
     proof = certificate_of(SLEIGH_DOCUMENT)
-    other = certify.of_lagrangian(
+    other = motion_certificate.of_lagrangian(
         analyse_motion(motion_of(knife_edge("0"))), motion_of(knife_edge("0")).free_accelerations[0], False
     )
     assert verdict(proof | {"system": other["system"], "near": {}}) == "invalid"
@@ -123,6 +123,6 @@ def test_without_dependent_coordinates_it_is_the_inverse_problem() -> None:
     """The same claim with velocities that are none: what has no Lagrangian has none."""
     analysed = analyse_motion(given({"x": "x*y'", "y": "y*x'^2"}, {}))
     found = decide_motion(analysed, False, 1, float("inf"), lambda _: None)
-    proof = certify.of_finding(analysed, found, False)
+    proof = motion_certificate.of_finding(analysed, found, False)
     assert proof["kind"] == "nonexistence"
     assert verdict(proof) == "valid"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.cli.application import run
+from inverse_service.cli.command_line import run
 from inverse_service.service.jobs import tasks
 
 EDGE = """

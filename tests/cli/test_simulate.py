@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from inverse_service.cli.application import run
+from inverse_service.cli.command_line import run
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 

@@ -26,11 +26,11 @@ from inverse_service.client import (
     ServiceUnreachable,
     UnexpectedAnswer,
     WaitedTooLong,
-    calls,
+    requests,
 )
-from inverse_service.client.calls import retry_after
+from inverse_service.client.decoding import EventReader
 from inverse_service.client.flows import Lines
-from inverse_service.client.reading import EventReader
+from inverse_service.client.requests import retry_after
 from tests.client.scripted import Broken, Script, answer, asynchronous, blocking, lines
 
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
@@ -291,15 +291,15 @@ class Endless(httpx.SyncByteStream, httpx.AsyncByteStream):
 
 @both
 def test_an_answer_without_an_end_is_given_up(ask: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(calls, "LARGEST_BODY", 1_000_000)
+    monkeypatch.setattr(requests, "LARGEST_BODY", 1_000_000)
     with pytest.raises(UnexpectedAnswer, match="has more than 1000000 bytes"):
         ask(Script([httpx.Response(200, stream=Endless())]), "limits")
 
 
 @both
 def test_an_answer_that_comes_too_slowly_is_given_up(ask: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(calls, "BODY_GRACE", 0.1)
-    monkeypatch.setattr(calls, "BYTES_A_SECOND", 10**15)
+    monkeypatch.setattr(requests, "BODY_GRACE", 0.1)
+    monkeypatch.setattr(requests, "BYTES_A_SECOND", 10**15)
     with pytest.raises(ServiceUnreachable, match="too slowly"):
         ask(Script([httpx.Response(200, stream=Endless())]), "limits", patience=0.0)
 

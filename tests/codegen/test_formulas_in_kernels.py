@@ -10,7 +10,7 @@ import pytest
 import symengine
 from mpmath import mp
 
-from inverse_service.codegen.algebra import names_of, symbol, translate
+from inverse_service.codegen.symengine_trees import names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names

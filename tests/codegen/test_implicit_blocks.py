@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import symengine
 
-from inverse_service.codegen.algebra import Formula, symbol
 from inverse_service.codegen.compiled import card_of, kernel_text, load, object_code
 from inverse_service.codegen.planning import plan
 from inverse_service.codegen.program import (
@@ -19,6 +18,7 @@ from inverse_service.codegen.program import (
     Statement,
     Watch,
 )
+from inverse_service.codegen.symengine_trees import Formula, symbol
 from tests.codegen.run_program import call, memory_for
 
 x, y, z, s, a = (symbol(name) for name in ("x", "y", "z", "s", "a"))

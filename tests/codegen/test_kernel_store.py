@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from inverse_service.codegen import compiled as compiling
-from inverse_service.codegen.algebra import symbol
 from inverse_service.codegen.compiled import compiled, forget_memory
 from inverse_service.codegen.program import Program
-from inverse_service.machine_code import store
+from inverse_service.codegen.symengine_trees import symbol
+from inverse_service.machine_code import code_store
 from tests.codegen.run_program import call, memory_for
 
 
@@ -94,7 +94,7 @@ def test_changed_code_makes_new_kernels(folder: Path, monkeypatch: pytest.Monkey
 
 
 def test_the_oldest_entries_go(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store, "_MOST_ENTRIES", 4)
+    monkeypatch.setattr(code_store, "_MOST_ENTRIES", 4)
     for k in range(6):
         result(k, k + 1)
         time.sleep(0.01)
@@ -102,11 +102,11 @@ def test_the_oldest_entries_go(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_place_of_the_cache() -> None:
-    assert store.cache_directory({"INVERSE_SERVICE_CACHE": "/a"}) == Path("/a")
-    assert store.cache_directory({"XDG_CACHE_HOME": "/b"}, "linux") == Path("/b/inverse-service")
-    assert store.cache_directory({}, "linux").parts[-2:] == (".cache", "inverse-service")
-    assert store.cache_directory({}, "darwin").parts[-2:] == ("Caches", "inverse-service")
-    assert store.cache_directory({"LOCALAPPDATA": "/c"}, "win32") == Path("/c/inverse-service/Cache")
+    assert code_store.cache_directory({"INVERSE_SERVICE_CACHE": "/a"}) == Path("/a")
+    assert code_store.cache_directory({"XDG_CACHE_HOME": "/b"}, "linux") == Path("/b/inverse-service")
+    assert code_store.cache_directory({}, "linux").parts[-2:] == (".cache", "inverse-service")
+    assert code_store.cache_directory({}, "darwin").parts[-2:] == ("Caches", "inverse-service")
+    assert code_store.cache_directory({"LOCALAPPDATA": "/c"}, "win32") == Path("/c/inverse-service/Cache")
 
 
 def test_threads_compile_one_after_the_other(folder: Path) -> None:

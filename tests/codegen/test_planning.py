@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 import symengine
 
-from inverse_service.codegen.algebra import symbol
 from inverse_service.codegen.planning import determinant, plan, used_only
 from inverse_service.codegen.program import Assign, Solve
+from inverse_service.codegen.symengine_trees import symbol
 from inverse_service.codegen.triangular_form import components
 from inverse_service.errors import InputError
 

@@ -18,7 +18,7 @@ BEGIN, END = "<!-- fields -->\n\n", "<!-- end of fields -->\n"
 MODULES = (
     "inverse_service",
     "inverse_service.sympy",
-    "inverse_service.sympy.result",
+    "inverse_service.sympy.result_objects",
     "inverse_service.client",
     "inverse_service.catalogue",
     "inverse_service.errors",
@@ -113,7 +113,8 @@ def _public(module: Any) -> list[str]:
     own = getattr(module, "__all__", None) or [
         name for name, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__
     ]
-    documented = "inverse_service.sympy.result" if module.__name__ != "inverse_service.sympy.result" else ""
+    elsewhere = "inverse_service.sympy.result_objects"
+    documented = elsewhere if module.__name__ != elsewhere else ""
     values = {name: getattr(module, name) for name in own if name[0] != "_" and name not in INNER}
     return sorted(
         name

@@ -13,7 +13,7 @@ import yaml
 from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.service.documents.documents import look
-from inverse_service.service.documents.reading import read_json
+from inverse_service.service.documents.plain_data import read_json
 from tests.docs.blocks import ADDRESS, DOCUMENTS, LANGUAGES, MARKS, PAGES, Block, blocks, pattern, programs, run_page
 
 # How many programs of a page are not run, and why; no other program is left out.

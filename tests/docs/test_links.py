@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import inverse_service
-from inverse_service.cli.application import application
+from inverse_service.cli.command_line import application
 from tests.docs.blocks import PAGES, ROOT
 
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")

@@ -20,7 +20,7 @@ from inverse_service.expressions.printing import to_latex, to_mathml, to_text
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
 from inverse_service.service.documents.documents import parse_document
-from inverse_service.service.documents.reading import read_json, read_toml, read_yaml
+from inverse_service.service.documents.plain_data import read_json, read_toml, read_yaml
 from inverse_service.service.jobs.outcome import guard
 
 SETTINGS = settings(

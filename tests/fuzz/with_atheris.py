@@ -12,7 +12,7 @@ import atheris
 # Only what reads is watched: lines of libraries would lead the search astray.
 WATCHED = [
     "inverse_service.expressions",
-    "inverse_service.service.documents.reading",
+    "inverse_service.service.documents.plain_data",
     "inverse_service.mechanics.reading",
 ]
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from inverse_service.cli import solving
+from inverse_service.cli import solve_command
 from inverse_service.cli.exits import ExitCode
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 from tests.inverse_problem.all_over import assert_holds_all_over
 
@@ -144,10 +144,10 @@ def test_solve_is_done_only_if_every_branch_has_a_definite_verdict(
     verdict: str, code: ExitCode, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     result = {"verdict": "variational", "branches": [{"verdict": "variational"}, {"verdict": verdict}]}
-    monkeypatch.setattr(solving, "_solve", lambda *arguments: result)
+    monkeypatch.setattr(solve_command, "_solve", lambda *arguments: result)
     path = tmp_path / "system.json"
     path.write_text('{"equations": {"x": "abs(x)"}}')
-    assert solving.solve_file(str(path), "json", 1.0, 1, False) == code
+    assert solve_command.solve_file(str(path), "json", 1.0, 1, False) == code
 
 
 @pytest.mark.parametrize(

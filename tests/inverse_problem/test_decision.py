@@ -22,7 +22,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, HelmholtzAt, decide
-from inverse_service.linear_pde.deciding import Limits, settle
+from inverse_service.linear_pde.involutive_form import Limits, settle
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -18,8 +18,8 @@ from inverse_service.inverse_problem.hamiltonisation.hamiltonise import (
 )
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
 from inverse_service.mechanics.nonholonomic.associated_systems import Kind, associated
+from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import PaperLagrangian, propose_lagrangians
-from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # (system, place of the proposal): L, H and the constraints, with all constants C of the paper equal to 1.

@@ -16,9 +16,9 @@ from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.inverse_problem.kinds import helmholtz
-from inverse_service.linear_pde import deciding as settling
-from inverse_service.linear_pde.deciding import Coefficients
+from inverse_service.linear_pde import involutive_form as settling
 from inverse_service.linear_pde.emission import Equations, rows_of_degree
+from inverse_service.linear_pde.involutive_form import Coefficients
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -21,7 +21,7 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
 )
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.nonholonomic.associated_systems import with_multiples
-from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
+from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
 
 PARTICLE = catalogue.document("nonholonomic-particle")
 TWO_FREE = {

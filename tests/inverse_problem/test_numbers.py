@@ -13,7 +13,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.system_documents import solve_document
 from tests.inverse_problem.all_over import assert_holds_all_over
 
 

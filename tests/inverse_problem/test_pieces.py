@@ -11,7 +11,7 @@ import sympy as sp
 
 from inverse_service import sympy as bridge
 from inverse_service.algebra.sign_cases import sign_cases
-from inverse_service.cli import solving
+from inverse_service.cli import solve_command
 from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
 from inverse_service.expressions.pieces import STEP
@@ -20,10 +20,10 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.documents.text_page import text_page
-from inverse_service.web.pages.answers import answer_of
 from inverse_service.web.pages.rendering import environment
+from inverse_service.web.pages.shown_results import answer_of
 from tests.inverse_problem.all_over import assert_holds_all_over
 from tests.inverse_problem.test_branches import cases
 
@@ -113,7 +113,7 @@ def test_text_latex_and_command_line_name_the_pieces(tmp_path: Path, capsys: pyt
     assert r"\item" in latex_page(result, False)
     path = tmp_path / "pieces.json"
     path.write_text(json.dumps({"equations": DOUGLAS}), encoding="utf-8")
-    assert solving.solve_file(str(path), "text", 900.0, 1, False) == ExitCode.DONE
+    assert solve_command.solve_file(str(path), "text", 900.0, 1, False) == ExitCode.DONE
     assert "x > 1: variational" in capsys.readouterr().out
 
 

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from inverse_service.algebra.echelon import Echelon
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
 from inverse_service.inverse_problem.decision.local_system import LocalSystem
-from inverse_service.linear_pde import deciding as settling
-from inverse_service.linear_pde.deciding import Limits
+from inverse_service.linear_pde import involutive_form as settling
+from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.reading import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})

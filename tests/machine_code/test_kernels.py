@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from inverse_service.machine_code import building, kernels, store
+from inverse_service.machine_code import building, code_store, kernels
 from inverse_service.machine_code.kernels import Kernel, compiled, kinds_of
 from inverse_service.machine_code.loading import Unstorable, kernel_digest
 
@@ -226,7 +226,7 @@ def test_an_installation_serves_all_its_users(
 ) -> None:
     """Code beside the program is put there by its owner, and found by all who run it."""
     program = tmp_path / "program"
-    monkeypatch.setattr(store, "program_directory", lambda: program)
+    monkeypatch.setattr(code_store, "program_directory", lambda: program)
     monkeypatch.delenv("INVERSE_SERVICE_CACHE")
     assert again(is_positive)(1) is True
     (entry,) = program.iterdir()
@@ -237,7 +237,7 @@ def test_an_installation_serves_all_its_users(
     assert compilations == ["is_positive"]
     assert not folder.exists()
     # What somebody else put there is not run.
-    monkeypatch.setattr(store, "_owner_of_program", lambda: entry.stat().st_uid + 1)
+    monkeypatch.setattr(code_store, "_owner_of_program", lambda: entry.stat().st_uid + 1)
     assert again(is_positive)(1) is True
     assert compilations == ["is_positive"] * 2
 
@@ -246,7 +246,7 @@ def test_where_the_program_cannot_be_written_the_cache_is_used(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
-    monkeypatch.setattr(store, "program_directory", lambda: tmp_path / "file" / "below")
+    monkeypatch.setattr(code_store, "program_directory", lambda: tmp_path / "file" / "below")
     monkeypatch.delenv("INVERSE_SERVICE_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
     assert again(is_positive)(1) is True
@@ -379,10 +379,10 @@ class Store(NamedTuple):
 
 
 @compiled
-def add_pairs(store: Store, place: int) -> int:
-    for number in store.pair.numbers:
-        store.sums[place] += number * store.pair.factor
-    return store.sums[place] - store.pair.factor  # type: ignore[no-any-return]
+def add_pairs(given: Store, place: int) -> int:
+    for number in given.pair.numbers:
+        given.sums[place] += number * given.pair.factor
+    return given.sums[place] - given.pair.factor  # type: ignore[no-any-return]
 
 
 def test_structs_are_read_by_their_names_from_the_store_as_from_the_compiler(

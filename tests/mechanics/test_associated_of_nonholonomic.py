@@ -26,11 +26,11 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, Kind, associated
+from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers, written
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised, rotation
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
-from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from tests.mechanics.nonholonomic_examples import EXAMPLES

@@ -11,7 +11,7 @@ import pytest
 
 from inverse_service.expressions.printing import to_text
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.mechanics.legendre.forms import quotient
+from inverse_service.mechanics.legendre.short_forms import quotient
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 from tests.mechanics.test_legendre import assert_right, transform, tree

@@ -27,9 +27,9 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
+from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion, eliminate_multipliers, equations_of_motion
-from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from tests.mechanics.nonholonomic_examples import EXAMPLES
 
 DOCUMENTS = {name: catalogue.document(name) for name in catalogue.names("nonholonomic")} | EXAMPLES

@@ -13,6 +13,7 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, multiply
+from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
 from inverse_service.mechanics.nonholonomic.integrals import (
     Integrability,
@@ -26,7 +27,6 @@ from inverse_service.mechanics.nonholonomic.motion import (
     eliminate_multipliers,
     written,
 )
-from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from tests.mechanics.nonholonomic_examples import EXAMPLES
 from tests.mechanics.test_nonholonomic_motion import point_for
 

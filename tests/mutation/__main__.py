@@ -40,7 +40,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         f"inverse_service.certificate.{name}": ("tests/certificate",)
         for name in ("checker", "formulas", "numbers", "plan", "series")
     },
-    "inverse_service.linear_pde.deciding": DECISION_TESTS,
+    "inverse_service.linear_pde.involutive_form": DECISION_TESTS,
     "inverse_service.linear_pde.involution": DECISION_TESTS,
     "inverse_service.linear_pde.emission": DECISION_TESTS,
 }

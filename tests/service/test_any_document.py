@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
-from inverse_service.service.documents.reading import read_json, read_toml, read_yaml
+from inverse_service.service.documents.plain_data import read_json, read_toml, read_yaml
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.outcome import guard
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.scenes.simulating import simulate
 
 METHODS = ["variational", {"method": "variational", "form": "raw", "alpha": 0.3}, "stormer-verlet"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from inverse_service.cli.simulating import page
+from inverse_service.cli.simulate_command import page
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.web.pages.simulations import simulation_result
 

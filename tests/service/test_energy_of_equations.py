@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from inverse_service import solve
-from inverse_service.service.figures.series import series_figure
+from inverse_service.service.figures.time_series import series_figure
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.web.pages.figures import figure_data, figure_names
 

@@ -11,8 +11,8 @@ import pytest
 
 from inverse_service.service.figures.drawing import coordinate_figure, draw_simulation, portrait_figure
 from inverse_service.service.figures.paths import path_figure
-from inverse_service.service.figures.series import series_figure
 from inverse_service.service.figures.style import envelope, look, shown, thinned
+from inverse_service.service.figures.time_series import series_figure
 from inverse_service.service.scenes.simulating import simulate_tables
 
 DISK = json.loads((Path(__file__).parents[2] / "docs" / "scenes" / "disk-table.json").read_text())

@@ -10,7 +10,7 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from inverse_service.cli.application import application
+from inverse_service.cli.command_line import application
 from inverse_service.service.documents.checking import check_document
 
 OSCILLATOR = {"equations": "x'' = -k*x", "parameters": ["k"]}

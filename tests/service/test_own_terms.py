@@ -12,7 +12,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.accepting import to_ansatz, to_schema, to_system
 from inverse_service.service.documents.checking import check_document
 from inverse_service.service.documents.documents import parse_document
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.system_documents import solve_document
 
 PARTICLE = {
     "coordinates": ["x", "y"],

@@ -16,7 +16,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.latex_page import display, latex_page
 from inverse_service.service.documents.text_page import answers_of, text_page
-from inverse_service.web.pages.answers import glance_of, other_question, shown_of
+from inverse_service.web.pages.shown_results import glance_of, other_question, shown_of
 
 SYSTEM = {"coordinates": ["x"], "parameters": [], "functions": {}}
 

@@ -7,7 +7,7 @@ from decimal import Decimal
 import pytest
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.service.documents.reading import read_document, read_json, read_toml, read_yaml
+from inverse_service.service.documents.plain_data import read_document, read_json, read_toml, read_yaml
 
 
 def test_decimal_numbers_of_json_stay_exact() -> None:

@@ -12,7 +12,7 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import m
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_document
 from inverse_service.service.documents.documents import solve_document
-from inverse_service.service.documents.reduced import reduced_of_report
+from inverse_service.service.documents.reduced_documents import reduced_of_report
 from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 
 YES, NO, NONE = "variational", "not_variational", None

@@ -12,7 +12,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.service.scenes.simulating import run_document
-from inverse_service.simulation.scene import Scene
+from inverse_service.simulation.scene_data import Scene
 from tests.service.test_scene_refusals import DISK, changed
 
 

@@ -15,15 +15,15 @@ import pytest
 
 from inverse_service.codegen.compiled import kernel_text
 from inverse_service.errors import InputError
-from inverse_service.service.documents.reading import read_json
+from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.service.scenes.simulating import MOST_POINTS, run_document, simulate, simulate_tables
+from inverse_service.simulation.callables import Formulas
 from inverse_service.simulation.derivation import derive, problem_of
-from inverse_service.simulation.formulas import Formulas
 from inverse_service.simulation.observing import ENERGY_START, observation_of
-from inverse_service.simulation.scene import Problem
+from inverse_service.simulation.scene_data import Problem
 from inverse_service.simulation.schemes import program_of
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
@@ -220,7 +220,7 @@ def test_the_third_lagrangian_keeps_the_constraint_through_zero() -> None:
 
 def test_a_solve_result_is_simulated_with_its_lagrangian() -> None:
     from inverse_service.inverse_problem.options import SolveOptions
-    from inverse_service.service.documents.solving import solve_document
+    from inverse_service.service.documents.system_documents import solve_document
 
     result = solve_document({"coordinates": ["x"], "equations": {"x": "-4*x"}}, SolveOptions(time_limit=20))
     document = {

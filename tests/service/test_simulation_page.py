@@ -10,7 +10,7 @@ from typing import get_args
 import pytest
 
 from api_schemas.scene import MethodName, Observed, SceneDocument
-from inverse_service.service.documents.reading import read_json
+from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.simulating import simulate
 
 ROOT = Path(__file__).parents[2]

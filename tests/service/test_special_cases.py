@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from inverse_service.cli.application import application
+from inverse_service.cli.command_line import application
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 
 OSCILLATORS = {

@@ -16,7 +16,7 @@ from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.text_page import text_page
-from inverse_service.sympy.result import result_of
+from inverse_service.sympy.result_objects import result_of
 
 
 def pendulums_on_a_cart(n: int) -> dict[str, Any]:

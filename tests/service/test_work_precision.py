@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.documents.reading import read_json
-from inverse_service.service.figures.series import precision_figure
+from inverse_service.service.documents.plain_data import read_json
+from inverse_service.service.figures.time_series import precision_figure
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import conclusion, measured_order, seconds_to, work_precision
 from inverse_service.simulation.precision import Precision, Setting, _with_floor
-from inverse_service.simulation.scene import MethodChoice, Requested
+from inverse_service.simulation.scene_data import MethodChoice, Requested
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 METHOD = Requested("variational-0.5", "variational", "0.5", MethodChoice("variational"))

@@ -13,7 +13,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.ensembles import Many, run_ensemble
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Problem, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem, Start
 
 
 def together(what: Problem, choice: MethodChoice, starts: list[Start], grid: Grid, values: dict[str, object]) -> Many:

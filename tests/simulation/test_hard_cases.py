@@ -26,7 +26,7 @@ from benchmarks.hard_cases import (
 from benchmarks.problems import DISK, KNIFE, PENDULUM
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 CASES = all_cases()
 FAST = [case for case in CASES if case.choice.alpha in (0.0, 0.5) and case.grid.steps < 10**5]

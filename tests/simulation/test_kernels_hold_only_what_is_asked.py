@@ -7,8 +7,8 @@ import pytest
 from benchmarks.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, ROBOT, problem
 from benchmarks.scene_effects import operations, scene_of
 from inverse_service.codegen.compiled import card_of, kernel_text
-from inverse_service.simulation.formulas import Formulas
-from inverse_service.simulation.scene import MethodChoice, Observation, Problem
+from inverse_service.simulation.callables import Formulas
+from inverse_service.simulation.scene_data import MethodChoice, Observation, Problem
 from inverse_service.simulation.schemes import program_of
 
 BARE = Observation(momenta=True, velocities=False)

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.problems import DISK
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 
 @pytest.mark.parametrize("angle", [1.3e5, 1e7])

@@ -23,7 +23,7 @@ from benchmarks.problems import (
 )
 from inverse_service.errors import InputError
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Observable, Observation, Problem, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start
 
 C = {"c": 1.0}
 

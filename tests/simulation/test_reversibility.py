@@ -12,7 +12,7 @@ from benchmarks.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Problem
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem
 
 K = {"k": 0.3}
 # The reflections of space that keep x' + y z' = 0.

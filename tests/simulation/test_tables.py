@@ -11,7 +11,7 @@ from benchmarks.hard_cases import particle_start
 from benchmarks.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, KNIFE, PARTICLE
 from inverse_service.simulation.matching_circle import circle_drift
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.scene import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
 
 # method, alpha, radial distance / R, R_last / R_first - 1, energy, discrete constraint; None where it is round-off.
 TABLE = [

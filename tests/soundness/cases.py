@@ -14,7 +14,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
-from inverse_service.linear_pde.deciding import Limits
+from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.reading import read_system
 from tests.generator import disguised, random_right_side, random_system
 from tests.generator.systems import GeneratedSystem

@@ -13,7 +13,7 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.system_documents import solve_document
 
 Document = dict[str, Any]
 

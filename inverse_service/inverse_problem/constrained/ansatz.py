@@ -15,9 +15,9 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
 
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
-from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import OutOfTime, check, until
 from inverse_service.errors import IrreducibleAtoms
@@ -35,7 +35,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
-from inverse_service.inverse_problem.outcome import Lagrangian
 from inverse_service.inverse_problem.search.factors import position_monomials, products
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, distinct, gather
@@ -51,6 +50,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
+from inverse_service.inverse_problem.solutions import Lagrangian
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

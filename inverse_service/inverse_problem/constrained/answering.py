@@ -14,9 +14,9 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Number, Power, Velocity, walk
-from inverse_service.inverse_problem.constrained import certify
+from inverse_service.inverse_problem.constrained import motion_certificate
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
-from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, analyse_motion, decide_motion
 from inverse_service.inverse_problem.constrained.lagrangian import (
     ClosedFunctions,
     JetOnConstraints,
@@ -26,7 +26,7 @@ from inverse_service.inverse_problem.constrained.lagrangian import (
     lagrangian_of_closed,
     own_system,
 )
-from inverse_service.inverse_problem.constrained.wording import (
+from inverse_service.inverse_problem.constrained.motion_sentences import (
     finding_steps,
     freedom,
     lagrangian_steps,
@@ -34,8 +34,8 @@ from inverse_service.inverse_problem.constrained.wording import (
     series_steps,
 )
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
-from inverse_service.inverse_problem.outcome import Lagrangian, Step, Verdict
-from inverse_service.linear_pde.deciding import Finding
+from inverse_service.inverse_problem.solutions import Lagrangian, Step, Verdict
+from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, EquationsOfMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -133,7 +133,7 @@ def _answer(work: _Work, analysed: AnalysedMotion, with_time: bool) -> MotionAns
     if found.exists is False:
         return _proven(work, analysed, found, with_time, "not_variational")
     for lagrangian in _lagrangians(work, with_time):
-        certificate = certify.of_lagrangian(analysed, lagrangian.lagrangian.expression, with_time)
+        certificate = motion_certificate.of_lagrangian(analysed, lagrangian.lagrangian.expression, with_time)
         if _is_valid(certificate, work.left()):
             steps = (
                 *finding_steps(analysed, found, with_time),
@@ -147,7 +147,7 @@ def _answer(work: _Work, analysed: AnalysedMotion, with_time: bool) -> MotionAns
 
 
 def _proven(work: _Work, analysed: AnalysedMotion, found: Finding, with_time: bool, verdict: Verdict) -> MotionAnswer:
-    certificate = certify.of_finding(analysed, found, with_time)
+    certificate = motion_certificate.of_finding(analysed, found, with_time)
     size = freedom(found, len(work.motion.coordinates), with_time)
     if not _is_valid(certificate, work.left()):
         reason = f"the solver found {verdict.replace('_', ' ')} at order {found.order}, but {_NOT_CONFIRMED}"

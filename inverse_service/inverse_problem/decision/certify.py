@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 
 from inverse_service.algebra.components import component, extent
-from inverse_service.algebra.kernels import is_even_root, to_kernels
+from inverse_service.algebra.elementary import is_even_root, to_kernels
 from inverse_service.algebra.real_point import (
     RealTable,
     find_real_point,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 from inverse_service.algebra.point import Expansion, Variable, evaluate
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.series_program import TooLarge
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
@@ -17,11 +17,11 @@ from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, equations, local_system
 from inverse_service.inverse_problem.kinds import helmholtz
 from inverse_service.inverse_problem.kinds.restricted import ANY_FRICTION, Among, added_equations
-from inverse_service.inverse_problem.outcome import SolutionSpace, Verdict
-from inverse_service.linear_pde.deciding import Coefficients, Finding, Limits, settle
+from inverse_service.inverse_problem.solutions import SolutionSpace, Verdict
 from inverse_service.linear_pde.emission import LocalEquations
 from inverse_service.linear_pde.involution import Matrix
 from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
+from inverse_service.linear_pde.involutive_form import Coefficients, Finding, Limits, settle
 from inverse_service.linear_pde.unknowns import Unknowns
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.algebra import series as ps
-from inverse_service.algebra.series import Series, SeriesRing
+from inverse_service.algebra import truncated_series as ps
+from inverse_service.algebra.truncated_series import Series, SeriesRing
 from inverse_service.inverse_problem.kinds.helmholtz import KINDS, Kind, pairs_of, summands, unknowns_of
 from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, LocalEquations, Term, term_table
 from inverse_service.mechanics.conditions import Motion, connection, jacobi_endomorphism

@@ -24,8 +24,8 @@ from typing import Any, TypeVar
 from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.modular import reconstruct, safe_prime
 from inverse_service.algebra.point import Point
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import PI, Expression, Symbol, Velocity, add, multiply, number, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, moving_variables, variables_of

@@ -15,8 +15,8 @@ from functools import partial
 
 from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.semidefinite import kernel as rational_kernel
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis

@@ -17,12 +17,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
-from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.point import Point, evaluate
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.expressions.notation import Formula, partial_derivative, row, theory
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, connection

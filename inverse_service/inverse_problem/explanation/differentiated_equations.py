@@ -17,7 +17,7 @@ from itertools import combinations_with_replacement, product
 from flint import nmod_mat
 
 from inverse_service.algebra.point import Point, Variable
-from inverse_service.algebra.series import Series
+from inverse_service.algebra.truncated_series import Series
 from inverse_service.inverse_problem.decision.analysis import Analysis, moving_variables
 from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, local_system
 from inverse_service.inverse_problem.explanation.hierarchy import kernel, unknowns

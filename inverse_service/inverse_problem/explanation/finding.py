@@ -14,8 +14,8 @@ from inverse_service.expressions.tree import TIME, Expression, Symbol
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.explanation.verification import euler_lagrange_steps, explain_positive
 from inverse_service.inverse_problem.explanation.wording import Piece, said, separated
-from inverse_service.inverse_problem.outcome import Answer, Hamiltonian, Lagrangian, Step
 from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
+from inverse_service.inverse_problem.solutions import Answer, Hamiltonian, Lagrangian, Step
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
 

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, cast
 
 from flint import nmod_mat
 
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.inverse_problem.decision.local_system import LocalScalar, motion_of_series
 from inverse_service.mechanics.conditions import (

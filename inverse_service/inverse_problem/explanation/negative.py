@@ -49,7 +49,7 @@ from inverse_service.inverse_problem.explanation.wording import (
     summary_steps,
     tensor_steps,
 )
-from inverse_service.inverse_problem.outcome import Step
+from inverse_service.inverse_problem.solutions import Step
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -24,8 +24,8 @@ from flint import fmpq, fmpq_mat
 from inverse_service.algebra.modular import is_positive, reconstruct, safe_prime
 from inverse_service.algebra.point import Point, Variable, evaluate, number_value, variables_in
 from inverse_service.algebra.rules import AngleRule, ExponentialRule, replay
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import atoms_in_order
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text

@@ -39,7 +39,7 @@ from inverse_service.inverse_problem.explanation.wording import (
     said,
     separated,
 )
-from inverse_service.inverse_problem.outcome import Step
+from inverse_service.inverse_problem.solutions import Step
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Row = tuple[Fraction, ...]

@@ -16,7 +16,7 @@ from inverse_service.expressions.derivative import differentiate, differentiate_
 from inverse_service.expressions.notation import Formula, matrix, partial_derivative, row, theory
 from inverse_service.expressions.tree import ONE, Acceleration, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.explanation.wording import Explanation, Piece, said, separated
-from inverse_service.inverse_problem.outcome import Step
+from inverse_service.inverse_problem.solutions import Step
 from inverse_service.mechanics.conditions import MotionInRing, connection, jacobi_endomorphism, motion_in_ring
 from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, cast
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.expressions.notation import Formula, formula_of, matrix, row, theory
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.outcome import Answer, Conditions, Part, Solution, Step
+from inverse_service.inverse_problem.solutions import Answer, Conditions, Part, Solution, Step
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
 
 if TYPE_CHECKING:

@@ -14,12 +14,12 @@ from typing import Literal
 
 from flint import nmod_mat
 
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Point, Variable, evaluate
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
@@ -36,7 +36,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison, Flow, compare
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
-from inverse_service.mechanics.legendre.constraints import constraint_images
+from inverse_service.mechanics.legendre.on_constraints import constraint_images
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

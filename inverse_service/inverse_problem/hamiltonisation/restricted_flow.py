@@ -10,7 +10,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.codegen.algebra import closure, names_of, symbol, translate
+from inverse_service.codegen.symengine_trees import closure, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import Definitions, define_functions
 from inverse_service.expressions.printing import to_text

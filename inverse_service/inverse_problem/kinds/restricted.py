@@ -30,10 +30,10 @@ from dataclasses import dataclass
 from itertools import combinations, product
 from typing import Literal
 
-from inverse_service.algebra import series as ps
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra import truncated_series as ps
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Expansion, Variable
-from inverse_service.algebra.series import Series
+from inverse_service.algebra.truncated_series import Series
 from inverse_service.expressions.derivative import differentiate_in_time
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, number
 from inverse_service.inverse_problem.kinds.helmholtz import pairs_of

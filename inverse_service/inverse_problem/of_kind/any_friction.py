@@ -25,7 +25,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, kind_named
-from inverse_service.inverse_problem.of_kind.answering import KindAnswer, decided, is_valid
+from inverse_service.inverse_problem.of_kind.kind_answers import KindAnswer, decided, is_valid
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.inverse_problem.search.terms import EMPTY, Terms, TooManyTerms, terms_of, tree_of

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import find_real_point, requirements
 from inverse_service.deadline import now
@@ -30,7 +30,7 @@ from inverse_service.expressions.tree import subtract as less
 from inverse_service.inverse_problem.decision.analysis import variables_of
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.of_kind.any_friction import collected
-from inverse_service.linear_pde.deciding import Limits
+from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.nonholonomic.geometry import ORDERS, TERM_LIMIT, Frame, Geometry, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.integrals import measure_density
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion

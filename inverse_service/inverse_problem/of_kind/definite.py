@@ -19,7 +19,7 @@ from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Point, number_value
 from inverse_service.algebra.real_point import RealTable, are_positive, is_defined
 from inverse_service.algebra.semidefinite import MOST, Matrix, definite_or_orthogonal, kernel
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
@@ -32,12 +32,12 @@ from inverse_service.inverse_problem.decision.local_system import RowName
 from inverse_service.inverse_problem.decision.power_series import is_rational, prolonged, reconstructed, symbols_of
 from inverse_service.inverse_problem.kinds.helmholtz import matrix_of, unknowns_of
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
-from inverse_service.inverse_problem.of_kind.answering import KindAnswer, is_valid, lagrangians_of
-from inverse_service.inverse_problem.outcome import Lagrangian, Solution, Verdict
+from inverse_service.inverse_problem.of_kind.kind_answers import KindAnswer, is_valid, lagrangians_of
 from inverse_service.inverse_problem.search.members import MOST_PARTS, definite_weights
 from inverse_service.inverse_problem.search.protocol import describe
-from inverse_service.linear_pde.deciding import Limits
+from inverse_service.inverse_problem.solutions import Lagrangian, Solution, Verdict
 from inverse_service.linear_pde.involution import consequences
+from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.linear_pde.unknowns import column_of
 from inverse_service.mechanics.euler_lagrange import hessian
 

@@ -18,7 +18,6 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.kinds.restricted import ANY_FRICTION, LagrangianKind, kind_named
-from inverse_service.inverse_problem.of_kind.answering import NOT_FOUND, KindAnswer, decided, is_valid
 from inverse_service.inverse_problem.of_kind.any_friction import (
     HALF,
     confirmed,
@@ -26,6 +25,7 @@ from inverse_service.inverse_problem.of_kind.any_friction import (
     parts_of_parity,
     without_friction,
 )
+from inverse_service.inverse_problem.of_kind.kind_answers import NOT_FOUND, KindAnswer, decided, is_valid
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of

@@ -18,7 +18,7 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import ONE, Acceleration, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.search.completion import completed, expressions_without_acceleration
-from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.motion_terms import split_velocities
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,

@@ -13,7 +13,7 @@ from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace, letters_of
-from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.motion_terms import has_velocity
 from inverse_service.inverse_problem.search.sampling import LetterTable, letter_table, monomial_values
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, rank
 

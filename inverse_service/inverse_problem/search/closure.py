@@ -17,7 +17,7 @@ from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import check, end
 from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
-from inverse_service.inverse_problem.search.motion import MotionTerms, euler_lagrange, split_velocities
+from inverse_service.inverse_problem.search.motion_terms import MotionTerms, euler_lagrange, split_velocities
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,

@@ -32,7 +32,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.search.material import antiderivatives
-from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.motion_terms import split_velocities
 from inverse_service.inverse_problem.search.terms import (
     Monomial,
     Terms,

@@ -19,12 +19,12 @@ from inverse_service.algebra.real_point import RealTable
 from inverse_service.deadline import end
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import HALF, ONE, TIME, ZERO, Expression, Symbol, Velocity, add, substitute, walk
-from inverse_service.inverse_problem.search.linear_systems import reading as matrices
+from inverse_service.inverse_problem.search.linear_systems import linear_terms as matrices
+from inverse_service.inverse_problem.search.linear_systems.linear_terms import EIGENVALUE, LinearSystem, Matrix
 from inverse_service.inverse_problem.search.linear_systems.modes import Branch, Multipliers, all_branches, asymmetry
-from inverse_service.inverse_problem.search.linear_systems.reading import EIGENVALUE, LinearSystem, Matrix
 from inverse_service.inverse_problem.search.linear_systems.time_dependent import choose
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
-from inverse_service.inverse_problem.search.motion import MotionTerms
+from inverse_service.inverse_problem.search.motion_terms import MotionTerms
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,

@@ -18,7 +18,7 @@ from inverse_service.inverse_problem.search.material import (
     integrating_candidates,
     simplified,
 )
-from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.motion_terms import split_velocities
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,

@@ -20,11 +20,11 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service.algebra import modular
-from inverse_service.algebra import series as ps
+from inverse_service.algebra import truncated_series as ps
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, multiply, reconstruct
 from inverse_service.algebra.point import Expansion, Variable, variables_in
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Sum, Symbol, Velocity, number, walk
@@ -33,7 +33,7 @@ from inverse_service.inverse_problem.search.factors import Factors, position_mon
 from inverse_service.inverse_problem.search.gradings import by_degree
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of, to_montgomery
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
-from inverse_service.inverse_problem.search.motion import has_velocity, split_velocities
+from inverse_service.inverse_problem.search.motion_terms import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
 from inverse_service.inverse_problem.search.sample_points import SamplePoints
 from inverse_service.inverse_problem.search.sampling import LetterTable, sampler_of, table_at

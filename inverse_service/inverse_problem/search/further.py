@@ -15,7 +15,7 @@ import mpmath
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.motion_terms import split_velocities
 from inverse_service.inverse_problem.search.terms import (
     Monomial,
     Terms,

@@ -17,8 +17,8 @@ import mpmath
 
 from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.real_point import RealTable
-from inverse_service.algebra.series import derivative, value_at_point
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import derivative, value_at_point
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.printing import to_text

@@ -19,12 +19,12 @@ from itertools import pairwise
 
 import mpmath
 
-from inverse_service.algebra import series as ps
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra import truncated_series as ps
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Expansion, Variable, evaluate
 from inverse_service.algebra.real_point import RealTable
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.evaluation import evaluate as real_value

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import mpmath
 
 from inverse_service.algebra.real_point import RealTable, find_real_point
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import OutOfTime, check, until, within
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate

@@ -32,7 +32,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.search.motion import (
+from inverse_service.inverse_problem.search.motion_terms import (
     MotionTerms,
     has_velocity,
     irreducible_factors,

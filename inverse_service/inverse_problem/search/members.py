@@ -30,7 +30,7 @@ from inverse_service.inverse_problem.search.choice import (
     velocity_degree,
 )
 from inverse_service.inverse_problem.search.linear_ansatz import Combination, LagrangianSpace
-from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.motion_terms import has_velocity
 from inverse_service.inverse_problem.search.terms import Monomial, add_terms, monomial_tree, times, tree_of
 from inverse_service.mechanics.euler_lagrange import hessian
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from inverse_service.algebra import modular
-from inverse_service.algebra import series as ps
+from inverse_service.algebra import truncated_series as ps
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
 from inverse_service.algebra.point import Expansion, Point, evaluate

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.exact_atoms import factored
-from inverse_service.algebra.kernels import to_kernels
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import OutOfTime, check, end, within
 from inverse_service.expressions.collecting import collect

@@ -20,8 +20,8 @@ from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plai
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, multiply, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.certify import domain_of
-from inverse_service.inverse_problem.outcome import Lagrangian, Matrix
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
+from inverse_service.inverse_problem.solutions import Lagrangian, Matrix
 from inverse_service.mechanics.euler_lagrange import hessian
 
 if TYPE_CHECKING:

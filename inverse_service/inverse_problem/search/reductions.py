@@ -46,10 +46,10 @@ from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.search.integrating import divergence_factor, hidden_damping, integrating_factor
 from inverse_service.inverse_problem.search.material import Material, coefficient
-from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.motion_terms import split_velocities
 from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
-from inverse_service.linear_pde.deciding import Limits
+from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _MOST_FACTORED, _MOST_UNDAMPED = 500, 5_000

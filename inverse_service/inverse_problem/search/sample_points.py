@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from inverse_service.algebra import series as ps
+from inverse_service.algebra import truncated_series as ps
 from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, variables_in
 from inverse_service.algebra.real_point import RealTable
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.tower import Tower, draw_point, moved_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import check
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.algebra import modular
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.modular import Field, compiled, multiply, positive_power
 from inverse_service.algebra.point import Point
 from inverse_service.algebra.real_point import RealTable, find_real_point, is_defined

@@ -19,7 +19,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.search.factors import HALF
 from inverse_service.inverse_problem.search.material import Material, distinct, moving_letters
-from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.motion_terms import has_velocity
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,

@@ -38,7 +38,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.search.motion import has_velocity
+from inverse_service.inverse_problem.search.motion_terms import has_velocity
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,

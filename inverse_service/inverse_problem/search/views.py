@@ -14,7 +14,7 @@ from functools import lru_cache, partial
 
 import mpmath
 
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.real_point import varies
 from inverse_service.algebra.rules import AngleRule
 from inverse_service.algebra.tower import Tower

@@ -30,7 +30,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
-from inverse_service.inverse_problem.outcome import Verdict
+from inverse_service.inverse_problem.solutions import Verdict
 from inverse_service.inverse_problem.special_cases.side_conditions import (
     Ideal,
     all_conditions,
@@ -39,7 +39,7 @@ from inverse_service.inverse_problem.special_cases.side_conditions import (
     regularity,
 )
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum
-from inverse_service.linear_pde.deciding import Limits
+from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 

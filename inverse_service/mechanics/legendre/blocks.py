@@ -12,7 +12,7 @@ from fractions import Fraction
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, terms_tree
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Symbol, Velocity, add, substitute
-from inverse_service.mechanics.legendre.forms import simplified, velocities_in
+from inverse_service.mechanics.legendre.short_forms import simplified, velocities_in
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from functools import reduce
 
 from flint import nmod_poly
 
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Point, evaluate, variables_in
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.algebra.reduction import reduce_atoms

@@ -14,9 +14,9 @@ from fractions import Fraction
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ONE, ZERO, Expression, Number, Power, Product, Sum, Velocity, substitute
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
-from inverse_service.mechanics.legendre.forms import simplified, velocities_in
 from inverse_service.mechanics.legendre.isolation import isolate
 from inverse_service.mechanics.legendre.scalar import roots_for
+from inverse_service.mechanics.legendre.short_forms import simplified, velocities_in
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ from inverse_service.expressions.tree import (
     square_root,
     walk,
 )
-from inverse_service.mechanics.legendre.forms import simplified, velocities_in
+from inverse_service.mechanics.legendre.short_forms import simplified, velocities_in
 
 Rule = Callable[[Expression], Expression]
 

@@ -31,8 +31,8 @@ from inverse_service.expressions.tree import (
     substitute,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, degrees
-from inverse_service.mechanics.legendre.forms import simplified, velocities_in
 from inverse_service.mechanics.legendre.quadratic import Inverse, form_matrix, invert, quadratic_form
+from inverse_service.mechanics.legendre.short_forms import simplified, velocities_in
 
 Form = tuple[Expression, ...]
 Table = dict[Expression, Expression]

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 from flint import nmod_mat, nmod_poly
 
-from inverse_service.algebra.kernels import to_kernels
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import expand
@@ -36,13 +36,13 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, split
-from inverse_service.mechanics.legendre.forms import quotient, simplified
 from inverse_service.mechanics.legendre.galois import FEW, Curve, Equation, NotAlgebraic, equation_of_root, generic
 from inverse_service.mechanics.legendre.homogeneous import rays
 from inverse_service.mechanics.legendre.linear import linear_branches, routh_branches
 from inverse_service.mechanics.legendre.quadratic import form_matrix
 from inverse_service.mechanics.legendre.radial import radial_branches, ratio_branches
 from inverse_service.mechanics.legendre.scalar import LARGEST_BLOCK, last_equations
+from inverse_service.mechanics.legendre.short_forms import quotient, simplified
 
 _DEPTH = 4
 

@@ -35,7 +35,6 @@ from inverse_service.expressions.tree import (
     substitute,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, degrees, without
-from inverse_service.mechanics.legendre.forms import shortest, simplified, velocities_in
 from inverse_service.mechanics.legendre.linear import linear_coefficients
 from inverse_service.mechanics.legendre.quadratic import (
     Inverse,
@@ -44,6 +43,7 @@ from inverse_service.mechanics.legendre.quadratic import (
     invert,
     quadratic_form,
 )
+from inverse_service.mechanics.legendre.short_forms import shortest, simplified, velocities_in
 
 # A space is in no name that a user can declare.
 _S, _W, _PI_W = Symbol("S of v"), Velocity("w of v"), Symbol("momentum of w")

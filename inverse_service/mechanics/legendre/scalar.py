@@ -34,15 +34,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver
-from inverse_service.mechanics.legendre.forms import (
-    exact_quotient,
-    quotient,
-    shortest,
-    simplified,
-    size,
-    velocities_in,
-    with_cosines,
-)
 from inverse_service.mechanics.legendre.isolation import (
     Root,
     isolate,
@@ -52,6 +43,15 @@ from inverse_service.mechanics.legendre.isolation import (
     polynomial_roots,
 )
 from inverse_service.mechanics.legendre.points import sample_points, vanishes_at
+from inverse_service.mechanics.legendre.short_forms import (
+    exact_quotient,
+    quotient,
+    shortest,
+    simplified,
+    size,
+    velocities_in,
+    with_cosines,
+)
 
 _MOST_TERMS = 4
 # Nodes of a formula that is written shorter: a cubic whose coefficients are sums has roots of thousands.

@@ -19,7 +19,18 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import ZERO, Apply, Arbitrary, Expression, Symbol, Velocity, add, substitute, walk
 from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
-from inverse_service.mechanics.legendre.forms import (
+from inverse_service.mechanics.legendre.momentum_families import Reach, block_branches, momentum_shifts
+from inverse_service.mechanics.legendre.points import (
+    Claim,
+    Judgement,
+    Point,
+    is_singular,
+    judge,
+    sample_points,
+    signs_of_momenta,
+    vanishes_at,
+)
+from inverse_service.mechanics.legendre.short_forms import (
     cancelled,
     exponentials_above,
     inside,
@@ -34,17 +45,6 @@ from inverse_service.mechanics.legendre.forms import (
     velocities_in,
     without_cancelling,
 )
-from inverse_service.mechanics.legendre.points import (
-    Claim,
-    Judgement,
-    Point,
-    is_singular,
-    judge,
-    sample_points,
-    signs_of_momenta,
-    vanishes_at,
-)
-from inverse_service.mechanics.legendre.solving import Reach, block_branches, momentum_shifts
 from inverse_service.mechanics.writing import joined
 
 _MOST_BRANCHES = 16

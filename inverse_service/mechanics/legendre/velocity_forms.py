@@ -18,10 +18,10 @@ from inverse_service.expressions.collecting_trees import monomial_tree
 from inverse_service.expressions.evaluation import Real
 from inverse_service.expressions.tree import ONE, ZERO, Expression, Sum, Symbol, Velocity, substitute, walk
 from inverse_service.mechanics.legendre.blocks import Block, Branch
-from inverse_service.mechanics.legendre.forms import velocities_in
 from inverse_service.mechanics.legendre.linear import Form, Table, after_change, linear_coefficients
 from inverse_service.mechanics.legendre.points import DIGITS, Point, judge, sample_points, value
 from inverse_service.mechanics.legendre.quadratic import invert
+from inverse_service.mechanics.legendre.short_forms import velocities_in
 from inverse_service.mechanics.legendre.transform import LegendreTransform, claim_of, legendre, on_branch
 
 _TIME_LIMIT = 2.0

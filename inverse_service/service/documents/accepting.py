@@ -20,7 +20,7 @@ from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.reading import GivenEquations, read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, unsolved_system
-from inverse_service.service.documents.reading import escape
+from inverse_service.service.documents.plain_data import escape
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument

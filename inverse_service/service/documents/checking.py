@@ -17,8 +17,8 @@ from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.hamiltonians import compared_hamiltonians
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
+from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
-from inverse_service.service.documents.reading import read_json
 
 TIME_LIMIT = 60.0  # of processor time: what a busy machine does decides no verdict
 OPEN_MOTION = "Whether this motion can be given a Hamiltonian by any associated system is open."
@@ -159,11 +159,11 @@ def _with_comparison(alone: CheckResult, result: Any, document: object, end: flo
 def _parts_compared(given: object, result: dict[str, Any], end: float) -> Iterator[CheckResult | None]:
     """The verdicts on answers about other systems that follow from that of a result; each brings its engine."""
     if clock := _object(result.get("with_clock")):
-        from inverse_service.service.documents.clock import compared_clock
+        from inverse_service.service.documents.clock_part import compared_clock
 
         yield compared_clock(given, clock, end - now())
     if given is not None and (reduced := _object(result.get("reduced"))):
-        from inverse_service.service.documents.reduced import compared_reduced
+        from inverse_service.service.documents.reduced_documents import compared_reduced
 
         yield compared_reduced(given, reduced, end - now())
     if given is not None and result.get("instead"):
@@ -193,7 +193,7 @@ def _not_checked(result: Any, hamiltonian: bool) -> list[str]:
 
 def _answers_all(result: dict[str, Any], given: object) -> CheckResult | None:
     """What is wrong where a result does not answer on every branch, or for the vector fields, that the document has."""
-    from inverse_service.service.documents.kinds import to_kinds
+    from inverse_service.service.documents.kinds_part import to_kinds
 
     try:
         document = prepared(given).document

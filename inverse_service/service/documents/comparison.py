@@ -57,7 +57,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     """
     from inverse_service.inverse_problem.constrained.ansatz import first_system
     from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
-    from inverse_service.service.documents.reduced import look_motion, read
+    from inverse_service.service.documents.reduced_documents import look_motion, read
 
     try:
         document, claimed = prepared(document).document, _claimed(certificate["system"])
@@ -93,7 +93,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
 
 
 def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
-    from inverse_service.mechanics.nonholonomic.reading import read_motion
+    from inverse_service.mechanics.nonholonomic.constraint_reading import read_motion
 
     constraints = [f"{name}' = {w}" for name, w in system["velocities"].items()]
     return read_motion(

@@ -78,7 +78,7 @@ def parse_associated(document: Any) -> dict[str, Any] | None:
     ready = prepared(document)
     if not is_nonholonomic(ready.document):
         return None
-    from inverse_service.service.documents.nonholonomic import parse_associated as associated
+    from inverse_service.service.documents.nonholonomic_documents import parse_associated as associated
 
     return _in_own_words(ready, lambda cases: associated(cases.look(ready.document)) or {}) or None
 
@@ -117,7 +117,7 @@ class UseCases:
 def use_cases(document: Any) -> UseCases:
     """Those of the kind that a prepared document is of, imported now."""
     if is_motion(document):
-        from inverse_service.service.documents import reduced
+        from inverse_service.service.documents import reduced_documents as reduced
 
         return UseCases(reduced.look_motion, reduced.parse, reduced.system_of, reduced.solve_motion)
     if is_forward(document):
@@ -125,14 +125,14 @@ def use_cases(document: Any) -> UseCases:
 
         return UseCases(alone.look_forward, alone.parse, alone.system_of, alone.solve_forward)
     if is_nonholonomic(document):
-        from inverse_service.service.documents import nonholonomic as held
+        from inverse_service.service.documents import nonholonomic_documents as held
         from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema as look
 
         return UseCases(look, held.parse, held.system_of, held.solve_nonholonomic)
-    from inverse_service.service.documents import solving
+    from inverse_service.service.documents import system_documents
     from inverse_service.service.documents.accepting import to_schema, to_system
 
-    return UseCases(to_schema, solving.parse, to_system, solving.solve_document)
+    return UseCases(to_schema, system_documents.parse, to_system, system_documents.solve_document)
 
 
 def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:

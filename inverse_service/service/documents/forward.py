@@ -14,7 +14,7 @@ from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, momenta
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.nonholonomic.reading import read_lagrangian
+from inverse_service.mechanics.nonholonomic.constraint_reading import read_lagrangian
 from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.accepting import validated

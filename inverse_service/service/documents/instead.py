@@ -21,7 +21,7 @@ from inverse_service.expressions.tree import Expression, Symbol, substitute, wal
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.outcome import Solution
+from inverse_service.inverse_problem.solutions import Solution
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.service.documents import accepting
@@ -30,7 +30,7 @@ from inverse_service.service.documents.translate import hamiltonian_part
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import ReducedPart
-    from inverse_service.inverse_problem.special_cases.tree import Node
+    from inverse_service.inverse_problem.special_cases.case_tree import Node
 
 _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
@@ -62,7 +62,7 @@ def _with_friction(solution: Solution, asked: SolveOptions, deadline: float) -> 
     found = quick_rayleigh(analyse(solution.system), given, deadline)
     if found is None or found.lagrangian is None:
         return None
-    from inverse_service.service.documents.kinds import kind_part
+    from inverse_service.service.documents.kinds_part import kind_part
 
     names, lagrangian = solution.system.coordinates, found.lagrangian
     hamiltonian = hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
@@ -75,9 +75,9 @@ def _with_parameters(system: SecondOrderSystem, seed: int, deadline: float) -> I
     """The first of the special cases, parameters given by others, where a Lagrangian is found."""
     if not system.parameters or system.functions or now() > deadline:
         return None
+    from inverse_service.inverse_problem.special_cases.case_tree import special_cases
     from inverse_service.inverse_problem.special_cases.cases import conditions
-    from inverse_service.inverse_problem.special_cases.tree import special_cases
-    from inverse_service.service.documents.clock import answered
+    from inverse_service.service.documents.clock_part import answered
 
     found = special_cases(system, False, deadline, None, seed, _MOST_CASES)
     for node in _variational(found.root):
@@ -125,7 +125,7 @@ def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -
     part = result.get("instead")
     if not isinstance(part, dict) or part.get("kind") not in ("reduced", "parameters"):
         return None
-    from inverse_service.service.documents.clock import compared_answer
+    from inverse_service.service.documents.clock_part import compared_answer
 
     if part["kind"] == "reduced":  # which is compared itself
         reduced = result.get("reduced") or {}

@@ -15,7 +15,7 @@ from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import LARGEST_N
 from inverse_service.inverse_problem.proofs.deriving import Theorem, determinant_vanishes, euler_lagrange_hold
-from inverse_service.inverse_problem.proofs.writing import coq, identities, lean
+from inverse_service.inverse_problem.proofs.theorem_text import coq, identities, lean
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

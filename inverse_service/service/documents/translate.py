@@ -16,7 +16,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Number, Product, Sum, walk
-from inverse_service.inverse_problem import outcome
+from inverse_service.inverse_problem import solutions
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.document_names import Declared
@@ -86,7 +86,7 @@ def function_fields(system: SecondOrderSystem | NonholonomicSystem) -> dict[str,
 
 
 def to_result(
-    solution: outcome.Solution, schema: Asking, others: Sequence[outcome.Solution] = ()
+    solution: solutions.Solution, schema: Asking, others: Sequence[solutions.Solution] = ()
 ) -> schemas.ResultDocument:
     """The result document; `with_time` is filled where the other question has another answer.
 
@@ -105,7 +105,7 @@ def to_result(
     )
 
 
-def _advice(solution: outcome.Solution, time_dependent: bool | None) -> schemas.AdvicePart:
+def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schemas.AdvicePart:
     """What to simulate the system with, by the Lagrangian that ends at the fewest places."""
     known = [one.lagrangian for one in main_and_other(solution, time_dependent) if one is not None and one.lagrangian]
     if not known:
@@ -115,7 +115,7 @@ def _advice(solution: outcome.Solution, time_dependent: bool | None) -> schemas.
     return schemas.AdvicePart(**method_advice.for_lagrangian(best.expression, solution.system.coordinates, walls))
 
 
-def _both_answers(solution: outcome.Solution, schema: Asking) -> dict[str, Any]:
+def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any]:
     """The fields of the main answer, and what is said of the other question."""
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
@@ -127,8 +127,8 @@ def _both_answers(solution: outcome.Solution, schema: Asking) -> dict[str, Any]:
 
 
 def main_and_other(
-    solution: outcome.Solution, time_dependent: bool | None
-) -> tuple[outcome.Answer, outcome.Answer | None]:
+    solution: solutions.Solution, time_dependent: bool | None
+) -> tuple[solutions.Answer, solutions.Answer | None]:
     """The answer of the main fields, and the one with time where it says more than that."""
     main = solution.with_time if answers_time(solution, time_dependent) else solution.autonomous
     if main is None:
@@ -138,20 +138,20 @@ def main_and_other(
     return main, time if differs else None
 
 
-def _found_more(time: outcome.Answer, main: outcome.Answer) -> bool:
+def _found_more(time: solutions.Answer, main: solutions.Answer) -> bool:
     """Whether the question with time has a Lagrangian of its own; the solver gives one only where it is better."""
     return time.lagrangian is not None and (
         main.lagrangian is None or time.lagrangian.expression != main.lagrangian.expression
     )
 
 
-def answers_time(solution: outcome.Solution, time_dependent: bool | None) -> bool:
+def answers_time(solution: solutions.Solution, time_dependent: bool | None) -> bool:
     """Whether the main fields answer L(t, q, q'): asked for, or the only question where f contains t."""
     wants_time = time_dependent is True or solution.system.depends_on_time
     return solution.autonomous is None or (wants_time and solution.with_time is not None)
 
 
-def _certificate(main: outcome.Answer, time: outcome.Answer | None) -> dict[str, Any] | None:
+def _certificate(main: solutions.Answer, time: solutions.Answer | None) -> dict[str, Any] | None:
     """The certificate of the main answer, or the one that proves both.
 
     Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
@@ -161,7 +161,7 @@ def _certificate(main: outcome.Answer, time: outcome.Answer | None) -> dict[str,
     return None if certificate is None else plain(certificate)
 
 
-def answer_fields(answer: outcome.Answer, system: SecondOrderSystem) -> dict[str, Any]:
+def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[str, Any]:
     """One answer as the fields of a result."""
     lagrangian, space = answer.lagrangian, answer.space
     return {
@@ -180,11 +180,11 @@ def answer_fields(answer: outcome.Answer, system: SecondOrderSystem) -> dict[str
     }
 
 
-def step_part(step: outcome.Step) -> schemas.ExplanationStep:
+def step_part(step: solutions.Step) -> schemas.ExplanationStep:
     return part_of(schemas.ExplanationStep, step, parts=[part_of(schemas.ExplanationPart, each) for each in step.parts])
 
 
-def lagrangian_part(lagrangian: outcome.Lagrangian) -> schemas.LagrangianPart:
+def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
     unequal = [f"{to_text(tree)} != 0" for tree in lagrangian.nonzero if not is_plainly_nonzero(tree, ())]
     domain = unequal + _inequalities(lagrangian.positive)
     regular = "everywhere" if _is_regular_everywhere(lagrangian) else "at generic points, where det g is not 0"
@@ -192,7 +192,7 @@ def lagrangian_part(lagrangian: outcome.Lagrangian) -> schemas.LagrangianPart:
     return schemas.LagrangianPart(**written, domain=domain, family=lagrangian.family, regular=regular)
 
 
-def _is_regular_everywhere(lagrangian: outcome.Lagrangian) -> bool:
+def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
     """Whether the form of g shows det g != 0 wherever L is defined: constant, or diagonal without a zero."""
     entries = [(i == j, entry) for i, row in enumerate(lagrangian.multiplier) for j, entry in enumerate(row)]
     if all(isinstance(node, Number | Sum | Product) for _, entry in entries for node in walk(entry)):
@@ -206,7 +206,7 @@ def _inequalities(positive: Iterable[Expression]) -> list[str]:
     return list(dict.fromkeys(inequality_text(tree) for tree in positive if not is_plainly_positive(tree)))
 
 
-def hamiltonian_part(hamiltonian: outcome.Hamiltonian, coordinates: Iterable[str]) -> schemas.HamiltonianPart:
+def hamiltonian_part(hamiltonian: solutions.Hamiltonian, coordinates: Iterable[str]) -> schemas.HamiltonianPart:
     names = [symbol.name for symbol in hamiltonian.symbols] or [f"p_{coordinate}" for coordinate in coordinates]
     return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),
@@ -218,7 +218,7 @@ def hamiltonian_part(hamiltonian: outcome.Hamiltonian, coordinates: Iterable[str
     )
 
 
-def _conditions(conditions: outcome.Conditions | None) -> schemas.ConditionsPart | None:
+def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPart | None:
     if conditions is None:
         return None
     return schemas.ConditionsPart(
@@ -253,7 +253,7 @@ def parsed(tree: Expression) -> ParsedFormula:
     return ParsedFormula(**formula_fields(tree), mathml=to_mathml(tree))
 
 
-def _texts(matrix: outcome.Matrix) -> list[list[str]]:
+def _texts(matrix: solutions.Matrix) -> list[list[str]]:
     return [[to_text(entry) for entry in row] for row in matrix]
 
 

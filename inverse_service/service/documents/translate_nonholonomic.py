@@ -16,9 +16,9 @@ from inverse_service.inverse_problem.constrained.answering import MotionAnswer, 
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison
+from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
-from inverse_service.mechanics.nonholonomic.reading import read_multiples, read_nonholonomic
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.accepting import validated
 from inverse_service.service.documents.checking import OPEN_MOTION

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures import style as styles
 from inverse_service.service.figures.paths import path_figure
-from inverse_service.service.figures.series import QUANTITIES, series_figure
+from inverse_service.service.figures.time_series import QUANTITIES, series_figure
 from inverse_service.simulation.matching_circle import turned
 
 MOST_POINTS = 4000

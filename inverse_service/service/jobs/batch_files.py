@@ -16,7 +16,7 @@ from typing import IO, Any
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.service.documents.answers import as_bytes, of_input_error
-from inverse_service.service.documents.reading import read_json
+from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.jobs.batches import BatchLine
 from inverse_service.service.jobs.model import BULK, JobOptions, document_digest, read_options, split_options
 from inverse_service.service.jobs.tasks import request_of

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from inverse_service.errors import DocumentRefused, InputError, Place
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.reading import decode, read_json
+from inverse_service.service.documents.plain_data import decode, read_json
 from inverse_service.service.jobs.model import (
     INTERACTIVE,
     JobOptions,
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 # What a command loads only for the questions that need it, and a worker before its first.
 ENGINE = (
     "service.documents.documents",
-    "service.documents.solving",
-    "service.documents.nonholonomic",
+    "service.documents.system_documents",
+    "service.documents.nonholonomic_documents",
     "service.documents.checking",
-    "service.documents.kinds",
+    "service.documents.kinds_part",
     "service.documents.translate_cases",
     "service.jobs.batch_files",
     "inverse_problem.explanation.negative",

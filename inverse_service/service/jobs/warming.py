@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from inverse_service import __version__, catalogue
-from inverse_service.machine_code import store
+from inverse_service.machine_code import code_store
 
 # Together these systems need all kernels.
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
@@ -27,10 +27,10 @@ KIND = "warm"
 def is_warm() -> bool:
     """Whether the kernels were compiled here, or cannot be kept here so that it is of no use."""
     stamp = _stamp()
-    found = store.read(stamp, KIND, with_program=True)
+    found = code_store.read(stamp, KIND, with_program=True)
     if found is None:
-        store.write(stamp, {"done": False}, b"", KIND, with_program=True)
-        found = store.read(stamp, KIND, with_program=True)
+        code_store.write(stamp, {"done": False}, b"", KIND, with_program=True)
+        found = code_store.read(stamp, KIND, with_program=True)
     return found is None or bool(found[0].get("done"))
 
 
@@ -41,7 +41,7 @@ def warm_up() -> None:
 
     for name in SYSTEMS:
         solve_document(catalogue.document(name), SolveOptions(time_limit=PATIENCE))
-    store.write(_stamp(), {"done": True}, b"", KIND, with_program=True)
+    code_store.write(_stamp(), {"done": True}, b"", KIND, with_program=True)
 
 
 def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
@@ -53,7 +53,7 @@ def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
 
 def _stamp() -> str:
     """Other code, another Python or another processor need other kernels."""
-    root = Path(store.__file__).parents[1]
+    root = Path(code_store.__file__).parents[1]
     files = [entry for folder in FOLDERS for entry in os.scandir(root / folder) if entry.name.endswith(".py")]
     newest = max(entry.stat().st_mtime_ns for entry in files)
     about = (__version__, str(newest), sys.implementation.cache_tag or "", platform.machine(), _processor())

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation.members import EnsembleRun
-from inverse_service.simulation.scene import Scene
+from inverse_service.simulation.ensemble_members import EnsembleRun
+from inverse_service.simulation.scene_data import Scene
 
 MOST_MEMBERS = 10_000  # whose numbers a result document lists; files hold all
 MOST_ENDS = 20

@@ -27,17 +27,17 @@ from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, Ass
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers
 from inverse_service.mechanics.nonholonomic.paper_class import recognised
-from inverse_service.service.documents.reading import escape
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.plain_data import escape
+from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.callables import walls
 from inverse_service.simulation.derivation import Find
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
-from inverse_service.simulation.formulas import walls
 from inverse_service.simulation.free_lagrangians import ClassLagrangian, class_lagrangian, keeps_motion, start_momenta
 from inverse_service.simulation.regular_motion import regular_accelerations
-from inverse_service.simulation.scene import FreeLagrangian, Scene, Unavailable
+from inverse_service.simulation.scene_data import FreeLagrangian, Scene, Unavailable
 
 SOLVE_SECONDS = 15.0  # of processor time
 NO_INVERSE = (

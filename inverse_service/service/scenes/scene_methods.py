@@ -13,9 +13,9 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tokens import shorten
 from inverse_service.expressions.tree import Number
-from inverse_service.service.documents.reading import escape
+from inverse_service.service.documents.plain_data import escape
 from inverse_service.simulation.array_values import NoValue, array_value
-from inverse_service.simulation.scene import OWN_STEPS, TOLERANCES, Grid, MethodChoice, Requested
+from inverse_service.simulation.scene_data import OWN_STEPS, TOLERANCES, Grid, MethodChoice, Requested
 
 MOST_RECORDED = 100_000
 MOST_WITH_EVENTS = 2_000_000

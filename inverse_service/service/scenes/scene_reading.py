@@ -13,12 +13,12 @@ from inverse_service.expressions.derivative import Definitions, define_functions
 from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, walk
 from inverse_service.mechanics.document_names import Declared
-from inverse_service.service.documents.reading import escape
+from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_initial import read_initial, read_members
 from inverse_service.service.scenes.scene_methods import number_of, read_circle, read_grid, read_methods
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
-from inverse_service.simulation.scene import OBSERVED, Event, Observable, Scene
+from inverse_service.simulation.scene_data import OBSERVED, Event, Observable, Scene
 
 FORCES, RAYLEIGH = "forces", "rayleigh"
 TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})

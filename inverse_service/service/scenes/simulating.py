@@ -24,7 +24,7 @@ from inverse_service.simulation.derivation import Derived, derive
 from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.quantities import last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
-from inverse_service.simulation.scene import FreeLagrangian, Progress, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import FreeLagrangian, Progress, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth
 
 FORMAT = "inverse-service/simulation/1"

@@ -27,7 +27,7 @@ from inverse_service.service.scenes.simulating import advice_of, as_plain, catal
 from inverse_service.simulation.advice import sentence_of
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.precision import Precision, Setting, default_steps, measure
-from inverse_service.simulation.scene import SCIPY, MethodChoice, Progress, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import SCIPY, MethodChoice, Progress, Requested, Scene, Unavailable
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8

@@ -322,7 +322,7 @@ def _figure_of(result: Mapping[str, Any], name: str) -> Any:
 
     from inverse_service.service.figures.drawing import coordinate_figure, view_figure
     from inverse_service.service.figures.paths import path_figure
-    from inverse_service.service.figures.series import precision_figure, series_figure
+    from inverse_service.service.figures.time_series import precision_figure, series_figure
 
     if name == "work-precision":
         return precision_figure(result)[0]

@@ -13,9 +13,9 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.jobs.model import split_options, write_json
 from inverse_service.service.jobs.tasks import check_task, solve_task, understand_task
 from inverse_service.web.pages import reading_back
-from inverse_service.web.pages.answers import OWN, OwnLagrangian, glance_of, own_of
-from inverse_service.web.pages.documents import document_of, document_of_fields, fields_from, fields_of, right_side
+from inverse_service.web.pages.form_documents import document_of, document_of_fields, fields_from, fields_of, right_side
 from inverse_service.web.pages.forms import Form, form_of
+from inverse_service.web.pages.shown_results import OWN, OwnLagrangian, glance_of, own_of
 from inverse_service.web.pages.typesetting import names_of
 
 Fields = dict[str, str]

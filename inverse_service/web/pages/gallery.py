@@ -14,7 +14,7 @@ from starlette.responses import HTMLResponse
 from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.documents import parameters_of
+from inverse_service.web.pages.form_documents import parameters_of
 from inverse_service.web.pages.learn import hamiltonized
 from inverse_service.web.pages.paper_figures import FIGURES, has_thumbnail, plane_of
 from inverse_service.web.pages.rendering import can_simulate, page

@@ -16,10 +16,10 @@ from starlette.responses import RedirectResponse, Response
 from inverse_service import catalogue
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages.calls import call
+from inverse_service.web.pages.own_calls import call
 from inverse_service.web.pages.rendering import can_simulate, sent
+from inverse_service.web.pages.result_pages import made, missing, result_address
 from inverse_service.web.pages.result_tasks import sketch_task, small_picture_task
-from inverse_service.web.pages.results import made, missing, result_address
 from inverse_service.web.pages.scenes import PLANE, scene_document, scene_form
 
 router = APIRouter()

@@ -11,7 +11,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 
 if TYPE_CHECKING:
-    from inverse_service.simulation.scene import Scene
+    from inverse_service.simulation.scene_data import Scene
 
 # Formulas of more nodes are left to the service.
 MOST_NODES = 4_000
@@ -27,7 +27,7 @@ def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Ex
     from inverse_service.service.scenes.scene_reading import read_scene
     from inverse_service.service.scenes.scene_refusals import scene_schema
     from inverse_service.simulation.derivation import derive
-    from inverse_service.simulation.scene import Unavailable
+    from inverse_service.simulation.scene_data import Unavailable
 
     scene, _ = read_scene(scene_schema({**document, "methods": ["runge-kutta"], "observe": []}))
     found = derive(scene, lambda *_: Unavailable("")).accelerations

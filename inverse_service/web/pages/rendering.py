@@ -22,7 +22,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from inverse_service.expressions.tokens import greek_letter
-from inverse_service.machine_code import store
+from inverse_service.machine_code import code_store
 from inverse_service.service.documents.text_page import guessed_words
 from inverse_service.service.jobs.tasks import KINDS
 from inverse_service.web.clients import client_of, require_client
@@ -117,13 +117,13 @@ class CompiledTemplates(BytecodeCache):
 
     def load_bytecode(self, bucket: Bucket) -> None:
         """The code of a template, where it is there."""
-        found = store.read(_digest(bucket), TEMPLATE, with_program=True)
+        found = code_store.read(_digest(bucket), TEMPLATE, with_program=True)
         if found is not None:
             bucket.bytecode_from_string(found[1])
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         """Keep it."""
-        store.write(_digest(bucket), {}, bucket.bytecode_to_string(), TEMPLATE, with_program=True)
+        code_store.write(_digest(bucket), {}, bucket.bytecode_to_string(), TEMPLATE, with_program=True)
 
 
 def _digest(bucket: Bucket) -> str:

@@ -20,8 +20,8 @@ from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs.model import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.tasks import check_task
-from inverse_service.web.pages import answers, figures, reading_back, simulations, steps, typesetting
-from inverse_service.web.pages.documents import lean_fields, question_address, right_side
+from inverse_service.web.pages import figures, reading_back, shown_results, simulations, steps, typesetting
+from inverse_service.web.pages.form_documents import lean_fields, question_address, right_side
 from inverse_service.web.pages.glossary import TERMS
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
 
@@ -120,7 +120,7 @@ def so_far_task(job: Mapping[str, Any], visitor: Visitor, waited: int) -> HTMLRe
     """The page of a job that has a confirmed answer while more is sought."""
     VISITOR.set(visitor)
     found = job["progress"]["so_far"]
-    lines, (answer, _) = answers.equations_of(found["system"]), answers.shown_of(found, found)
+    lines, (answer, _) = shown_results.equations_of(found["system"]), shown_results.shown_of(found, found)
     return page("working.html", active="", job=job, asked=[], waited=waited, equations=lines, main=answer)
 
 
@@ -128,9 +128,9 @@ def embed_task(store: str, id: str, visitor: Visitor) -> HTMLResponse:
     """The short page of a solved system that other pages show in a frame."""
     VISITOR.set(visitor)
     found = _result(store, id)
-    lines = answers.equations_of(found["system"]) if found.get("system") else []
-    title = answers.title_of(found) if "verdict" in found else "Equations of motion"
-    return page("embed.html", active="", equations=lines, glance=answers.glance_of(found), title=title, id=id)
+    lines = shown_results.equations_of(found["system"]) if found.get("system") else []
+    title = shown_results.title_of(found) if "verdict" in found else "Equations of motion"
+    return page("embed.html", active="", equations=lines, glance=shown_results.glance_of(found), title=title, id=id)
 
 
 def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
@@ -211,38 +211,38 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     found, address = job["result"], look.address
     system, names = found["system"], typesetting.names_of(found["system"])
     if "verdict" not in found:
-        lines = answers.equations_of(system)
+        lines = shown_results.equations_of(system)
         return page("forward.html", active="", job=job, result=found, names=names, equations=lines)
     motion = found.get("any_associated")
-    main, other = answers.shown_of(found, found)
+    main, other = shown_results.shown_of(found, found)
     return page(
         "result.html",
         active="",
-        title=answers.title_of(found),
+        title=shown_results.title_of(found),
         question=question_address(system["given"]) if system else "",
         glossary=TERMS,
         address_of_result=f"{address}/results/{job['id']}",
         job=job,
         result=found,
         check=check,
-        own=answers.own_of(check, names) if check and "lagrangian" in check else None,
-        equations=[] if system is None else answers.equations_of(system),
+        own=shown_results.own_of(check, names) if check and "lagrangian" in check else None,
+        equations=[] if system is None else shown_results.equations_of(system),
         texts=[equation_line(*pair) for pair in (system or {"equations": {}})["equations"].items()],
         main=main,
         other=other,
-        branches=[answers.shown_of(branch, found) for branch in found.get("branches", ())[1:]],
-        further=answers.further_of(found),
+        branches=[shown_results.shown_of(branch, found) for branch in found.get("branches", ())[1:]],
+        further=shown_results.further_of(found),
         names=names,
         cases=found.get("special_cases"),
         motion=motion,
         motion_steps=[steps.step_of(step, names, []) for step in motion["explanation"]] if motion else [],
         constrained=found.get("nonholonomic"),
-        also=answers.other_question(found, main),
+        also=shown_results.other_question(found, main),
         advice=advice_for(found, look.time_limit),
         matrices=steps.matrices_of(found["conditions"], names),
         languages=["sympy"] if system and system["functions"] else LANGUAGES,
         exports=exports(found, address, job["id"]),
-        timing=answers.timing(found["provenance"]),
+        timing=shown_results.timing(found["provenance"]),
         can_simulate=can_simulate() and system is not None,
     )
 

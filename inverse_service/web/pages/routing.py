@@ -13,17 +13,17 @@ from inverse_service.web.clients import COOKIE, LARGEST_KEY, cookie_of_key
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import (
     assets,
-    batches,
+    batch_pages,
     calls_page,
     gallery,
     learn,
     paper_figures,
     rendering,
-    results,
+    result_pages,
     simulate,
     solve,
 )
-from inverse_service.web.pages.calls import SMALL_FORM, read_form
+from inverse_service.web.pages.own_calls import SMALL_FORM, read_form
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -108,5 +108,5 @@ def _is_secure(request: Request) -> bool:
 router.get("/static/{mark}/{name}")(assets.static)
 for part in (account, calls_page.router, learn.open_router):
     router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
-for pages in (solve, results, simulate, paper_figures, gallery, batches, learn):
+for pages in (solve, result_pages, simulate, paper_figures, gallery, batch_pages, learn):
     router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

@@ -20,13 +20,13 @@ from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.pages import reading_back, scenes
-from inverse_service.web.pages.calls import call, read_form
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.gallery import body_of
+from inverse_service.web.pages.own_calls import call, read_form
 from inverse_service.web.pages.preview import preview_task
 from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.result_pages import made, result_address, stored_job, successful
 from inverse_service.web.pages.result_tasks import part_task
-from inverse_service.web.pages.results import made, result_address, stored_job, successful
 from inverse_service.web.pages.solve import example_document
 from inverse_service.web.problems import Refusal
 

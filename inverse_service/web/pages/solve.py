@@ -16,12 +16,12 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
-from inverse_service.web.pages import documents, form_tasks, reading_back
-from inverse_service.web.pages.answers import OwnLagrangian
-from inverse_service.web.pages.calls import call, read_form, read_sent
+from inverse_service.web.pages import form_documents, form_tasks, reading_back
+from inverse_service.web.pages.own_calls import call, read_form, read_sent
 from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.web.pages.result_pages import made, result_address, successful
 from inverse_service.web.pages.result_tasks import fields_task
-from inverse_service.web.pages.results import made, result_address, successful
+from inverse_service.web.pages.shown_results import OwnLagrangian
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -67,33 +67,33 @@ async def form(request: Request) -> HTMLResponse:
     """The form, empty, with an example of the catalogue, or with the document of a result."""
     query = request.query_params
     kind = "nonholonomic" if query.get("kind") == "nonholonomic" else "equations"
-    linked = documents.fields_of_link(query)
+    linked = form_documents.fields_of_link(query)
     if linked is not None:
         fields = linked
     elif "example" in query:
-        fields = documents.lean_fields(example_document(query["example"]))
+        fields = form_documents.lean_fields(example_document(query["example"]))
     elif "job" in query:
         fields = await fields_of_job(request, query["job"])
     elif kind == "nonholonomic":
-        fields = documents.lean_fields(example_document(FIRST_NONHOLONOMIC))
+        fields = form_documents.lean_fields(example_document(FIRST_NONHOLONOMIC))
     else:
-        fields = documents.fields_from({"equations": START})
+        fields = form_documents.fields_from({"equations": START})
     # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
     judged = await own_judged(request, fields, query["own"]) if linked and query.get("own") else None
     found = await understand(request, fields, patience)
-    notes = documents.left_out_of_link(query)
-    return solve_page(fields, reveal=documents.revealed_of_link(query), own=judged, notes=notes, **found)
+    notes = form_documents.left_out_of_link(query)
+    return solve_page(fields, reveal=form_documents.revealed_of_link(query), own=judged, notes=notes, **found)
 
 
 @router.post("/own")
 async def own(request: Request) -> Response:
     """A student's L and the typed equations, on to their link; the form stays an exercise where it was one."""
-    fields = documents.fields_of(await read_form(request, LONGEST_OWN))
-    text, reveal = fields["lagrangian"], ",".join(documents.revealed_of_link(request.query_params))
+    fields = form_documents.fields_of(await read_form(request, LONGEST_OWN))
+    text, reveal = fields["lagrangian"], ",".join(form_documents.revealed_of_link(request.query_params))
     kept = {"own": text} | ({"reveal": reveal} if reveal else {})
-    return RedirectResponse(documents.link_of_fields(fields | {"lagrangian": ""}, **kept), 303)
+    return RedirectResponse(form_documents.link_of_fields(fields | {"lagrangian": ""}, **kept), 303)
 
 
 async def own_judged(request: Request, fields: dict[str, str], text: str) -> OwnLagrangian:
@@ -131,8 +131,8 @@ async def echo(request: Request) -> Response:
         return page("understood.html", **({"problem": None, "understood": None} | found))
     return (
         solve_page(fields, **found)
-        if not documents.is_whole(fields)
-        else RedirectResponse(documents.link_of_fields(fields), 303)
+        if not form_documents.is_whole(fields)
+        else RedirectResponse(form_documents.link_of_fields(fields), 303)
     )
 
 
@@ -140,8 +140,8 @@ async def _refused(
     request: Request, fields: dict[str, str], problem: reading_back.Problem | None, status: int
 ) -> Response:
     """The form with what to change: its link where the page there says the same, so that a reload asks nothing."""
-    if documents.is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
-        return RedirectResponse(documents.link_of_fields(fields), 303)
+    if form_documents.is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
+        return RedirectResponse(form_documents.link_of_fields(fields), 303)
     return solve_page(fields, problem=problem, status=status)
 
 
@@ -166,7 +166,7 @@ def _not_read(refusal: Refusal) -> HTMLResponse:
     if refusal.kind != "limit":
         raise refusal
     problem = reading_back.problem_of({"detail": refusal.detail}, {})
-    return solve_page(documents.fields_from({"equations": START}), problem=problem, status=refusal.status)
+    return solve_page(form_documents.fields_from({"equations": START}), problem=problem, status=refusal.status)
 
 
 async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
@@ -191,7 +191,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
         active="/",
         fields=fields,
         associated=ASSOCIATED,
-        lagrangians=documents.LAGRANGIANS,
+        lagrangians=form_documents.LAGRANGIANS,
         examples=examples(NONHOLONOMIC_EXAMPLES if nonholonomic else EXAMPLES),
         can_simulate=can_simulate(),
         most_coordinates=MAX_COORDINATES,
@@ -204,7 +204,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
 def examples(chosen: tuple[tuple[str, str, str], ...]) -> list[dict[str, Any]]:
     """The palette, each example with the fields that it fills."""
     return [
-        {"name": name, "label": label, "hint": hint, "fields": documents.lean_fields(catalogue.document(name))}
+        {"name": name, "label": label, "hint": hint, "fields": form_documents.lean_fields(catalogue.document(name))}
         for name, label, hint in chosen
     ]
 
@@ -221,4 +221,4 @@ async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     """The form filled with the document of a result."""
     if await successful(request, identifier) is None:
         raise Refusal(404, "not-found", "There is no result at this address.")
-    return await made(request, identifier, fields_task) or documents.fields_from({"equations": START})
+    return await made(request, identifier, fields_task) or form_documents.fields_from({"equations": START})

@@ -20,7 +20,7 @@ from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.formulas import walls
+from inverse_service.simulation.callables import walls
 from inverse_service.web.pages.preview import accelerations_of
 from inverse_service.web.pages.scenes import SceneForm, scene_document, scene_form
 

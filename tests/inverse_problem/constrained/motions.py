@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, analyse_motion
+from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, analyse_motion
+from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, equations_of_motion
-from inverse_service.mechanics.nonholonomic.reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 
 SLEIGH = "((x'-a*sin(phi)*phi')^2+(y'+a*cos(phi)*phi')^2)/2"

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem.constrained.certify import of_finding
-from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion
-from inverse_service.inverse_problem.constrained.wording import finding_steps, freedom
+from inverse_service.inverse_problem.constrained.existence import analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.motion_certificate import of_finding
+from inverse_service.inverse_problem.constrained.motion_sentences import finding_steps, freedom
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds import bivectors
-from inverse_service.linear_pde.deciding import Finding
+from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.constrained.motions import (

@@ -11,10 +11,10 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, substitute
-from inverse_service.inverse_problem.constrained import certify
-from inverse_service.inverse_problem.constrained.deciding import analyse_motion, decide_motion, last_bracket
+from inverse_service.inverse_problem.constrained import motion_certificate
+from inverse_service.inverse_problem.constrained.existence import analyse_motion, decide_motion, last_bracket
 from inverse_service.inverse_problem.constrained.lagrangian import own_system
-from inverse_service.linear_pde.deciding import Finding
+from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from tests.inverse_problem.constrained.motions import given
 
@@ -94,7 +94,9 @@ def test_random_motions_with_six_coordinates_are_never_left_open(seeds: range) -
         assert found.exists is not None, seed
         if found.exists is False:
             refused += 1
-            assert check_certificate(certify.of_finding(analysed, found, False), seed=1).verdict == "valid", seed
+            assert (
+                check_certificate(motion_certificate.of_finding(analysed, found, False), seed=1).verdict == "valid"
+            ), seed
     assert refused > len(seeds) // 3
 
 
@@ -104,7 +106,9 @@ def test_each_no_of_a_random_motion_is_confirmed_by_the_checker(seeds: range) ->
         analysed = analyse_motion(random_motion(seed))
         found = decide_motion(analysed, False, 1, float("inf"), lambda _: None)
         if found.exists is False:
-            assert check_certificate(certify.of_finding(analysed, found, False), seed=1).verdict == "valid", seed
+            assert (
+                check_certificate(motion_certificate.of_finding(analysed, found, False), seed=1).verdict == "valid"
+            ), seed
 
 
 @pytest.mark.parametrize("seeds", [range(10), MANY])

@@ -6,8 +6,8 @@ import re
 
 import sympy as sp
 
-from inverse_service.inverse_problem.constrained.deciding import decide_motion
-from inverse_service.inverse_problem.constrained.wording import series_steps
+from inverse_service.inverse_problem.constrained.existence import decide_motion
+from inverse_service.inverse_problem.constrained.motion_sentences import series_steps
 from tests.inverse_problem.constrained.motions import analysed, knife_edge, particle
 
 X, Y, Z, U, V = sp.symbols("x y z u v")

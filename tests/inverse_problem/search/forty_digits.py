@@ -11,7 +11,7 @@ import sympy
 
 from benchmarks.sympy_form import to_sympy, velocity
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.outcome import Hamiltonian, Lagrangian
+from inverse_service.inverse_problem.solutions import Hamiltonian, Lagrangian
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from tests.catalogue.symbolic import DIGITS, Point, opaque_atoms, value
 

@@ -7,7 +7,7 @@ import pytest
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.ladder import _sampler
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
-from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.motion_terms import split_velocities
 from tests.inverse_problem.search.given import material, monomial_of
 
 # Equations, kinetic terms of a Lagrangian, and a potential or linear term that has to go with them.

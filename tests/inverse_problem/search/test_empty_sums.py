@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.solving import solve_document
+from inverse_service.service.documents.system_documents import solve_document
 
 
 def test_a_sum_that_vanishes_does_not_stop_the_search() -> None:

@@ -16,8 +16,8 @@ from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.search.ladder import holds_numerically
+from inverse_service.inverse_problem.search.linear_systems.linear_terms import linear_system
 from inverse_service.inverse_problem.search.linear_systems.modes import even_root, invariant_multipliers
-from inverse_service.inverse_problem.search.linear_systems.reading import linear_system
 from inverse_service.inverse_problem.search.linear_systems.time_dependent import is_linear
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.inverse_problem.search.reductions import is_damped

@@ -19,8 +19,8 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import quadratures
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
-from inverse_service.service.documents.solving import solve_document
-from inverse_service.sympy.names import expression, table_of_result
+from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.sympy.symbol_names import expression, table_of_result
 
 # Equations with symbolic exponents (Courant and Hilbert, Methods of Mathematical Physics I, chapter V; Abramowitz and
 # Stegun, chapters 15 and 22): L is M (y'^2 + …)/2 with the weight M of the Sturm-Liouville form.

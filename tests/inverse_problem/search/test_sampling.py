@@ -8,7 +8,7 @@ import pytest
 
 from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Expansion, Point
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
     ONE,

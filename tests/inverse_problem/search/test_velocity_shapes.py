@@ -15,7 +15,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.factors import find_factors
 from inverse_service.inverse_problem.search.families import kinetic_terms, possible_shapes
 from inverse_service.inverse_problem.search.material import Material, gather
-from inverse_service.inverse_problem.search.motion import irreducible_factors
+from inverse_service.inverse_problem.search.motion_terms import irreducible_factors
 from inverse_service.inverse_problem.search.rungs import ANSATZ
 from inverse_service.inverse_problem.search.shapes import carried, polynomials, quadratic
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, monomial, terms_of, tree_of

@@ -7,11 +7,11 @@ import random
 import pytest
 
 from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.inverse_problem.special_cases.case_tree import Node, special_cases
 from inverse_service.inverse_problem.special_cases.cases import condition_texts, equation_texts
 from inverse_service.inverse_problem.special_cases.side_conditions import has_one_everywhere
 from inverse_service.inverse_problem.special_cases.splitting import split
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace
-from inverse_service.inverse_problem.special_cases.tree import Node, special_cases
 from inverse_service.mechanics.reading import read_system
 
 

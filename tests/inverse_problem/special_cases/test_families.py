@@ -17,7 +17,7 @@ import pytest
 import sympy as sp
 
 from inverse_service.inverse_problem.decision.deciding import decide
-from inverse_service.inverse_problem.special_cases.tree import Node, SpecialCases, special_cases
+from inverse_service.inverse_problem.special_cases.case_tree import Node, SpecialCases, special_cases
 from inverse_service.mechanics.reading import read_system
 
 Values = Mapping[str, int]

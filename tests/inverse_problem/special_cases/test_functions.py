@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.deadline import now
+from inverse_service.inverse_problem.special_cases.case_tree import Node, SpecialCases, special_cases
 from inverse_service.inverse_problem.special_cases.cases import condition_texts
-from inverse_service.inverse_problem.special_cases.tree import Node, SpecialCases, special_cases
 from inverse_service.mechanics.reading import read_system
 
 

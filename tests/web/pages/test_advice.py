@@ -9,7 +9,7 @@ import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import solve_document
-from inverse_service.web.pages.documents import document_of, fields_from, lean_fields
+from inverse_service.web.pages.form_documents import document_of, fields_from, lean_fields
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.result_tasks import advice_for
 

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import httpx
 
-from inverse_service.web.pages.documents import document_of_fields, fields_from, fields_of, question_address, right_side
+from inverse_service.web.pages.form_documents import (
+    document_of_fields,
+    fields_from,
+    fields_of,
+    question_address,
+    right_side,
+)
 from inverse_service.web.pages.form_tasks import echo_task
 from inverse_service.web.pages.forms import Form
 

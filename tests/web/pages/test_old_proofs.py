@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service import solve
-from inverse_service.web.pages.answers import answer_of, proof_of
+from inverse_service.web.pages.shown_results import answer_of, proof_of
 
 
 @pytest.mark.parametrize(("form", "shown"), [("1", "old"), ("2", "valid")])

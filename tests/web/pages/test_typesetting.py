@@ -11,8 +11,8 @@ from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.solving import solve_document
-from inverse_service.web.pages import answers, steps, typesetting
+from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.web.pages import shown_results, steps, typesetting
 from inverse_service.web.pages.typesetting import low_fences
 
 NAMES = Names(("phi", "x"), ("R", "g_11", "g_12", "p_x"), {"A": ("x",)})
@@ -71,7 +71,7 @@ def test_a_step_of_an_older_result_keeps_its_words() -> None:
 def test_every_step_of_a_proof_and_of_a_search_is_typeset() -> None:
     for name in ("vertically-rolling-disk-first", "knife-edge-second"):
         result = solve_document(catalogue.document(name), SolveOptions(time_limit=60.0))
-        answer = answers.answer_of(result, result["question"], result)
+        answer = shown_results.answer_of(result, result["question"], result)
         assert len(answer.steps) == len(result["explanation"])
         for shown, step in zip(answer.steps, result["explanation"], strict=True):
             assert "<math" in shown.text + (shown.formula or "") or not step["latex"]
@@ -159,7 +159,7 @@ def test_a_page_names_what_is_conserved(equations: dict[str, str], kept: list[st
     """H where the time does not occur in L, and the momentum of each coordinate that does not."""
     document = {"coordinates": list(equations), "equations": equations}
     result = solve_document(document, SolveOptions(time_limit=600))
-    part, _ = answers.shown_of(result, result)
+    part, _ = shown_results.shown_of(result, result)
     assert part.hamiltonian is not None
     assert [text_of(f"<p>{one}</p>").split(" is")[0] for one in part.hamiltonian.kept] == [
         one.replace("_", "") for one in kept

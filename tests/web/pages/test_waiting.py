@@ -10,7 +10,7 @@ from inverse_service.service.documents import documents
 from inverse_service.web.pages.learn import hamiltonized
 from inverse_service.web.pages.reading_back import understood
 from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.results import asked_of
+from inverse_service.web.pages.result_pages import asked_of
 
 
 @pytest.mark.parametrize(

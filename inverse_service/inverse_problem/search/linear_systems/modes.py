@@ -32,8 +32,8 @@ from inverse_service.expressions.tree import (
     number,
     square_root,
 )
-from inverse_service.inverse_problem.search.linear_systems import reading as matrices
-from inverse_service.inverse_problem.search.linear_systems.reading import (
+from inverse_service.inverse_problem.search.linear_systems import linear_terms as matrices
+from inverse_service.inverse_problem.search.linear_systems.linear_terms import (
     EIGENVALUE,
     LinearSystem,
     Matrix,

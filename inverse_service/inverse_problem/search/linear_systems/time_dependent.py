@@ -22,22 +22,22 @@ from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import ZERO, Expression, add, multiply
 from inverse_service.inverse_problem.explanation.elimination import common_factor
-from inverse_service.inverse_problem.search.linear_systems import reading as matrices
+from inverse_service.inverse_problem.search.linear_systems import linear_terms as matrices
+from inverse_service.inverse_problem.search.linear_systems.linear_terms import (
+    LinearSystem,
+    Matrix,
+    linear_system,
+    linear_terms,
+)
 from inverse_service.inverse_problem.search.linear_systems.modes import (
     Branch,
     all_branches,
     constant_branches,
     invariant_multipliers,
 )
-from inverse_service.inverse_problem.search.linear_systems.reading import (
-    LinearSystem,
-    Matrix,
-    linear_system,
-    linear_terms,
-)
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.members import MOST_PARTS, definite_weights
-from inverse_service.inverse_problem.search.motion import MotionTerms
+from inverse_service.inverse_problem.search.motion_terms import MotionTerms
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 
 _MOST = 3

@@ -19,14 +19,14 @@ from fractions import Fraction
 
 import numpy as np
 
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Velocity, walk
 from inverse_service.inverse_problem.search.factors import Factors
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of, null_combinations
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
-from inverse_service.inverse_problem.search.motion import along, split_velocities
+from inverse_service.inverse_problem.search.motion_terms import along, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import tensors_of
 from inverse_service.inverse_problem.search.null_vectors import pivots
 from inverse_service.inverse_problem.search.one_coordinate.algebra import expanded, factored

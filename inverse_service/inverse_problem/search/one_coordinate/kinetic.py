@@ -36,7 +36,7 @@ from inverse_service.expressions.tree import (
     substitute,
 )
 from inverse_service.inverse_problem.search.completion import completed
-from inverse_service.inverse_problem.search.motion import split_velocities
+from inverse_service.inverse_problem.search.motion_terms import split_velocities
 from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,
     extracted_root,

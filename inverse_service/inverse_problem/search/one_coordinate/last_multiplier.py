@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service.algebra.real_point import real_sign
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
@@ -40,7 +40,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.search.choice import scaled
 from inverse_service.inverse_problem.search.factors import Factors, find_factors
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.motion import has_velocity, split_velocities
+from inverse_service.inverse_problem.search.motion_terms import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.null_vectors import small_solution
 from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,

@@ -15,10 +15,10 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents.accepting import to_schema, to_system
 from inverse_service.service.documents.preparing import Prepared, prepared
 from inverse_service.sympy import asked
-from inverse_service.sympy.names import Table, expression, table_of_result
+from inverse_service.sympy.symbol_names import Table, expression, table_of_result
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.result import Answer, Verification
+    from inverse_service.sympy.result_objects import Answer, Verification
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def conditions_of_texts(parts: Mapping[str, Any], table: Table) -> Conditions:
 
 def verification(answer: Answer) -> Verification:
     """The residuals of an answer, simplified; ValueError where it has no Lagrangian."""
-    from inverse_service.sympy.result import Verification
+    from inverse_service.sympy.result_objects import Verification
 
     lagrangian = answer.lagrangian
     if lagrangian is None:

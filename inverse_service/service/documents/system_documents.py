@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from inverse_service.expressions.tree import Expression
     from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
     from inverse_service.inverse_problem.options import SolveOptions
-    from inverse_service.inverse_problem.outcome import Solution
+    from inverse_service.inverse_problem.solutions import Solution
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Stages are told by name, an answer so far as {"so_far": result}.
@@ -64,11 +64,11 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
 
         result = with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
-        from inverse_service.service.documents.kinds import with_kinds
+        from inverse_service.service.documents.kinds_part import with_kinds
 
         result = with_kinds(result, solution, schema, kinds, asked, limit)
     if schema.clock is not None:
-        from inverse_service.service.documents.clock import clock_part
+        from inverse_service.service.documents.clock_part import clock_part
 
         part = clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
@@ -89,7 +89,7 @@ def _tell(solution: Solution, schema: SystemDocument, progress: Progress) -> Non
 def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
     if not schema.kinds and not schema.near:
         return ()
-    from inverse_service.service.documents.kinds import to_kinds
+    from inverse_service.service.documents.kinds_part import to_kinds
 
     return to_kinds(schema, system)
 
@@ -97,7 +97,7 @@ def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Lagrangia
 def _clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression | None:
     if schema.clock is None:
         return None
-    from inverse_service.service.documents.clock import to_clock
+    from inverse_service.service.documents.clock_part import to_clock
 
     return to_clock(schema, system)
 
@@ -110,7 +110,7 @@ def with_special_cases(
 ) -> ResultDocument:
     """The result with the tree of special cases, found in the time that is left."""
     # Loaded when asked for, so that others start sooner.
-    from inverse_service.inverse_problem.special_cases.tree import special_cases
+    from inverse_service.inverse_problem.special_cases.case_tree import special_cases
     from inverse_service.service.documents.translate_cases import to_special_cases
 
     end, progress = limits

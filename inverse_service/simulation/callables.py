@@ -16,7 +16,16 @@ import numpy as np
 
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.codegen.algebra import ZERO, Evaluator, Formula, closure, free_names, names_of, symbol, translate
+from inverse_service.codegen.symengine_trees import (
+    ZERO,
+    Evaluator,
+    Formula,
+    closure,
+    free_names,
+    names_of,
+    symbol,
+    translate,
+)
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -32,7 +41,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation.scene import Problem
+from inverse_service.simulation.scene_data import Problem
 
 MOST_TERMS = 200
 _POLES = {"tan": "cos", "sec": "cos", "cot": "sin", "csc": "sin"}

@@ -21,7 +21,7 @@ from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
 from inverse_service.simulation.impulses import Ways
 from inverse_service.simulation.observing import energy, point_velocities, why_energy_varies
 from inverse_service.simulation.resolution import apart, sharper
-from inverse_service.simulation.scene import (
+from inverse_service.simulation.scene_data import (
     EXACT,
     FreeLagrangian,
     Members,

@@ -15,7 +15,7 @@ from inverse_service.algebra.rational_functions import Budget, Quotient, Quotien
 from inverse_service.deadline import end
 from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, walk
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.motion import MotionTerms
+from inverse_service.inverse_problem.search.motion_terms import MotionTerms
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, monomial_tree, tree_of
 from inverse_service.mechanics.quotient_matrices import dot, null_space, reduced_rows
 

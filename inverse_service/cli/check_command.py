@@ -11,7 +11,7 @@ from typing import Any
 from inverse_service.cli.batching import NAMES, progress
 from inverse_service.cli.exits import ExitCode, read_bytes, write
 from inverse_service.errors import InputError
-from inverse_service.service.documents.reading import decode, read_document, read_json
+from inverse_service.service.documents.plain_data import decode, read_document, read_json
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
 from inverse_service.service.jobs.batch_files import open_source, read_answers

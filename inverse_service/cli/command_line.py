@@ -124,7 +124,7 @@ def solve(
     ] = None,
 ) -> None:
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
-    from inverse_service.cli.solving import solve_file
+    from inverse_service.cli.solve_command import solve_file
 
     form = format.value
     sys.exit(solve_file(file, form, time_limit, seed, explain, special_cases, guess, kind or (), clock, output))
@@ -143,7 +143,7 @@ def check(
     ] = None,
 ) -> None:
     """The independent checker on a result, or on a Lagrangian. Exit 0 valid, 1 invalid or incomplete, 2 unreadable."""
-    from inverse_service.cli.checking import check_batch, check_file, check_own, is_batch
+    from inverse_service.cli.check_command import check_batch, check_file, check_own, is_batch
 
     if is_batch(file) and lagrangian is None and document is None:
         sys.exit(check_batch(file))
@@ -190,7 +190,7 @@ def simulate(
     figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
 ) -> None:
     """Integrate a scene by its methods. Exit 1 only if every method failed."""
-    from inverse_service.cli.simulating import simulate_file
+    from inverse_service.cli.simulate_command import simulate_file
 
     sys.exit(simulate_file(scene, output, time_limit, figures))
 
@@ -202,7 +202,7 @@ def work_precision(
     time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 300.")] = None,
 ) -> None:
     """Error against time for every method of a scene."""
-    from inverse_service.cli.simulating import measure_file
+    from inverse_service.cli.simulate_command import measure_file
 
     sys.exit(measure_file(scene, output, time_limit))
 
@@ -218,7 +218,7 @@ def catalogue(
 
     With a NAME, that system as a document that `solve` takes.
     """
-    from inverse_service.cli.solving import list_catalogue
+    from inverse_service.cli.solve_command import list_catalogue
 
     sys.exit(list_catalogue(name, None if format is None else format.value))
 
@@ -226,7 +226,7 @@ def catalogue(
 @application.command()
 def warm() -> None:
     """Compile what this machine needs, once, after an installation, so that no question waits for it."""
-    from inverse_service.cli.solving import warm_alone
+    from inverse_service.cli.solve_command import warm_alone
     from inverse_service.settings import read_settings
 
     sys.exit(warm_alone(read_settings().memory_limit))

@@ -17,7 +17,7 @@ from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import figures, reading_back, result_tasks, simulations
-from inverse_service.web.pages.calls import SMALL_FORM, Answer, call, read_form
+from inverse_service.web.pages.own_calls import SMALL_FORM, Answer, call, read_form
 from inverse_service.web.pages.rendering import POLICY, VISITOR, packed, page
 from inverse_service.web.problems import Refusal
 

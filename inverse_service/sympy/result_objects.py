@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.names import Table
+    from inverse_service.sympy.symbol_names import Table
 
 VARIATIONAL = {"variational": True, "not_variational": False}
 
@@ -62,7 +62,7 @@ class Verification:
     @property
     def holds(self) -> bool | None:
         """True where SymPy reduces all of them to 0, False where one differs from 0 in numbers, None where unsure."""
-        from inverse_service.sympy.conditions import is_zero
+        from inverse_service.sympy.sympy_tensors import is_zero
 
         verdicts = [is_zero(each) for each in (*self.euler_lagrange, self.hamiltonian) if each is not None]
         return False if False in verdicts else (None if None in verdicts else True)
@@ -89,17 +89,17 @@ class Answer(dict[str, Any]):
 
     @cached_property
     def _table(self) -> Table:
-        from inverse_service.sympy.names import table_of_result
+        from inverse_service.sympy.symbol_names import table_of_result
 
         table = self._given or table_of_result({"system": self._system})
         if not self.get("integrals"):
             return table
-        from inverse_service.sympy.names import with_integrals
+        from inverse_service.sympy.symbol_names import with_integrals
 
         return with_integrals(table, self["integrals"])
 
     def _expression(self, text: str) -> Any:
-        from inverse_service.sympy.names import expression
+        from inverse_service.sympy.symbol_names import expression
 
         return expression(text, self._table)
 
@@ -130,7 +130,7 @@ class Answer(dict[str, Any]):
     @cached_property
     def domain(self) -> tuple[Any, ...]:
         """The conditions under which L is one, as relations."""
-        from inverse_service.sympy.names import relation
+        from inverse_service.sympy.symbol_names import relation
 
         found = self.get("lagrangian") or {}
         return tuple(relation(text, self._table) for text in found.get("domain", ()))
@@ -178,7 +178,7 @@ class Answer(dict[str, Any]):
 
     def verify(self) -> Verification:
         """SymPy's own Euler-Lagrange residuals of L along the motion, and H - (p v - L); ValueError without L."""
-        from inverse_service.sympy.conditions import verification
+        from inverse_service.sympy.sympy_tensors import verification
 
         return verification(self)
 
@@ -231,7 +231,7 @@ class Result(Answer):
     @cached_property
     def conditions(self) -> Any:
         """Phi, nabla Phi and R as SymPy arrays, None where they were left out."""
-        from inverse_service.sympy.conditions import conditions_of_texts
+        from inverse_service.sympy.sympy_tensors import conditions_of_texts
 
         found = self.get("conditions")
         return None if found is None else conditions_of_texts(found, self._table)
@@ -300,6 +300,6 @@ def result_of(data: Mapping[str, Any], names: Any = None) -> Result:
     data = dict(data)
     if not isinstance(names, Mapping):
         return Result(data, names)
-    from inverse_service.sympy.names import table_of_result
+    from inverse_service.sympy.symbol_names import table_of_result
 
     return Result(data, table_of_result(data, names))

@@ -12,22 +12,22 @@ import numpy as np
 import numpy.typing as npt
 from flint import nmod_mat
 
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.reduction import reduce_atoms
-from inverse_service.algebra.series import SingularPoint
 from inverse_service.algebra.series_program import SeriesProgram, TooLarge, constants_at, run
 from inverse_service.algebra.tower import Tower, draw_point
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.kinds import bivectors, constrained
 from inverse_service.inverse_problem.kinds.constrained import Shape
-from inverse_service.linear_pde.deciding import Coefficients, Finding, Limits, settle
 from inverse_service.linear_pde.emission import LocalEquations
 from inverse_service.linear_pde.involution import Matrix
+from inverse_service.linear_pde.involutive_form import Coefficients, Finding, Limits, settle
 from inverse_service.linear_pde.unknowns import Unknowns
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 

@@ -9,17 +9,17 @@ from typing import Any
 import mpmath
 
 from inverse_service.algebra.components import component
-from inverse_service.algebra.kernels import to_kernels
+from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.real_point import find_real_point, is_defined, requirements
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
-from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, variables_of
+from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, variables_of
 from inverse_service.inverse_problem.decision.certify import FORMAT, MOST_CONDITIONS
 from inverse_service.inverse_problem.kinds.bivectors import last_of
 from inverse_service.inverse_problem.kinds.constrained import Shape
-from inverse_service.linear_pde.deciding import Finding
+from inverse_service.linear_pde.involutive_form import Finding
 
 _DIGITS = 20
 _SEED = 3

@@ -23,7 +23,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.mechanics.legendre.forms import quotient, simplified
+from inverse_service.mechanics.legendre.short_forms import quotient, simplified
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 
 Table = dict[Expression, Expression]

@@ -13,7 +13,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.sympy_trees import Leaves, from_sympy
 from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity
-from inverse_service.sympy.names import Table, names_for
+from inverse_service.sympy.symbol_names import Table, names_for
 
 
 @dataclass(frozen=True)

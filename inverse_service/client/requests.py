@@ -14,7 +14,7 @@ from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, TypeVar
 
-from inverse_service.client.reading import ServiceBusy, ServiceUnreachable, problem_of, unexpected
+from inverse_service.client.decoding import ServiceBusy, ServiceUnreachable, problem_of, unexpected
 
 BUSY: Final = frozenset({429, 502, 503, 504})
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0

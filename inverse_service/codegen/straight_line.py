@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import symengine
 
-from inverse_service.codegen.algebra import Formula
 from inverse_service.codegen.llvm_writer import LlvmWriter
+from inverse_service.codegen.symengine_trees import Formula
 from inverse_service.errors import InputError
 from inverse_service.expressions.functions import RECIPROCALS
 

@@ -14,9 +14,9 @@ import httpx
 from api_schemas.job import Batch, Job
 from inverse_service import __version__
 from inverse_service.client import flows
-from inverse_service.client.calls import Answer, Call, Flow, Item, Open, Pause
+from inverse_service.client.decoding import BatchAnswer, ClientError, Event, ServiceUnreachable
 from inverse_service.client.flows import BatchResults, JobEvents
-from inverse_service.client.reading import BatchAnswer, ClientError, Event, ServiceUnreachable
+from inverse_service.client.requests import Answer, Call, Flow, Item, Open, Pause
 
 ADDRESS: Final = "http://127.0.0.1:8000"
 TIMEOUT: Final = 60.0

@@ -16,7 +16,7 @@ from inverse_service.mechanics.document_names import GUESS, Declared, known_name
 from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
 from inverse_service.service.documents.text_page import answers_of, regular_where
 from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.documents import right_side
+from inverse_service.web.pages.form_documents import right_side
 from inverse_service.web.pages.rendering import duration
 from inverse_service.web.pages.steps import Step, matrices_of, said_once, step_of
 

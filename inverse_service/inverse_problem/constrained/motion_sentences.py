@@ -12,10 +12,10 @@ from math import comb
 
 from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Point, Variable
-from inverse_service.algebra.series import SingularPoint
+from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.constrained.deciding import AnalysedMotion, ConstrainedAt
+from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, ConstrainedAt
 from inverse_service.inverse_problem.constrained.lagrangian import JetOnConstraints
 from inverse_service.inverse_problem.decision.analysis import is_irrational
 from inverse_service.inverse_problem.decision.power_series import (
@@ -25,10 +25,10 @@ from inverse_service.inverse_problem.decision.power_series import (
     solution,
 )
 from inverse_service.inverse_problem.explanation.wording import said, separated
-from inverse_service.inverse_problem.outcome import Step
-from inverse_service.linear_pde.deciding import Finding
+from inverse_service.inverse_problem.solutions import Step
 from inverse_service.linear_pde.emission import advance, start
 from inverse_service.linear_pde.involution import matrix_at
+from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.linear_pde.unknowns import unknown_names
 
 _QUESTION = {False: "L(q, q')", True: "L(t, q, q')"}

@@ -15,7 +15,7 @@ from inverse_service.cli.exits import ExitCode, read_bytes, write
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.mechanics.document_names import AND_GUESS, GUESS
-from inverse_service.service.documents.reading import read_document
+from inverse_service.service.documents.plain_data import read_document
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.model import JobOptions, read_options, split_options
 from inverse_service.service.jobs.single_call import run_alone

@@ -18,10 +18,10 @@ from inverse_service.service.jobs.batch_output import answer_line
 from inverse_service.service.jobs.batches import BatchAnswer
 from inverse_service.web.asking import FACTORS
 from inverse_service.web.clients import viewer_of
-from inverse_service.web.pages.answers import proof_of
-from inverse_service.web.pages.calls import SMALL_FORM, call, read_form
+from inverse_service.web.pages.own_calls import SMALL_FORM, call, read_form
 from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.results import IDENTIFIER, missing
+from inverse_service.web.pages.result_pages import IDENTIFIER, missing
+from inverse_service.web.pages.shown_results import proof_of
 from inverse_service.web.routes_jobs import engine_of
 
 router = APIRouter()

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service.cli.exits import ExitCode, read_bytes, write
-from inverse_service.cli.solving import time_limit_or
+from inverse_service.cli.solve_command import time_limit_or
 from inverse_service.errors import InputError, WorkerFailed
-from inverse_service.service.documents.reading import read_document
+from inverse_service.service.documents.plain_data import read_document
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.single_call import run_alone
 from inverse_service.settings import read_settings
@@ -198,8 +198,8 @@ def measure_file(name: str, output: Path | None, time_limit: float | None) -> Ex
     if folder is None:
         write(json.dumps(result, ensure_ascii=False, indent=2) + "\n")
         return ExitCode.DONE
-    from inverse_service.service.figures.series import precision_figure
     from inverse_service.service.figures.style import save
+    from inverse_service.service.figures.time_series import precision_figure
 
     figure, caption = precision_figure(result)
     result["figures"] = [{"files": save(figure, folder, "work-precision", caption), "caption": caption}]
