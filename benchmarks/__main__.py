@@ -1,8 +1,8 @@
 """Run the benchmark: tables on standard output, and with --output as Markdown and JSON files.
 
 `lagrangians` as the first word runs the benchmark of the search for closed forms instead, `collection` the same on a
-list of documents, `ablation` that of its parts, `service` the one of the service under load, `simulation` that of the
-integrators, `hard-cases` their hard cases.
+list of documents, `ablation` that of its parts, `bounds` that of its bounds, `service` the one of the service under
+load, `simulation` that of the integrators, `hard-cases` their hard cases.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import ablation, collection, families, lagrangians, tables
+from benchmarks import ablation, bounds, collection, families, lagrangians, tables
 from benchmarks.cold_start import cold_starts
 from benchmarks.decision_benchmark import comparisons, medians
 from benchmarks.growth import against_order, against_size
@@ -112,6 +112,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["ablation"]:
         ablation.main(sys.argv[2:])
+    elif sys.argv[1:2] == ["bounds"]:
+        bounds.main(sys.argv[2:])
     elif sys.argv[1:2] == ["lagrangians"]:
         lagrangians.main(sys.argv[2:])
     elif sys.argv[1:2] == ["collection"]:

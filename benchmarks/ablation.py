@@ -37,15 +37,18 @@ Given = tuple[str, SecondOrderSystem, tuple[Any, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One solution: `finders` are the rungs that found something for it, `length` is that of L in characters."""
+    """One solution: `finders` are the rungs that found something for it, `text` is that of L, empty without one."""
 
     name: str
-    found: bool
+    text: str
     closed: bool
-    length: int
     family: str
     finders: tuple[str, ...]
     seconds: float
+
+    @property
+    def found(self) -> bool:
+        return bool(self.text)
 
 
 def from_entries(entries: Iterable[Mapping[str, Any]]) -> Iterator[Given]:
@@ -68,10 +71,10 @@ def record(given: Given, limit: float) -> Run:
     seconds = time.process_time() - began
     answer = best(solution)
     if answer is None or answer.lagrangian is None:
-        return Run(name, False, False, 0, "", tuple(finders), seconds)
+        return Run(name, "", False, "", tuple(finders), seconds)
     closed = answer.hamiltonian is not None and not answer.hamiltonian.implicit
-    length = len(to_text(answer.lagrangian.expression))
-    return Run(name, True, closed, length, answer.lagrangian.family, tuple(finders), seconds)
+    text = to_text(answer.lagrangian.expression)
+    return Run(name, text, closed, answer.lagrangian.family, tuple(finders), seconds)
 
 
 def best(solution: Solution) -> Answer | None:
@@ -120,19 +123,24 @@ class Row:
             self.lost.append(before.name)
             return
         self.closed_lost += before.closed and not after.closed
-        self.lengths = (self.lengths[0] + before.length, self.lengths[1] + after.length)
+        self.lengths = (self.lengths[0] + len(before.text), self.lengths[1] + len(after.text))
 
 
 def options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks ablation", description=__doc__)
+    add_collections(parser)
+    parser.add_argument("--most", type=int, default=20, help="systems solved again without a rung (default 20)")
+    return parser.parse_args(arguments)
+
+
+def add_collections(parser: argparse.ArgumentParser) -> None:
+    """The options that say which systems are solved, and for how long."""
     parser.add_argument("--catalogue", action="store_true", help="the systems of the catalogue")
     parser.add_argument("--systems", nargs="*", default=[], help="lists with one JSON object per line")
     parser.add_argument("--generated", type=int, default=0, help="so many systems of the test generator")
     parser.add_argument("--disguised", type=int, default=0, help="so many in other coordinates, for three seeds")
     parser.add_argument("--shapes", type=int, default=0, help="so many of its less usual shapes")
     parser.add_argument("--limit", type=float, default=30.0, help="seconds for one system (default 30)")
-    parser.add_argument("--most", type=int, default=20, help="systems solved again without a rung (default 20)")
-    return parser.parse_args(arguments)
 
 
 def given_systems(chosen: argparse.Namespace) -> Iterator[tuple[str, Given]]:

@@ -19,7 +19,7 @@ from fractions import Fraction
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 from flint.utils.flint_exceptions import DomainError
 
-from inverse_service.deadline import now
+from inverse_service.deadline import end, now
 
 Exponents = tuple[tuple[int, int], ...]
 
@@ -54,6 +54,16 @@ class Budget:
     deadline: float = float("inf")
     work: float = float("inf")
     done: int = 0
+
+    @classmethod
+    def short(cls) -> Budget:
+        """For a step among many that may be left out, within the time set outside: what is longer is no help."""
+        return cls(500, end(), 75_000)
+
+    @classmethod
+    def long(cls) -> Budget:
+        """For a step without which a way ends, within the time set outside: about a second and a half."""
+        return cls(4_000, end(), 150_000)
 
     def charge(self, terms: int) -> None:
         """Raise TooLarge where a polynomial of about so many terms is beyond the budget."""

@@ -14,7 +14,7 @@ from fractions import Fraction
 
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.deadline import check, end
+from inverse_service.deadline import check
 from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
 from inverse_service.inverse_problem.search.motion_terms import MotionTerms, euler_lagrange, split_velocities
@@ -131,7 +131,6 @@ def is_admissible(material: Material, key: Monomial) -> bool:
     return material.motion.with_time or not any(node == TIME for letter, _ in key for node in walk(letter))
 
 
-_TERMS, _WORK = 4_000, 150_000
 _MOST = 200
 
 
@@ -143,7 +142,7 @@ def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> lis
         trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
         motion, point = material.motion, material.analysis.real_point
         symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
-        quotients = factored(list(trees), symbols, Budget(_TERMS, end(), _WORK))
+        quotients = factored(list(trees), symbols, Budget.long())
         residuals = [oriented(terms_of(tree), point) for tree in quotients]
     except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
         return []

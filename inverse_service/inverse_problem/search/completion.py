@@ -17,7 +17,7 @@ from flint import fmpq, fmpq_mat
 from inverse_service.algebra.exact_atoms import exact_ring, factored
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.deadline import check, end
+from inverse_service.deadline import check
 from inverse_service.expressions.tree import (
     HALF,
     TIME,
@@ -68,7 +68,7 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
 # Terms that are tried in addition to four for each term wanted, and how often what is left over is answered.
 _MOST_TERMS, _DEPTH = 60, 3
 # With coefficients that hold parameters: so many terms, in so much work (see `deadline`).
-_MOST_SYMBOLIC, _TERMS, _WORK = 40, 500, 50_000
+_MOST_SYMBOLIC = 40
 
 
 def expressions_without_acceleration(names: Sequence[str], terms: Terms) -> list[Terms]:
@@ -131,7 +131,7 @@ def _less(names: Sequence[str], wanted: Sequence[Terms], known: Terms) -> list[T
     own = expressions_without_acceleration(names, known)
     trees = [tree_of(add_terms(dict(terms), part, -1)) for terms, part in zip(wanted, own, strict=True)]
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
-    return [terms_of(tree) for tree in factored(trees, symbols, Budget(_TERMS, end(), _WORK))]
+    return [terms_of(tree) for tree in factored(trees, symbols, Budget.short())]
 
 
 def _of_round_field(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> Expression | None:
@@ -198,7 +198,7 @@ def _with_parameters(
     keys = list(dict.fromkeys(key for side in sides for key in side))
     trees = [[tree_of(side.get(key, {})) for side in sides] for key in keys]
     try:
-        budget = Budget(_TERMS, end(), _WORK)
+        budget = Budget.short()
         ring = exact_ring([tree for row in trees for tree in row], [], 0, budget, slopes=False)
         found = reduced_rows([[ring.value(tree) for tree in row] for row in trees], range(len(sides)))
     except (TooLarge, ZeroDivisionError):

@@ -16,7 +16,6 @@ from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable
-from inverse_service.deadline import end
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import HALF, ONE, TIME, ZERO, Expression, Symbol, Velocity, add, substitute, walk
 from inverse_service.inverse_problem.search.linear_systems import linear_terms as matrices
@@ -154,9 +153,6 @@ def _primitive(function: Monomial, w: Symbol) -> Expression | None:
     return None
 
 
-_TERMS, _WORK = 3_000, 400_000
-
-
 def applies(material: Material) -> bool:
     """Whether f has this form with A constant, or some A that couples velocities; other rungs have the rest."""
     parts = carried(material.motion)
@@ -192,7 +188,7 @@ def _choices(block: Block, carrier: Velocity, table: RealTable) -> list[Expressi
 def _linear_system(block: Block) -> LinearSystem:
     """q'' = A_0 q' in W instead of t."""
     trees = [[tree_of(entry) for entry in row] for row in block.matrix]
-    budget = Budget(_TERMS, end(), _WORK)
+    budget = Budget.long()
     ring = exact_ring([tree for row in trees for tree in row], (), 0, budget, further=(EIGENVALUE,))
     damping = tuple(tuple(ring.value(tree).scaled(-1) for tree in row) for row in trees)
     none = matrices.plus(damping, damping, -1)

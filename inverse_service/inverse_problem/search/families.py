@@ -35,11 +35,11 @@ from inverse_service.inverse_problem.search.linear_ansatz import letters_of, to_
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
 from inverse_service.inverse_problem.search.motion_terms import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
+from inverse_service.inverse_problem.search.null_vectors import LARGEST_RATIO, SPARE
 from inverse_service.inverse_problem.search.sample_points import SamplePoints
 from inverse_service.inverse_problem.search.sampling import LetterTable, sampler_of, table_at
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times
 
-_SPARE = 6
 # Shapes are left out until there are so few: the elimination is cubic in them.
 _MOST = 120
 
@@ -86,7 +86,7 @@ def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) 
     sampler, chosen = sampler_of(material.analysis, [shape for group in groups for shape in group])
     groups = [kept for group in groups if (kept := [shape for shape in group if shape in chosen])]
     points, letters = sampler.at_one_place(seed), letters_of(chosen)
-    count = (max(map(len, groups)) * unknowns + _SPARE) // material.motion.size**2 + 2
+    count = (max(map(len, groups)) * unknowns + SPARE) // material.motion.size**2 + 2
     table = table_at(points, letters, count, with_third=True)
     matrix, hessians = helmholtz_matrix(sampler, table, letters, chosen)
     generator, weights = random.Random(f"velocity shapes {seed}"), list[int]()
@@ -119,14 +119,10 @@ def _fixed(material: Material, solution: Sequence[int], count: int) -> list[froz
     return [frozenset(name for name in names if not rates[name][shape]) for shape in range(count)]
 
 
-# Of e^(rho t): what a larger bound admits are accidents.
-_LARGEST_GROWTH = 1_000
-
-
 def _growth(weights: Sequence[int], rates: Sequence[int], prime: int) -> tuple[Fraction | None, bool]:
     """rho with d_t c_k = rho c_k in a random solution for most k, and whether for all; None without one."""
     pairs = zip(weights, rates, strict=True)
-    known = [reconstruct(rate * pow(c, -1, prime), prime, _LARGEST_GROWTH) if c else None for c, rate in pairs]
+    known = [reconstruct(rate * pow(c, -1, prime), prime, LARGEST_RATIO) if c else None for c, rate in pairs]
     most = max(known, key=known.count)
     is_seen = most is not None and 2 * known.count(most) > len(known)
     return (most, set(known) == {most}) if is_seen else (None, False)

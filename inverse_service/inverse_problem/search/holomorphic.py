@@ -37,9 +37,8 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.protocol import Smaller
+from inverse_service.inverse_problem.search.terms import LARGEST_POWER
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-
-_LARGEST_POWER = 6
 
 
 class NotAnalytic(ArithmeticError):
@@ -103,7 +102,7 @@ def _power(base: ComplexTree, exponent: Fraction) -> ComplexTree:
     """z^e, by products for small whole e, else |z|^e e^(i e arg z)."""
     if base.imaginary == ZERO:
         return ComplexTree(base.real**exponent)
-    if exponent.denominator == 1 and abs(exponent) <= _LARGEST_POWER:
+    if exponent.denominator == 1 and abs(exponent) <= LARGEST_POWER:
         whole = reduce(ComplexTree.__mul__, [base] * abs(int(exponent)))
         return whole if exponent > 0 else whole.inverse()
     angle = exponent * logarithm(base).imaginary

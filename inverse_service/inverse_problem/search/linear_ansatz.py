@@ -14,7 +14,7 @@ from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.gradings import graded
-from inverse_service.inverse_problem.search.null_vectors import SampledRows, kernel, vectors_of_groups
+from inverse_service.inverse_problem.search.null_vectors import SPARE, SampledRows, kernel, vectors_of_groups
 from inverse_service.inverse_problem.search.sampling import (
     Derivatives,
     Integers,
@@ -25,7 +25,6 @@ from inverse_service.inverse_problem.search.sampling import (
 )
 from inverse_service.inverse_problem.search.terms import Monomial
 
-_SPARE_EQUATIONS = 12
 _CONTROL_POINTS = 4
 
 Combination = dict[Monomial, Fraction]
@@ -127,7 +126,7 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
     groups = graded(sampler.analysis.system, candidates, sampler.analysis.constrained)
-    found = vectors_of_groups(groups, SampledRows(equations, n), sampler.prime(seed), _SPARE_EQUATIONS)
+    found = vectors_of_groups(groups, SampledRows(equations, n), sampler.prime(seed), SPARE)
     kept = _that_hold(sampler, candidates, found, seed + 77_777)
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
 

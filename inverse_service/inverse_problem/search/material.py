@@ -14,7 +14,6 @@ from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import RealTable, real_sign
-from inverse_service.deadline import end
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import (
@@ -56,7 +55,6 @@ from inverse_service.inverse_problem.search.terms import (
 from inverse_service.mechanics.conditions import motion_in_ring
 
 _COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
-_TERMS, _WORK = 2_000, 150_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +94,7 @@ def _factored(analysis: Analysis) -> list[Expression]:
     """f with numerators and denominators factored, known relations among atoms used."""
     system = analysis.system
     try:
-        exact = motion_in_ring(system, 0, Budget(_TERMS, end(), _WORK))
+        exact = motion_in_ring(system, 0, Budget.long())
         return [quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
     except (TooLarge, ZeroDivisionError):
         return list(system.accelerations)
@@ -120,7 +118,7 @@ def simplified(material: Material, terms: Terms) -> Terms:
     tree = tree_of(terms)
     symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
     try:
-        other = terms_of(factored([tree], symbols, Budget(_TERMS, end(), _WORK))[0])
+        other = terms_of(factored([tree], symbols, Budget.long())[0])
     except (TooLarge, ZeroDivisionError, TooManyTerms):
         return terms
     return other if len(other) < len(terms) else terms
@@ -331,7 +329,7 @@ def _alone(material: Material, i: int) -> list[Terms]:
     own, held = motion.velocities[i], set(walk(force))
     for v in (w for w in motion.velocities if w in held and w != own):
         with suppress(TooLarge, ZeroDivisionError, TooManyTerms, KeyError, ValueError):
-            (rest,) = factored([substitute(force, {v: ZERO})], symbols, Budget(_TERMS, end(), _WORK))
+            (rest,) = factored([substitute(force, {v: ZERO})], symbols, Budget.long())
             if c := coefficient(terms_of(rest), monomial(own, own)):
                 return [c]
     return []

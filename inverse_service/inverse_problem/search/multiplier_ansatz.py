@@ -29,7 +29,13 @@ from inverse_service.inverse_problem.search.linear_ansatz import (
     letters_of,
     to_montgomery,
 )
-from inverse_service.inverse_problem.search.null_vectors import SampledRows, pivots, settled_kernel, vectors_of_groups
+from inverse_service.inverse_problem.search.null_vectors import (
+    SPARE,
+    SampledRows,
+    pivots,
+    settled_kernel,
+    vectors_of_groups,
+)
 from inverse_service.inverse_problem.search.sample_points import Matrix, SamplePoints
 from inverse_service.inverse_problem.search.sampling import (
     Derivatives,
@@ -43,7 +49,6 @@ from inverse_service.inverse_problem.search.sampling import (
 )
 from inverse_service.inverse_problem.search.terms import Monomial
 
-_SPARE_EQUATIONS = 10
 # In units of the search (see `deadline`).
 _WORK_OF_TENSORS = 100
 
@@ -58,7 +63,7 @@ def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> 
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
     groups = graded(sampler.analysis.system, terms)
-    vectors = vectors_of_groups(groups, SampledRows(equations, n * n), sampler.prime(seed), _SPARE_EQUATIONS)
+    vectors = vectors_of_groups(groups, SampledRows(equations, n * n), sampler.prime(seed), SPARE)
     return LagrangianSpace(sampler, tuple({terms[k]: a for k, a in vector.items()} for vector in vectors))
 
 
@@ -76,7 +81,7 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
         return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     def samples(unknowns: int) -> int:
-        return (unknowns + _SPARE_EQUATIONS) // n**2 + 1
+        return (unknowns + SPARE) // n**2 + 1
 
     found = settled_kernel(equations, points.prime, samples(len(terms)), samples)
     used = {k for row in found.basis.tolist() for k, x in enumerate(row) if int(x)}
@@ -86,7 +91,7 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
 def _independent(points: SamplePoints, terms: Sequence[Monomial]) -> list[Monomial]:
     """The terms without those that are combinations of earlier ones at these points."""
     letters = letters_of(terms)
-    rows = values_at(points, letters, len(terms) + _SPARE_EQUATIONS)
+    rows = values_at(points, letters, len(terms) + SPARE)
     return [terms[k] for k in pivots(products_of_values(rows, letters, terms, points.prime), points.prime)]
 
 

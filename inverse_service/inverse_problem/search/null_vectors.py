@@ -20,7 +20,9 @@ from inverse_service.deadline import check
 
 _LARGEST_NUMBER = 10**7
 # Exponents and rates are small: what a larger bound admits are accidents.
-_LARGEST_EXPONENT = 1_000
+LARGEST_RATIO = 1_000
+# Equations more than unknowns: an accident in so many is one in P^12, P the prime.
+SPARE = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ def small_solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] 
     solution = [Fraction(0)] * width
     for i in range(order):
         pivot = next(k for k in range(width + 1) if int(reduced[i, k]))
-        value = reconstruct(int(reduced[i, width]), prime, _LARGEST_EXPONENT)
+        value = reconstruct(int(reduced[i, width]), prime, LARGEST_RATIO)
         if pivot == width or value is None:
             return None
         solution[pivot] = value

@@ -20,7 +20,7 @@ from functools import partial
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.deadline import OutOfTime, check, end, within
+from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import merge_powers
 from inverse_service.expressions.derivative import differentiate
@@ -215,7 +215,6 @@ def _polar(radius: str, angle: str) -> Change:
 _MOST_CHANGES = 2
 # To write f in other coordinates, in one change and in all; what takes longer is not the shorter system that is wanted.
 _WORK_OF_A_CHANGE, _WORK_OF_CHANGES = 300_000, 500_000
-_TERMS, _WORK_TO_SIMPLIFY = 500, 30_000
 
 
 def applies(material: Material) -> bool:
@@ -317,7 +316,7 @@ def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
     if isinstance(tree, Number | Symbol | Velocity):
         return tree
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
-    budget = Budget(_TERMS, end(), _WORK_TO_SIMPLIFY)
+    budget = Budget.short()
     try:
         return factored([tree], symbols, budget)[0]
     except (TooLarge, ZeroDivisionError):

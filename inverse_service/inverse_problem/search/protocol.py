@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from inverse_service.algebra.components import known_positive
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.deadline import end
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plainly_positive
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, multiply, walk
@@ -122,9 +121,6 @@ def _powers(analysis: Analysis, tree: Expression) -> list[tuple[Expression, Frac
     ]
 
 
-_TERMS, _WORK = 500, 20_000
-
-
 def _compact(analysis: Analysis, entry: Expression) -> Expression:
     """The entry as a sum of products or, where that is shorter, as one quotient."""
     try:
@@ -141,7 +137,7 @@ def _size(tree: Expression) -> int:
 def _factored(analysis: Analysis, tree: Expression) -> Expression:
     varying = variables_of(analysis.system)[: 1 + 2 * len(analysis.system.coordinates)]  # parameters are printed first
     try:
-        return factored([tree], varying, Budget(_TERMS, end(), _WORK))[0]
+        return factored([tree], varying, Budget.short())[0]
     except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
         return tree
 

@@ -22,7 +22,6 @@ import numpy as np
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
-from inverse_service.deadline import end
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import HALF, ONE, TIME, Acceleration, Expression, Integral, Velocity, add, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
@@ -56,7 +55,6 @@ from inverse_service.mechanics.conditions import (
 from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.quotient_matrices import common_multiple, null_vectors, reduced_rows
 
-_TERMS, _WORK = 2_000, 150_000
 _MOST = 3
 Matrix = list[list[Quotient]]
 
@@ -166,7 +164,7 @@ def _prepared(material: Material) -> _Prepared | None:
 
 def _multipliers(material: Material) -> _Prepared | None:
     try:
-        exact = motion_in_ring(material.analysis.system, 2, Budget(_TERMS, end(), _WORK))
+        exact = motion_in_ring(material.analysis.system, 2, Budget.long())
         setting = _setting(exact, material.analysis)
         if setting is None or (TIME in walk(setting.phi) and not material.motion.with_time):
             return None

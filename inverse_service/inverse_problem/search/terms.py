@@ -37,7 +37,7 @@ Terms = dict[Monomial, Fraction]
 
 EMPTY: Monomial = frozenset()
 _LARGEST_EXPANSION = 400
-_LARGEST_POWER = 6
+LARGEST_POWER = 6
 _CIRCULAR, _HYPERBOLIC = ("sin", "cos"), ("sinh", "cosh")
 _PARITY = {"sin": -1, "cos": 1, "sinh": -1, "cosh": 1, "asin": -1, "atan": -1, "asinh": -1, "atanh": -1}
 # Each as powers of such a pair.
@@ -215,7 +215,7 @@ def terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[Expression]) -
 
 
 def _is_small_power(count: int, exponent: Fraction) -> bool:
-    return exponent.denominator == 1 and 0 < exponent <= _LARGEST_POWER and count**exponent <= _LARGEST_EXPANSION
+    return exponent.denominator == 1 and 0 < exponent <= LARGEST_POWER and count**exponent <= _LARGEST_EXPANSION
 
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:

@@ -13,7 +13,6 @@ from itertools import combinations
 
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.deadline import end
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import minus_inside
@@ -94,7 +93,6 @@ def _multiple(argument: Expression) -> tuple[Fraction, Apply | None]:
     return Fraction(1), None
 
 
-_TERMS, _WORK = 500, 75_000
 # Past so many nodes nothing gets short enough to read.
 _LARGEST_TIDY = 4_000
 _BEFORE_A_BRACKET = 12
@@ -274,7 +272,7 @@ def _by_parameters(parameters: frozenset[Symbol], tree: Expression) -> Expressio
     for key, value in terms_of(tree).items():
         constant: Monomial = frozenset(item for item in key if item[0] in parameters)
         groups.setdefault(key - constant, {})[constant] = value
-    budget = Budget(_TERMS, end(), _WORK)
+    budget = Budget.short()
     coefficients = factored([tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), budget)
     return add(*(c * monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
 
@@ -303,7 +301,7 @@ def _by_letters(system: SecondOrderSystem, terms: Terms) -> Expression:
     for key, value in terms.items():
         outer: Monomial = frozenset(item for item in key if has_velocity(item[0]) or item[0] in parameters)
         groups.setdefault(outer, {})[key - outer] = value
-    budget = Budget(_TERMS, end(), _WORK)
+    budget = Budget.short()
     return add(*(_part(outer, inner, system, budget) for outer, inner in groups.items()))
 
 

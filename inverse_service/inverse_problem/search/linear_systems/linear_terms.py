@@ -12,7 +12,6 @@ from flint import fmpq, fmpq_mat
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, QuotientField, as_fraction
-from inverse_service.deadline import end
 from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, walk
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion_terms import MotionTerms
@@ -116,7 +115,6 @@ def characteristic_polynomial(matrix: Matrix) -> list[Quotient]:
 
 # A name that no formula can hold: the variable of characteristic polynomials.
 EIGENVALUE = Symbol("an eigenvalue")
-_TERMS, _WORK = 3_000, 400_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +185,7 @@ def linear_system(material: Material) -> LinearSystem | None:
         return None
     parts = [terms.damping, *terms.stiffness.values()]
     trees = [tree_of(entry) for rows in parts for row in rows for entry in row]
-    budget = Budget(_TERMS, end(), _WORK)
+    budget = Budget.long()
     ring = exact_ring(trees, (), 0, budget, further=(EIGENVALUE,))
     factors = [monomial_tree(phi) if phi else ONE for phi in terms.stiffness]
     exact = [_exact(ring, rows) for rows in parts]

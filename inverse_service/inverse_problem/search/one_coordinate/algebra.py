@@ -7,7 +7,6 @@ from fractions import Fraction
 
 from inverse_service.algebra import exact_atoms
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.deadline import end
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
@@ -28,14 +27,13 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 
-_TERMS, _WORK = 2_000, 75_000
 _LARGEST_SQUARE = 100
 
 
 def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
     """The tree over its common denominator as a product of factors; TooManyTerms where that is large."""
     try:
-        return exact_atoms.factored([tree], [TIME, *variables], Budget(_TERMS, end(), _WORK))[0]
+        return exact_atoms.factored([tree], [TIME, *variables], Budget.long())[0]
     except (TooLarge, ZeroDivisionError, KeyError) as problem:
         raise TooManyTerms from problem
 

@@ -28,7 +28,7 @@ from inverse_service.inverse_problem.search.linear_ansatz import letters_of, nul
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
 from inverse_service.inverse_problem.search.motion_terms import along, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import tensors_of
-from inverse_service.inverse_problem.search.null_vectors import pivots
+from inverse_service.inverse_problem.search.null_vectors import SPARE, pivots
 from inverse_service.inverse_problem.search.one_coordinate.algebra import expanded, factored
 from inverse_service.inverse_problem.search.sampling import (
     LetterTable,
@@ -94,7 +94,6 @@ def montgomery_values(samples: Samples, terms: Sequence[Monomial]) -> list[list[
 
 _MOST_TERMS = 40
 _DEPTH = 4
-_SPARE = 8
 _LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
 _QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
 EXPONENTS = (
@@ -137,7 +136,7 @@ def _of_degree(
     phis = {e: position_factors(factors, degree * e) for e in exponents}
     candidates = candidate_terms(material, degree)
     every = [*candidates, *(phi for group in phis.values() for phi in group)]
-    samples = sampled(material, every, len(candidates) + _SPARE, seed)
+    samples = sampled(material, every, len(candidates) + SPARE, seed)
     candidates = independent(samples, candidates)
     values = montgomery_values(samples, candidates)
     rates = [[samples.along(k, key) for key in candidates] for k in range(len(values))]

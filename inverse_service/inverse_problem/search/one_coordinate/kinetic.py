@@ -45,6 +45,7 @@ from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     shortest,
 )
 from inverse_service.inverse_problem.search.terms import (
+    LARGEST_POWER,
     Terms,
     TooManyTerms,
     split_content,
@@ -53,7 +54,6 @@ from inverse_service.inverse_problem.search.terms import (
 )
 
 Factor = tuple[Expression, Fraction]
-_LARGEST_EXPONENT = 6
 
 
 class NotElementary(ArithmeticError):
@@ -174,7 +174,7 @@ def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
         return _of_inverse_square(form, place)
     if e == Fraction(-1, 2):
         return _with_root(form, place)
-    if abs(e) > _LARGEST_EXPONENT or e.denominator > 2:
+    if abs(e) > LARGEST_POWER or e.denominator > 2:
         raise NotElementary
     if e < -1:
         weight = 2 * (e + 2) * (2 * e + 3)

@@ -41,7 +41,7 @@ from inverse_service.inverse_problem.search.choice import scaled
 from inverse_service.inverse_problem.search.factors import Factors, find_factors
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion_terms import has_velocity, split_velocities
-from inverse_service.inverse_problem.search.null_vectors import small_solution
+from inverse_service.inverse_problem.search.null_vectors import SPARE, small_solution
 from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,
     factored,
@@ -82,7 +82,6 @@ from inverse_service.inverse_problem.search.terms import (
 
 _MOST_FACTORS = 5
 _MOST_LETTERS = 6
-_SPARE = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +161,7 @@ def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Ite
         return
     letters = [p for p in material.position_letters if not isinstance(p, Number)][:_MOST_LETTERS]
     try:
-        samples = sampled(material, [_alone(p) for p in (*bases, *letters)], len(letters) + _SPARE, seed)
+        samples = sampled(material, [_alone(p) for p in (*bases, *letters)], len(letters) + SPARE, seed)
     except (IrreducibleAtoms, SingularPoint, ValueError):
         return
     linear = [base for base in bases if _degree(material, base) == 1]
