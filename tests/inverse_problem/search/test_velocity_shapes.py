@@ -17,7 +17,7 @@ from inverse_service.inverse_problem.search.families import kinetic_terms, possi
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.motion_terms import irreducible_factors
 from inverse_service.inverse_problem.search.rungs import ANSATZ
-from inverse_service.inverse_problem.search.shapes import carried, polynomials, quadratic
+from inverse_service.inverse_problem.search.shapes import carried, functions, polynomials, quadratic
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, monomial, terms_of, tree_of
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents.documents import solve_document
@@ -141,6 +141,19 @@ def test_functions_are_offered_only_to_coefficients_that_can_hold_them() -> None
     terms = kinetic_terms(given, row, find_factors(given, 1), 1)
     assert terms
     assert not any(name in given.motion.coordinates for key in terms for p, _ in key for name in variables_in(p))
+
+
+def test_functions_of_four_velocities_are_all_tried() -> None:
+    """250 of them, of which exp(2 b' + s') is no early one."""
+    equations = {
+        "r": "-2*r*s^2*exp(-r')",
+        "a": "-b*exp(-2*a')/4",
+        "s": "(a/2 + 2*r^2*s - 2*sin(s))*exp(s')",
+        "b": "-a*exp(s')/4 - a*exp(-2*b')*exp(-s')/12 - r^2*s*exp(s') + exp(s')*sin(s)",
+    }
+    given = gather(analyse(read_system(list(equations), equations)), False)
+    found = {to_text(tree_of({s: Fraction(1)})) for s in possible_shapes(given, functions(given), 1).shapes}
+    assert {"exp(2*b' + s')", "exp(-s')", "exp(r')", "exp(2*a')"} <= found
 
 
 def test_a_system_that_holds_the_time_shows_no_growth() -> None:
