@@ -62,7 +62,7 @@ class Budget:
 
     @classmethod
     def long(cls) -> Budget:
-        """For a step without which a way ends, within the time set outside: about a second and a half."""
+        """For a step without which a whole way of searching ends, within the time set outside."""
         return cls(4_000, end(), 150_000)
 
     def charge(self, terms: int) -> None:

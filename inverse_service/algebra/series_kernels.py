@@ -3,7 +3,7 @@
 A register holds one series (`monomials.SeriesTables`), in Montgomery form; tops[register] is the degree from which on
 all its coefficients are zero, less one (-1 for the series 0), and only those up to it are ever read. An
 instruction is six numbers: operation, out, a, b, c, cut, with registers out, a, b and the place c of a
-constant. Functions follow from the Euler operator as in `series.py`.
+constant. Functions follow from the Euler operator as in `truncated_series.py`.
 """
 
 from __future__ import annotations

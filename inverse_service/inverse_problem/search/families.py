@@ -41,7 +41,7 @@ from inverse_service.inverse_problem.search.sampling import LetterTable, sampler
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times
 
 # Shapes are left out until there are so few: the elimination is cubic in them. With 120 four of 1,000 generated
-# systems, of exponentials of four velocities, had no L; 250 take a fifth longer than 180.
+# systems, of exponentials of four velocities, had no L; 250 take a quarter longer than 180.
 _MOST = 180
 
 

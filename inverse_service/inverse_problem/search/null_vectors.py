@@ -21,7 +21,7 @@ from inverse_service.deadline import check
 _LARGEST_NUMBER = 10**7
 # Exponents and rates are small: what a larger bound admits are accidents.
 LARGEST_RATIO = 1_000
-# Equations more than unknowns: an accident in so many is one in P^12, P the prime.
+# So many equations more than unknowns: a random one holds by accident with the probability 1/P, P the prime.
 SPARE = 12
 
 
