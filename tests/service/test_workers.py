@@ -119,7 +119,7 @@ def test_a_task_may_have_less_memory_and_tells_what_it_does(workers: Workers) ->
 
 def test_what_a_task_takes_is_measured(workers: Workers) -> None:
     spent = workers.run(busy, (0.1,), 30.0).spent
-    assert 0.09 < spent.cpu <= spent.wall
+    assert 0.09 < spent.cpu <= spent.wall + 0.01  # two clocks, read one after the other
     assert spent.memory > 50
 
 
