@@ -6,7 +6,7 @@ rows before it until its pivot stands (to reduce it further costs two to three t
 nothing later on) and the multiples used are recorded, so that each consequence can be traced to the
 original rows.
 
-SparseRows that depend on the others cost most and give nothing. Those that are expected to, and those that
+Rows that depend on the others cost most and give nothing. Those that are expected to, and those that
 need many rows of the basis, are not reduced: they are tested on a random vector on which the basis vanishes.
 A row that does not depend on the basis vanishes there with probability 1/P (Freivalds 1977), and is inserted.
 """
@@ -27,7 +27,6 @@ from inverse_service.algebra.echelon_kernels import (
     ROWS,
     USES,
     Basis,
-    Columns,
     Dense,
     Growing,
     Indices,
@@ -35,18 +34,19 @@ from inverse_service.algebra.echelon_kernels import (
     Uses,
     Words,
     cut,
-    keep_those_that_do_not_vanish,
-    normalise_rows,
-    reduce_rows,
-    solve_at_random,
+    insert_rows,
+    keep_independent,
     trace_weights,
 )
+from inverse_service.machine_code.kernels import Kept
 
 Flags = npt.NDArray[np.bool_]
 # A row that needs more rows of the basis than this mostly depends on it, and is put off until all others stand.
 MOST = 96
 # How many rows are inserted before the rest are tested again.
 FEW = 4
+# The room at the beginning.
+_ROWS, _ENTRIES = 512, 16_384
 Kind = TypeVar("Kind", bound=np.generic)
 
 
@@ -58,33 +58,26 @@ class Echelon:
     width: int = 0
     count: int = 0
     inserted: int = 0
-    pivot_of: Indices = field(default_factory=lambda: np.empty(0, np.int64))
-    starts: Indices = field(default_factory=lambda: np.zeros(512, np.int64))
-    columns: Columns = field(default_factory=lambda: np.empty(16_384, np.int32))
-    values: Words = field(default_factory=lambda: np.empty(16_384, np.uint64))
-    origin: Indices = field(default_factory=lambda: np.empty(512, np.int64))
-    use_starts: Indices = field(default_factory=lambda: np.zeros(512, np.int64))
-    use_rows: Columns = field(default_factory=lambda: np.empty(16_384, np.int32))
-    use_factors: Words = field(default_factory=lambda: np.empty(16_384, np.uint64))
-    state: Indices = field(default_factory=lambda: np.zeros(4, np.int64))
+    kept: Kept[Growing] = field(default_factory=lambda: Kept(_without_rows()))
+
+    @property
+    def form(self) -> Growing:
+        return self.kept.struct
 
     @property
     def _field(self) -> modular.Field:
         return modular.field_of(self.prime)
 
-    @property
-    def _basis(self) -> Basis:
-        return Basis(self.pivot_of, self.starts, self.columns, self.values)
-
-    @property
-    def _uses(self) -> Uses:
-        return Uses(self.use_starts, self.use_rows, self.use_factors)
-
     def widen(self, width: int) -> None:
         """Append columns."""
-        more = np.full(width - self.width, -1, np.int64)
-        self.pivot_of = np.concatenate([self.pivot_of, more])
-        self.width = width
+        self.width, before = width, self.form.basis.pivot_of
+        if width <= len(before):
+            return
+        room = max(width, 2 * len(before))
+        pivots, dense, solution = _of_columns(room)
+        pivots[: len(before)] = before
+        basis = self.form.basis._replace(pivot_of=pivots)
+        self.kept = Kept(self.form._replace(basis=basis, dense=dense, solution=solution))
 
     def insert(
         self,
@@ -105,8 +98,9 @@ class Echelon:
             later = self._insert((~expected).nonzero()[0], rows, most)
             self._settle(np.concatenate([later, expected.nonzero()[0]]), rows)
         dependent = np.ones(total, np.bool_)
-        dependent[self.origin[first : self.count]] = False
-        self.origin[first : self.count] += self.inserted
+        new = self.form.origin[first : self.count]
+        dependent[new] = False
+        new += self.inserted
         self.inserted += total
         return dependent
 
@@ -124,73 +118,83 @@ class Echelon:
             return places
         # The prime is random itself, and so are numbers that come from it.
         seed = np.uint64(self.prime * 0x2545F4914F6CDD1D + self.inserted & 0xFFFFFFFFFFFFFFFF)
-        solution, kept = np.empty(self.width, np.uint64), np.empty(len(places), np.int64)
-        solve_at_random(solution, seed, self._basis, self._field)
-        count = keep_those_that_do_not_vanish(places, rows, solution, kept, self._field)
-        return kept[:count]
+        kept = np.empty(len(places), np.int64)
+        return kept[: keep_independent(seed, self.width, places, rows, kept, self.form, self._field)]
 
     def _insert(self, places: Indices, rows: SparseRows, most: int) -> Indices:
         """Insert those rows one by one; the answer has those left out that need over `most` rows of the basis."""
-        dense = Dense(np.zeros(self.width, np.uint64), np.zeros((self.width >> 6) + 1, np.uint64))
-        later, self.state[LATER] = np.empty(len(places), np.int64), 0
-        place = 0
-        while True:
-            into = Growing(self._basis, self.origin, self._uses, self.state)
-            place = reduce_rows(place, most, places, later, rows, dense, into, self._field)
-            if place == len(places):
-                break
+        later, state, place = np.empty(len(places), np.int64), self.form.state, 0
+        state[LATER] = 0
+        while (place := insert_rows(place, most, places, later, rows, self.form, self._field)) < len(places):
             self._grow()
-        first, self.count = self.count, int(self.state[ROWS])
-        if self.count > first:
-            products = np.empty(self.count - first, np.uint64)
-            normalise_rows(first, self.count, products, self._basis, self._uses, self._field)
-        return later[: self.state[LATER]]
+        self.count = int(state[ROWS])
+        return later[: state[LATER]]
 
     def _grow(self) -> None:
-        if self.state[ROWS] + 2 > len(self.starts):
-            self.starts, self.use_starts = _doubled(self.starts), _doubled(self.use_starts)
-            self.origin = _doubled(self.origin)
-        while self.state[ENTRIES] + self.width + 1 > len(self.columns):
-            self.columns, self.values = _doubled(self.columns), _doubled(self.values)
-        while self.state[USES] + self.width + 1 > len(self.use_rows):
-            self.use_rows, self.use_factors = _doubled(self.use_rows), _doubled(self.use_factors)
+        """Make longer those arrays in which one row more might not have room."""
+        (pivots, starts, columns, values), origin, (use_starts, use_rows, factors), state, _, _ = self.form
+        rows, entries, uses = state[ROWS] + 2, state[ENTRIES] + self.width + 1, state[USES] + self.width + 1
+        basis = Basis(pivots, _longer(starts, rows), _longer(columns, entries), _longer(values, entries))
+        used = Uses(_longer(use_starts, rows), _longer(use_rows, uses), _longer(factors, uses))
+        self.kept = Kept(self.form._replace(basis=basis, origin=_longer(origin, rows), uses=used))
 
     def rank_within(self, width: int) -> int:
         """The number of independent consequences on the first `width` columns."""
-        return int(np.count_nonzero(self.pivot_of[:width] >= 0))
+        return int(np.count_nonzero(self.form.basis.pivot_of[:width] >= 0))
 
     def rows_within(self, first: int, width: int) -> dict[int, dict[int, int]]:
         """{basis row: {column: value}} for rows whose pivot is in columns first … width - 1."""
-        numbers = [int(k) for k in self.pivot_of[first:width] if k >= 0]
+        numbers = [int(k) for k in self.form.basis.pivot_of[first:width] if k >= 0]
         return {number: self._row(number) for number in numbers}
 
     def cut_rows(self, first: int, width: int) -> SparseRows:
         """The rows whose pivot is in columns first … width - 1, cut to these columns, each in Montgomery form."""
-        numbers = self.pivot_of[first:width]
+        basis = self.form.basis
+        numbers = basis.pivot_of[first:width]
         numbers = numbers[numbers >= 0]
         starts = np.zeros(len(numbers) + 1, np.int64)
-        room = int((self.starts[numbers + 1] - self.starts[numbers]).sum())
+        room = int((basis.starts[numbers + 1] - basis.starts[numbers]).sum())
         columns, values = np.empty(room, np.int64), np.empty(room, np.uint64)
-        cut(numbers, first, self._basis, SparseRows(starts, columns, values))
+        cut(numbers, first, self.form, SparseRows(starts, columns, values))
         return SparseRows(starts, columns[: starts[-1]], values[: starts[-1]])
 
     def _row(self, number: int) -> dict[int, int]:
-        part = slice(int(self.starts[number]), int(self.starts[number + 1]))
+        _, starts, columns, values = self.form.basis
+        part = slice(int(starts[number]), int(starts[number + 1]))
         inverse = pow(1 << 64, -1, self.prime)
-        return {
-            int(c): int(v) * inverse % self.prime for c, v in zip(self.columns[part], self.values[part], strict=True)
-        }
+        return {int(c): int(v) * inverse % self.prime for c, v in zip(columns[part], values[part], strict=True)}
 
     def trace(self, weights: Mapping[int, int]) -> list[int]:
         """The original rows of which a combination of basis rows is made, in order of insertion."""
         vector = np.zeros(self.count, np.uint64)
         for number, weight in weights.items():
             vector[number] = weight % self.prime
-        trace_weights(vector, self._uses, self._field)
-        return [int(self.origin[k]) for k in np.flatnonzero(vector)]
+        trace_weights(vector, self.form, self._field)
+        return [int(self.form.origin[k]) for k in np.flatnonzero(vector)]
 
 
-def _doubled(array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
-    longer = np.empty(2 * len(array), array.dtype)
+def _without_rows() -> Growing:
+    pivots, dense, solution = _of_columns(_ROWS)
+    columns, rows = np.empty((2, _ENTRIES), np.int32)
+    values, factors = np.empty((2, _ENTRIES), np.uint64)
+    basis = Basis(pivots, np.zeros(_ROWS, np.int64), columns, values)
+    uses = Uses(np.zeros(_ROWS, np.int64), rows, factors)
+    return Growing(basis, np.empty(_ROWS, np.int64), uses, np.zeros(5, np.int64), dense, solution)
+
+
+def _of_columns(room: int) -> tuple[Indices, Dense, Words]:
+    """What has a place for each column: no pivots, the row in work, the vector for tests."""
+    dense = Dense(np.zeros(room, np.uint64), np.zeros((room >> 6) + 1, np.uint64))
+    return np.full(room, -1, np.int64), dense, np.empty(room, np.uint64)
+
+
+def _longer(array: npt.NDArray[Kind], needed: int) -> npt.NDArray[Kind]:
+    """The array with room for so many elements: doubled until it has."""
+    length = len(array)
+    while length < needed:
+        length *= 2
+    if length == len(array):
+        return array
+    longer = np.empty(length, array.dtype)
     longer[: len(array)] = array
     return longer

@@ -15,7 +15,7 @@ Columns = npt.NDArray[np.int32]
 
 
 class SparseRows(NamedTuple):
-    """SparseRows in compressed form: the entries of row k are those from starts[k] to starts[k + 1]."""
+    """Rows in compressed form: the entries of row k are those from starts[k] to starts[k + 1]."""
 
     starts: Indices
     columns: Indices
@@ -49,17 +49,19 @@ class Dense(NamedTuple):
 class Growing(NamedTuple):
     """What rows are inserted into: the basis, the number of the given row that each row comes from, what was used.
 
-    `state` counts: see ROWS.
+    `state` counts: see ROWS. `dense` is the row in work, zero between calls, `solution` a vector for tests.
     """
 
     basis: Basis
     origin: Indices
     uses: Uses
     state: Indices
+    dense: Dense
+    solution: Words
 
 
-# The state of a basis: rows, entries, recorded multiples, rows put off.
-ROWS, ENTRIES, USES, LATER = 0, 1, 2, 3
+# The state of a basis: rows, entries, recorded multiples, rows put off, rows whose pivot is 1.
+ROWS, ENTRIES, USES, LATER, NORMAL = 0, 1, 2, 3, 4
 # What the reduction of a row may end with, besides the column of its pivot.
 _ZERO, _TOO_LONG = -1, -2
 
@@ -127,9 +129,9 @@ def _subtract_basis_row(row: int, factor: np.uint64, dense: Dense, basis: Basis,
 
 
 @compiled
-def _reduce(top: int, most: int, dense: Dense, into: Growing, field: Field) -> int:
+def _reduce(top: int, most: int, form: Growing, field: Field) -> int:
     """Reduce the dense row as far as its pivot, with `most` multiples at most, and record these."""
-    basis, uses, state = into.basis, into.uses, into.state
+    basis, uses, state, dense = form.basis, form.uses, form.state, form.dense
     count = state[USES]
     column = _last_marked(dense.touched, top >> 6)
     while column >= 0:
@@ -165,11 +167,11 @@ def _store(pivot: int, dense: Dense, basis: Basis, state: Indices) -> None:
 
 
 @compiled
-def _has_room(top: int, into: Growing) -> bool:
+def _has_room(top: int, form: Growing) -> bool:
     """Whether one row more with this last column, and the multiples used for it, fit the arrays."""
-    state = into.state
-    room = state[ENTRIES] + top + 1 <= len(into.basis.columns) and state[USES] + top + 2 <= len(into.uses.rows)
-    return bool(room and state[ROWS] + 2 <= len(into.basis.starts))
+    state = form.state
+    room = state[ENTRIES] + top + 1 <= len(form.basis.columns) and state[USES] + top + 2 <= len(form.uses.rows)
+    return bool(room and state[ROWS] + 2 <= len(form.basis.starts))
 
 
 @compiled
@@ -183,20 +185,20 @@ def _clear(top: int, dense: Dense) -> None:
 
 
 @compiled
-def reduce_rows(
-    start: int, most: int, places: Indices, later: Indices, rows: SparseRows, dense: Dense, into: Growing, field: Field
+def insert_rows(
+    start: int, most: int, places: Indices, later: Indices, rows: SparseRows, form: Growing, field: Field
 ) -> int:
     """Insert rows places[start], places[start + 1], …; stop early (returning the place) where an array is full.
 
-    Those that need more than `most` rows of the basis are put into `later` instead. `dense` is zero, and is left so.
+    Those that need more than `most` rows of the basis are put into `later` instead.
     """
-    basis, uses, state = into.basis, into.uses, into.state
+    basis, uses, state, dense = form.basis, form.uses, form.state, form.dense
     for place in range(start, len(places)):
         top = _add_row(places[place], rows, dense, field)
-        if not _has_room(top, into):
+        if not _has_room(top, form):
             _clear(top, dense)
             return place
-        pivot = _reduce(top, most, dense, into, field)
+        pivot = _reduce(top, most, form, field)
         if pivot == _TOO_LONG:
             _clear(top, dense)
             later[state[LATER]] = places[place]
@@ -205,17 +207,19 @@ def reduce_rows(
             continue
         _store(pivot, dense, basis, state)
         count, last = state[ROWS], state[USES]
-        into.origin[count], basis.pivot_of[pivot] = places[place], count
+        form.origin[count], basis.pivot_of[pivot] = places[place], count
         uses.rows[last], uses.factors[last] = -1, field.one
         state[ROWS], state[USES] = count + 1, last + 1
         basis.starts[count + 1], uses.starts[count + 1] = state[ENTRIES], last + 1
+    _normalise_rows(state[NORMAL], state[ROWS], form, field)
+    state[NORMAL] = state[ROWS]
     return len(places)
 
 
 @compiled
-def normalise_rows(first: int, last: int, products: Words, basis: Basis, uses: Uses, field: Field) -> None:
-    """As `_normalise` for rows first … last - 1, with one inversion (Montgomery's trick); `products` is scratch."""
-    product = field.one
+def _normalise_rows(first: int, last: int, form: Growing, field: Field) -> None:
+    """As `_normalise` for rows first … last - 1, with one inversion (Montgomery's trick)."""
+    basis, products, product = form.basis, form.dense.values, field.one
     for row in range(first, last):
         products[row - first] = product
         product = multiply(product, basis.values[basis.starts[row]], field)
@@ -223,15 +227,16 @@ def normalise_rows(first: int, last: int, products: Words, basis: Basis, uses: U
     for row in range(last - 1, first - 1, -1):
         pivot = basis.values[basis.starts[row]]
         factor = multiply(inverse, products[row - first], field)
+        products[row - first] = np.uint64(0)
         inverse = multiply(inverse, pivot, field)
         if pivot != field.one:
-            _scale(row, factor, basis, uses, field)
+            _scale(row, factor, basis, form.uses, field)
 
 
 @compiled
-def solve_at_random(solution: Words, state: np.uint64, basis: Basis, field: Field) -> None:
+def _solve_at_random(state: np.uint64, width: int, basis: Basis, solution: Words, field: Field) -> None:
     """A random vector on which all rows of the basis vanish; their pivots are 1. `state` seeds it."""
-    for column in range(len(solution)):
+    for column in range(width):
         row = basis.pivot_of[column]
         if row < 0:
             state += GOLDEN
@@ -244,11 +249,12 @@ def solve_at_random(solution: Words, state: np.uint64, basis: Basis, field: Fiel
 
 
 @compiled
-def keep_those_that_do_not_vanish(
-    places: Indices, rows: SparseRows, solution: Words, kept: Indices, field: Field
+def keep_independent(
+    seed: np.uint64, width: int, places: Indices, rows: SparseRows, kept: Indices, form: Growing, field: Field
 ) -> int:
-    """Put into `kept` the rows that do not vanish on the vector; their number."""
-    count = 0
+    """Put into `kept` the rows that do not vanish on a random vector on which the basis does; their number."""
+    count, solution = 0, form.solution
+    _solve_at_random(seed, width, form.basis, solution, field)
     for row in places:
         total = np.uint64(0)
         for k in range(rows.starts[row], rows.starts[row + 1]):
@@ -260,8 +266,9 @@ def keep_those_that_do_not_vanish(
 
 
 @compiled
-def trace_weights(weights: Words, uses: Uses, field: Field) -> None:
+def trace_weights(weights: Words, form: Growing, field: Field) -> None:
     """Turn weights on basis rows into weights on original rows, last inserted first (in place)."""
+    uses = form.uses
     for k in range(len(weights) - 1, -1, -1):
         if weights[k] == np.uint64(0):
             continue
@@ -273,9 +280,9 @@ def trace_weights(weights: Words, uses: Uses, field: Field) -> None:
 
 
 @compiled
-def cut(numbers: Indices, first: int, basis: Basis, found: SparseRows) -> None:
+def cut(numbers: Indices, first: int, form: Growing, found: SparseRows) -> None:
     """The entries from column `first` on of those basis rows; each row ends with its smallest column."""
-    entries = 0
+    basis, entries = form.basis, 0
     for row in range(len(numbers)):
         for k in range(basis.starts[numbers[row]], basis.starts[numbers[row] + 1]):
             if basis.columns[k] < first:

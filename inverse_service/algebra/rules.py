@@ -168,6 +168,7 @@ def replay(rule: Rule, point: Point, scale: Scale) -> None:
         point.atoms[rule.atom] = rule.value(point, scale)
 
 
+@lru_cache(maxsize=256)
 def half_angle(angle: Expression, scale: int) -> Expression:
     """tan(angle / (2 scale)), in which cos and sin of angle/scale are rational."""
     return Apply("tan", Fraction(1, 2 * scale) * angle)

@@ -32,6 +32,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
 )
+from inverse_service.machine_code.kernels import Kept
 
 Integers = npt.NDArray[np.int64]
 Words = npt.NDArray[np.uint64]
@@ -261,14 +262,14 @@ class Registers:
         """As the kernels have them."""
         return machine.Registers(self.values, self.tops, len(self.values) // len(self.tops))
 
-    def coefficients(self, registers: Integers, last: int) -> machine.SparseSeries:
+    def coefficients(self, registers: Integers, last: int) -> Kept[machine.SparseSeries]:
         """The coefficients of some registers that are not zero, to degree `last`."""
         given = (registers, self.stored, self.tables.starts, last)
         count = machine.count_coefficients(*given)
         starts, places = np.zeros(len(registers) + 1, np.int64), np.empty(count, np.int64)
         found = machine.SparseSeries(starts, places, np.empty(count, np.uint64), np.empty(count, np.int64))
         machine.list_coefficients(*given, found)
-        return found
+        return Kept(found)
 
 
 def constants_at(program: SeriesProgram, point: Point) -> Words:

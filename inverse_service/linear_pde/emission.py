@@ -12,15 +12,17 @@ from inverse_service.algebra import modular
 from inverse_service.algebra.echelon import Echelon, Flags
 from inverse_service.algebra.echelon_kernels import SparseRows, Words
 from inverse_service.algebra.modular import Field, compiled, multiply
-from inverse_service.algebra.monomials import exponents_of_degree, raised_places
+from inverse_service.algebra.monomials import exponents_of_degree, freeze, raised_places
 from inverse_service.algebra.series_kernels import SparseSeries
 from inverse_service.algebra.truncated_series import Series
 from inverse_service.linear_pde.unknowns import RowTables, Unknowns, known_places, row_tables, width_below
+from inverse_service.machine_code.kernels import Kept
 
 Integers = npt.NDArray[np.int64]
 Exponents = npt.NDArray[np.int8]
 NO_DERIVATIVE = -1
-_NO_COLUMNS, _NO_VALUES = np.empty(0, np.int64), np.empty(0, np.uint64)
+# Of a row, before they are counted.
+_ENTRIES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +42,11 @@ class TermTable:
 
     unknowns: Unknowns
     equations: int
-    series: SparseSeries
+    series: Kept[SparseSeries]
     terms: Integers
+
+    def __post_init__(self) -> None:
+        freeze([self.terms])
 
 
 def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, most: int) -> TermTable:
@@ -65,7 +70,7 @@ def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, most: 
         rows.append((term.equation, numbers[id(term.series)], term.negative, term.entry, term.derivative))
     found = (np.array(starts, np.int64), np.array(places, np.int64), np.array(values, np.uint64))
     series = SparseSeries(*found, np.array(degrees, np.int64))
-    return TermTable(unknowns, equations, series, np.array(rows, np.int64).reshape(-1, 5))
+    return TermTable(unknowns, equations, Kept(series), np.array(rows, np.int64).reshape(-1, 5))
 
 
 @compiled
@@ -108,19 +113,36 @@ def _emit(
                 ends[row] = place + 1
 
 
+@compiled
+def _emit_rows(
+    degree: int, series: SparseSeries, terms: Integers, tables: RowTables, small: Words, field: Field, rows: SparseRows
+) -> int:
+    """All rows of one degree, where there is room for their entries; the number of these."""
+    starts = rows.starts
+    starts[:] = 0
+    _emit(False, degree, series, terms, tables, small, field, rows)
+    for k in range(1, len(starts)):
+        starts[k] += starts[k - 1]
+    if starts[-1] <= len(rows.columns):
+        _emit(True, degree, series, terms, tables, small, field, rows)
+    return int(starts[-1])
+
+
 def rows_of_degree(table: TermTable, degree: int, prime: int) -> SparseRows:
     """The coefficients of all monomials of one degree, equation after equation."""
     tables = row_tables(table.unknowns, degree)
     # A factor is a product of one exponent more than the order, of a monomial of that much more degree.
     most = table.unknowns.most + 1
     small = modular.small_numbers(prime, (degree + most + 1) ** most)
-    starts = np.zeros(table.equations * int(tables.counts[degree]) + 2, np.int64)
-    given = (degree, table.series, table.terms, tables, small, modular.field_of(prime))
-    _emit(False, *given, SparseRows(starts, _NO_COLUMNS, _NO_VALUES))
-    starts.cumsum(out=starts)
-    rows = SparseRows(starts, np.empty(starts[-1], np.int64), np.empty(starts[-1], np.uint64))
-    _emit(True, *given, rows)
-    return rows._replace(starts=starts[:-1])
+    given = (degree, table.series.struct, table.terms, tables, small, modular.field_of(prime))
+    starts = np.empty(table.equations * int(tables.counts[degree]) + 2, np.int64)
+    room = _ENTRIES * len(starts)
+    while True:
+        rows = SparseRows(starts, np.empty(room, np.int64), np.empty(room, np.uint64))
+        needed = _emit_rows(*given, rows)
+        if needed <= room:
+            return rows._replace(starts=starts[:-1])
+        room = needed
 
 
 # (kind, *indices, alpha): which equation, which Taylor coefficient of it.

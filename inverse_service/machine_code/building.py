@@ -16,7 +16,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from inverse_service.machine_code.kernels import Kind, Kinds, array_of, leaves
+from inverse_service.machine_code.kernels import ELEMENTS, Kind, Kinds, array_of
 from inverse_service.machine_code.loading import ENTRY, Unstorable, target_machine, used
 
 _NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}
@@ -68,43 +68,47 @@ def _type(kind: Kind) -> Any:
 
 
 def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
-    """The kernel as a C function of addresses, lengths and numbers."""
-    space: dict[str, Any] = {"work": compiler, "carray": carray}
-    parameters: list[str] = []
-    numbers = count()
+    """The kernel as a C function of the address of its words."""
+    space: dict[str, Any] = {"work": compiler, "array": carray, "integer": types.int64}
+    space |= {name: _pointer_to(getattr(types, name)) for name in ELEMENTS}
+    places = count()
 
     def argument(kind: Kind) -> str:
-        k = next(numbers)
         if isinstance(kind, str):
-            taken, made = _parameters(k, kind)
-            parameters.append(taken)
-            return made
-        space[f"S{k}"] = kind[0]
-        return f"S{k}({', '.join(map(argument, kind[1]))})"
+            place = next(places)
+            return _argument(kind, place, [f"integer(words[{next(places)}])" for _ in range(array_of(kind).dimensions)])
+        name = f"S{len(space)}"
+        space[name] = kind[0]
+        return f"{name}({', '.join(map(argument, kind[1]))})"
 
     call = f"work({', '.join(map(argument, kinds))})"
     body = f"{call}; return 0" if answer == "none" else f"return {'int' if answer == 'bool' else ''}({call})"
-    exec(f"def flat({', '.join(parameters)}): {body}", space)  # a text of numbered letters, nobody's input
+    exec(f"def flat(words): {body}", space)  # a text of numbered letters, nobody's input
     given = types.uint64 if answer == "uint64" else types.int64
-    signature = given(*(one for kind in leaves(kinds) for one in _types(kind)))
-    return numba.cfunc(signature, error_model="numpy")(space["flat"])
+    pointer: Any = types.CPointer
+    return numba.cfunc(given(pointer(types.uint64)), error_model="numpy")(space["flat"])
 
 
-def _parameters(k: int, kind: str) -> tuple[str, str]:
-    """The names of what stands for argument k, and the argument made from them."""
-    dimensions = array_of(kind).dimensions
-    if not dimensions:
-        return f"a{k}", f"a{k} != 0" if kind == "bool" else f"a{k}"
-    lengths = ", ".join(f"n{k}_{axis}" for axis in range(dimensions))
-    return f"a{k}, {lengths}", f"carray(a{k}, ({lengths},))"
+def _argument(kind: str, place: int, lengths: list[str]) -> str:
+    """What stands in the words, made the argument."""
+    word = f"words[{place}]"
+    if lengths:
+        return f"array({array_of(kind).element}({word}), ({', '.join(lengths)},))"
+    return {"int64": f"integer({word})", "uint64": word, "bool": f"{word} != 0"}[kind]
 
 
-def _types(kind: str) -> list[Any]:
-    array = array_of(kind)
-    if not array.dimensions:
-        return [types.uint64 if kind == "uint64" else types.int64]
-    address: Any = types.CPointer
-    return [address(getattr(types, array.element)), *[types.int64] * array.dimensions]
+def _pointer_to(element: Any) -> Any:
+    """From an address."""
+    make: Any = types.CPointer
+    pointer = make(element)
+
+    def definition(context: Any, address: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            return builder.inttoptr(given[0], context.get_value_type(pointer))
+
+        return pointer(types.uint64), code
+
+    return intrinsic(definition)
 
 
 def _reduce(module: Any, machine: Any) -> None:

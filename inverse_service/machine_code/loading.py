@@ -6,6 +6,7 @@ import ctypes
 import hashlib
 import importlib.util
 import sys
+from array import array
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +17,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from inverse_service.machine_code.kernels import Entry, Kinds, array_of, leaves, told
+from inverse_service.machine_code.kernels import Entry, Kinds, told
 
 ENTRY = "entry"
 _ANSWERS: dict[str, Callable[[int], Any]] = {"none": lambda answer: None, "int64": int, "uint64": int, "bool": bool}
@@ -60,26 +61,21 @@ def engine_of(code: bytes) -> Any:
     return engine
 
 
-def load(code: bytes, kinds: Kinds, answer: str) -> Entry:
-    """The kernel in the object file as a function of the words of arguments of these kinds (`kinds_of`)."""
+def load(code: bytes, answer: str) -> Entry:
+    """The kernel in the object file as a function of the words of its arguments (`kinds_of`)."""
     engine = engine_of(code)
     address = engine.get_function_address(ENTRY)
     if not address:
         raise OSError("the object file has no entry")
     _kept.append(engine)
     result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
-    function = ctypes.PYFUNCTYPE(result, *(word for kind in leaves(kinds) for word in _words(kind)))(address)
-    finished = _ANSWERS[answer]
+    function, finished = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(address), _ANSWERS[answer]
 
-    return lambda words: finished(function(*words))
+    def entry(words: list[int]) -> Any:
+        block = array("Q", words)
+        return finished(function(block.buffer_info()[0]))
 
-
-def _words(kind: str) -> list[Any]:
-    """The C types of address and lengths of an array, or of a number."""
-    dimensions = array_of(kind).dimensions
-    if dimensions:
-        return [ctypes.c_void_p, *[ctypes.c_int64] * dimensions]
-    return [ctypes.c_uint64 if kind == "uint64" else ctypes.c_int64]
+    return entry
 
 
 _CONSTANTS = (bool, int, float, np.generic)

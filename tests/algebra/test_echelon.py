@@ -153,7 +153,7 @@ def test_arrays_grow_when_they_are_full() -> None:
     rows = random_rows(150, 170, 1.0, 2)
     echelon = echelon_of(rows, 170)
     assert reduced(list(echelon.rows_within(0, 170).values()), 170) == reduced(rows, 170)
-    assert len(echelon.columns) > 4096
+    assert len(echelon.form.basis.columns) > 4096
 
 
 @pytest.mark.parametrize("seed", range(6))

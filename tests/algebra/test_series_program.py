@@ -41,7 +41,7 @@ def point_of(tree: Expression, seed: int = 1) -> Point:
 
 def terms_of(found: Registers, register: int) -> Terms:
     """{exponents: coefficient} of a register, out of Montgomery's form."""
-    starts, places, values, degrees = found.coefficients(np.array([register]), found.tables.order)
+    starts, places, values, degrees = found.coefficients(np.array([register]), found.tables.order).struct
     inverse = pow(1 << 64, -1, found.prime)
     assert starts.tolist() == [0, len(places)]
     return {

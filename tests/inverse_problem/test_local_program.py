@@ -77,7 +77,7 @@ def test_the_rows_are_those_of_sparse_series(
         for degree in range(order + (compiled.kind == "H3")):
             found = entries(compiled, degree, prime, pow(1 << 64, -1, prime))
             assert found == entries(sparse, degree, prime, 1)
-    assert any(len(found.table.series.values) for found in both(system, with_time, order)[0])
+    assert any(len(found.table.series.struct.values) for found in both(system, with_time, order)[0])
 
 
 def told(found: Decision) -> tuple[object, ...]:

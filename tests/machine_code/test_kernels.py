@@ -16,7 +16,7 @@ import pytest
 from numba.core.errors import TypingError
 
 from inverse_service.machine_code import building, code_store, kernels
-from inverse_service.machine_code.kernels import Kernel, compiled, kinds_of
+from inverse_service.machine_code.kernels import Kept, Kernel, compiled, kinds_of
 from inverse_service.machine_code.loading import Unstorable, kernel_digest
 
 WEIGHT = 3
@@ -307,6 +307,45 @@ def test_no_argument_is_kept_and_none_is_lost(folder: Path) -> None:
     assert sys.getrefcount(own) == held
     own.resize(6, refcheck=False)
     assert kernel(own) == 6
+
+
+class Growth(NamedTuple):
+    """A table and what is added to it."""
+
+    table: Any
+    steps: Any
+
+
+@compiled
+def add_steps(pair: Any, factor: int) -> int:
+    for k in range(len(pair.steps)):
+        pair.table[k] += factor * pair.steps[k]
+    return int(pair.table[0])
+
+
+def test_what_is_kept_is_held_as_long_as_its_owner_lives_and_read_anew_at_each_call(folder: Path) -> None:
+    kernel, kept = Kernel(add_steps.py_func), Kept(Growth(np.zeros(3, np.int64), np.arange(3) + 1))  # type: ignore[attr-defined]
+    assert [kernel(kept.struct, factor) for factor in (1, -5)] == [1, -4]
+    kept.struct.steps[0] = 100
+    assert kernel(kept.struct, 1) == 96
+    assert kept.struct.table.tolist() == [96, -6, -9]
+    address, table = id(kept.struct), kept.struct.table
+    assert kernels._held[address][0] is kept.struct
+    held = sys.getrefcount(table)
+    del kept
+    assert address not in kernels._held
+    assert sys.getrefcount(table) == held - 1
+
+
+def test_small_tables_are_held_and_what_may_change_or_is_large_is_not(folder: Path) -> None:
+    kernel, small, large = Kernel(total), frozen(np.arange(4)), frozen(np.arange(10_000))
+    view, changing = large[:4], np.arange(4)
+    assert [kernel(array) for array in (small, view, changing, small)] == [6] * 4
+    assert kernel(large) == 10_000 * 9_999 // 2
+    assert [id(array) in kernels._held for array in (small, large, view, changing)] == [True, False, False, False]
+    for k in range(1000):
+        assert kernel(frozen(np.array([k]))) == k
+    assert len(kernels._held) <= kernels._MOST_HELD
 
 
 def test_where_addresses_have_other_sizes_numba_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
