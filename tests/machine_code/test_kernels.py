@@ -363,7 +363,14 @@ print(result["verdict"], "numba" in sys.modules)
 
 
 @pytest.mark.parametrize(
-    ("equations", "verdict"), [("x'' = -x", "variational"), ("x'' = -y'; y'' = y", "not_variational")]
+    ("equations", "verdict"),
+    [
+        ("x'' = -x", "variational"),
+        ("x'' = -y'; y'' = y", "not_variational"),
+        ("x'' = -y; y'' = x*y'", "variational"),
+        ("x'' = -x*x'^2 - 2*x'/t", "variational"),
+        ("x'' = -x'^3; y'' = -y*x'", "not_variational"),
+    ],
 )
 def test_numba_is_not_imported_where_the_kernels_are_stored(equations: str, verdict: str) -> None:
     command = [sys.executable, "-c", SOLVE.replace("{equations!r}", repr(equations))]

@@ -93,7 +93,8 @@ def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) 
     generator, weights = random.Random(f"velocity shapes {seed}"), list[int]()
 
     def solution(places: Sequence[int]) -> list[int]:
-        return _random_solution(material, table, matrix[:, places], hessians[:, places], generator)
+        chosen_ones = np.ascontiguousarray(hessians[:, places])  # kernels take arrays in C order
+        return _random_solution(material, table, matrix[:, places], chosen_ones, generator)
 
     fixed: dict[Monomial, frozenset[Variable]] = {}
     for group in groups:
