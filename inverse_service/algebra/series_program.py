@@ -257,6 +257,12 @@ class Registers:
         kept = self.values[register * stride : register * stride + int(self.tops[register]) + 1]
         return [int(value) * inverse % self.prime for value in kept] + [0] * (stride - len(kept))
 
+    def value(self, register: int) -> int:
+        """The constant term of one register."""
+        stride = len(self.values) // len(self.tops)
+        known = int(self.values[register * stride]) if self.tops[register] >= 0 else 0
+        return known * pow(1 << 64, -1, self.prime) % self.prime
+
     @property
     def stored(self) -> machine.Registers:
         """As the kernels have them."""

@@ -139,6 +139,15 @@ def _geometry(n: int, offset: int, half: int, two: int) -> Integers:
     return np.array(found, np.int64).ravel()
 
 
+def tensors(n: int, size: int, registers: Registers) -> tuple[list[list[int]], list[list[int]]]:
+    """(N, Phi) at the point, each (n, n), from the registers of `written`."""
+    N, Phi = (
+        [[registers.value(_matrix(n, size - 2 * n, number, i, j)) for j in range(n)] for i in range(n)]
+        for number in (1, 2)
+    )
+    return N, Phi
+
+
 def _matrix(n: int, offset: int, number: int, i: int, j: int) -> int:
     """The register of an entry of df/dv, N or Phi (number 0, 1, 2)."""
     return offset + 2 * n + number * n * n + i * n + j

@@ -25,7 +25,6 @@ from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, multiply, reconstruct
 from inverse_service.algebra.point import Expansion, Variable, variables_in
 from inverse_service.algebra.truncated_series import SingularPoint
-from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Sum, Symbol, Velocity, number, walk
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
@@ -35,7 +34,7 @@ from inverse_service.inverse_problem.search.linear_ansatz import letters_of, to_
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
 from inverse_service.inverse_problem.search.motion_terms import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
-from inverse_service.inverse_problem.search.null_vectors import LARGEST_RATIO, SPARE
+from inverse_service.inverse_problem.search.null_vectors import LARGEST_RATIO, SPARE, random_null_vector
 from inverse_service.inverse_problem.search.sample_points import SamplePoints
 from inverse_service.inverse_problem.search.sampling import LetterTable, sampler_of, table_at
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times
@@ -158,10 +157,7 @@ def _random_solution(
     rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
     rows[:, :width] = matrix
     _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modular.field_of(prime))
-    check(1 + rows.size * min(rows.shape) // 10_000)
-    basis, nullity = nmod_mat(len(rows), rows.shape[1], rows.ravel().tolist(), prime).nullspace()
-    weights = [generator.randrange(prime) for _ in range(nullity)]
-    return [sum(w * int(x) for w, x in zip(weights, row, strict=False)) % prime for row in basis.tolist()]
+    return random_null_vector(rows, prime, generator)
 
 
 @compiled

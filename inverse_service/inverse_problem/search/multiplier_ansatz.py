@@ -8,19 +8,20 @@ holds a regular Lagrangian before its potentials are searched for.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from inverse_service.algebra import modular
-from inverse_service.algebra import truncated_series as ps
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
-from inverse_service.algebra.point import Expansion, Point, evaluate
+from inverse_service.algebra.point import Point, evaluate
+from inverse_service.algebra.series_program import SeriesProgram, constants_at, run
 from inverse_service.deadline import check
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Expression, walk
-from inverse_service.inverse_problem.decision.local_system import local_system
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
+from inverse_service.inverse_problem.kinds.helmholtz import tensors, written
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.linear_ansatz import (
     Exponents,
@@ -36,7 +37,7 @@ from inverse_service.inverse_problem.search.null_vectors import (
     settled_kernel,
     vectors_of_groups,
 )
-from inverse_service.inverse_problem.search.sample_points import Matrix, SamplePoints
+from inverse_service.inverse_problem.search.sample_points import Integers, Matrix, SamplePoints
 from inverse_service.inverse_problem.search.sampling import (
     Derivatives,
     LetterTable,
@@ -132,14 +133,16 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix,
         evaluate(f, point, known)  # SingularPoint where it has no value
         slope = evaluate(differentiate(f, sampler.variables[2]), point, known)
         return [[-slope * pow(2, -1, point.prime) % point.prime]], [[0]]
-    expansion = Expansion(point, sampler.variables, 2)
-    velocities = [expansion.expand(v) for v in sampler.variables[1 + len(sampler.analysis.accelerations) :]]
-    forces = [expansion.expand(f) for f in sampler.analysis.accelerations]
-    local = local_system(expansion.ring, velocities, forces)
-    return (
-        [[ps.value_at_point(entry) for entry in row] for row in local.connection],
-        [[ps.value_at_point(entry) for entry in row] for row in local.endomorphism],
-    )
+    series, instructions = _written(tuple(sampler.variables), tuple(sampler.analysis.accelerations))
+    registers = run(series, instructions, constants_at(series, point), point.prime, order=2)
+    return tensors(len(sampler.analysis.accelerations), len(sampler.variables), registers)
+
+
+@lru_cache(maxsize=32)
+def _written(
+    variables: tuple[Symbol | Velocity, ...], forces: tuple[Expression, ...]
+) -> tuple[SeriesProgram, Integers]:
+    return written(variables, variables[1 + len(forces) :], forces, order=2)
 
 
 class Geometry(NamedTuple):

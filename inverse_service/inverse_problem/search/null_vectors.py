@@ -6,6 +6,7 @@ reduced form: each vector has the last of its columns to itself, with entry 1.
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -81,6 +82,19 @@ def _over_field(matrix: Words, prime: int) -> nmod_mat:
     rows, columns = matrix.shape
     _check_work(rows, columns)
     return nmod_mat(int(rows), int(columns), matrix.ravel().tolist(), prime)
+
+
+def random_null_vector(matrix: Words, prime: int, generator: random.Random) -> list[int]:
+    """A random element of the kernel of a matrix, (equations, unknowns)."""
+    reduced, rank = _over_field(matrix, prime).rref()
+    leading, width = _pivots(reduced, rank), reduced.ncols()
+    vector = [generator.randrange(prime) for _ in range(width)]
+    for pivot in leading:
+        vector[pivot] = 0
+    needed = (reduced * nmod_mat(width, 1, vector, prime)).entries()
+    for pivot, value in zip(leading, needed, strict=False):
+        vector[pivot] = -int(value) % prime
+    return vector
 
 
 def pivots(matrix: Words, prime: int) -> list[int]:

@@ -5,105 +5,173 @@ The ansätze of a ladder ask for the same letters at the same points, each for s
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple
 
-from inverse_service.algebra import truncated_series as ps
-from inverse_service.algebra.point import Expansion, Point, Variable, evaluate, variables_in
+import numpy as np
+import numpy.typing as npt
+
+from inverse_service.algebra import modular
+from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus, power
+from inverse_service.algebra.point import Point, Variable, evaluate, variables_in
 from inverse_service.algebra.real_point import RealTable
+from inverse_service.algebra.series_kernels import Machine
+from inverse_service.algebra.series_program import SeriesProgram, constants_at, run
 from inverse_service.algebra.tower import Tower, draw_point, moved_point
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import check
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 
-
-class LetterValues(NamedTuple):
-    """p, Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i), d log p/dq_i, d2 log p/dv_i dv_j, Gamma'(that)."""
-
-    value: int
-    along: int
-    by_velocity: list[int]
-    mixed: list[int]
-    by_position: list[int]
-    hessian: list[list[int]]
-    third: list[list[int]]
+Integers = npt.NDArray[np.int64]
+Words = npt.NDArray[np.uint64]
 
 
-def letter_values(
-    expansion: Expansion, places: Sequence[int], kernel: Expression, drift: Sequence[int]
-) -> LetterValues:
-    """The entries for one letter, at the point of an expansion.
+@dataclass(frozen=True, slots=True)
+class _LetterProgram:
+    """The series of letters in the same variables, those at `names` among (t, q, v), and the registers they end in."""
 
-    `places` are those of the displaced variables among (t, q, v), `drift` is (1, v, f).
-    """
-    n, prime = len(drift) // 2, expansion.ring.prime
-    value, gradient, second, third = _logarithmic(expansion, places, kernel, drift, n)
-    return LetterValues(
-        value,
-        sum(a * b for a, b in zip(drift, gradient, strict=True)) % prime,
-        gradient[1 + n :],
-        [sum(a * b for a, b in zip(drift, second[1 + n + i], strict=True)) % prime for i in range(n)],
-        gradient[1 : 1 + n],
-        [row[1 + n :] for row in second[1 + n :]],
-        third,
-    )
+    letters: tuple[Expression, ...]
+    series: SeriesProgram
+    instructions: Integers
+    names: Integers
+    registers: Integers
+    work: int
 
 
-def _logarithmic(
-    expansion: Expansion, names: Sequence[int], kernel: Expression, drift: Sequence[int], n: int
-) -> tuple[int, list[int], list[list[int]], list[list[int]]]:
-    """(p, d_a log p, d_a d_b log p, sum_c drift_c d_c d_i d_j log p for velocities i, j) at the point.
-
-    With u_a = p_a/p, w_ab = p_ab/p the second derivatives are w_ab - u_a u_b, the third p_abc/p - w_ab u_c
-    - w_ac u_b - w_bc u_a + 2 u_a u_b u_c. `names` are the places among (t, q, v) of the variables that are displaced.
-    """
-    if isinstance(kernel, Symbol | Velocity):
-        return _of_variable(expansion, kernel, names, drift, n)
-    prime, size, span = expansion.ring.prime, 2 * n + 1, range(len(names))
-    series = expansion.expand(kernel)
-    value, coefficients = ps.value_at_point(series), ps.terms(series)
-    unit = expansion.ring.invert_number(value)
-
-    def slope(*places: int) -> int:
-        """A derivative of p, over p: the Taylor coefficient times the factorials of its exponents."""
-        exponents = tuple(places.count(k) for k in span)
-        return coefficients.get(exponents, 0) * math.prod(map(math.factorial, exponents)) * unit % prime
-
-    gradient, second, third = [0] * size, [[0] * size for _ in range(size)], [[0] * n for _ in range(n)]
-    u = [slope(a) for a in span]
-    w = [[slope(a, b) for b in span] for a in span]
-    for a in span:
-        gradient[names[a]] = u[a]
-        for b in span:
-            second[names[a]][names[b]] = (w[a][b] - u[a] * u[b]) % prime
-    moving = [a for a in span if names[a] > n] if expansion.order > 2 else []
-    for a, b in itertools.product(moving, repeat=2):
-        third[names[a] - 1 - n][names[b] - 1 - n] = sum(
-            drift[names[c]]
-            * (slope(a, b, c) - w[a][b] * u[c] - w[a][c] * u[b] - w[b][c] * u[a] + 2 * u[a] * u[b] * u[c])
-            for c in span
-        ) % prime  # fmt: skip
-    return value, gradient, second, third
+@lru_cache(maxsize=512)
+def _programs(letters: tuple[Expression, ...], variables: tuple[Variable, ...], order: int) -> list[_LetterProgram]:
+    """One for each set of variables: only those of a letter are displaced, and most letters have one."""
+    groups: dict[tuple[int, ...], list[Expression]] = {}
+    for letter in letters:
+        names = set(variables_in(letter))
+        groups.setdefault(tuple(k for k, v in enumerate(variables) if v in names) or (0,), []).append(letter)
+    return [_program(tuple(group), variables, names, order) for names, group in groups.items()]
 
 
-def _of_variable(
-    expansion: Expansion, variable: Symbol | Velocity, names: Sequence[int], drift: Sequence[int], n: int
-) -> tuple[int, list[int], list[list[int]], list[list[int]]]:
-    """The same for a letter that is t, q, v or a parameter: 1/x, -1/x^2, and 2/x^3 times the drift."""
-    value, prime = expansion.point.variable(variable), expansion.ring.prime
-    if value == 0:
-        raise SingularPoint("a letter vanishes at the point")
-    size = 2 * n + 1
-    gradient, second, third = [0] * size, [[0] * size for _ in range(size)], [[0] * n for _ in range(n)]
-    slope = pow(value, -1, prime)
-    for place in names:
-        gradient[place], second[place][place] = slope, -slope * slope % prime
-        if place > n and expansion.order > 2:
-            third[place - 1 - n][place - 1 - n] = 2 * slope * slope * slope * drift[place] % prime
-    return value, gradient, second, third
+def _program(
+    letters: tuple[Expression, ...], variables: tuple[Variable, ...], names: tuple[int, ...], order: int
+) -> _LetterProgram:
+    series = SeriesProgram([variables[k] for k in names], order)
+    registers = np.array([series.expand(letter) for letter in letters], np.int64)
+    work = sum(_WORK_OF_A_LETTER + sum(1 for _ in walk(letter)) for letter in letters)
+    return _LetterProgram(letters, series, np.ravel(series.instructions), np.array(names, np.int64), registers, work)
+
+
+class _Displaced(NamedTuple):
+    """(1, v, f) in Montgomery form, and the places among (t, q, v) of the variables that are displaced."""
+
+    drift: Words
+    names: Integers
+
+
+class _Slopes(NamedTuple):
+    """p_a/p, p_ab/p and, to order 3, p_abc/p of a letter p."""
+
+    first: Words
+    second: Words
+    third: Words
+
+
+@compiled
+def _slope(r: int, degree: int, place: int, factor: np.uint64, m: Machine) -> np.uint64:
+    """A Taylor coefficient of a letter times a factor."""
+    if degree > m.registers.tops[r]:
+        return np.uint64(0)
+    value = m.registers.values[r * m.registers.stride + m.tables.starts[degree] + place]
+    return multiply(value, factor, m.field)
+
+
+@compiled
+def _differentiate(r: int, value: np.uint64, m: Machine, d: _Slopes) -> None:
+    """The derivatives of a letter over its value: Taylor coefficients times the factorials of their exponents."""
+    size, starts, raised = m.tables.size, m.tables.raised_starts, m.tables.raised
+    unit = power(value, m.field.prime - np.uint64(2), m.field)
+    twice, six = multiply(unit, m.small[2], m.field), multiply(unit, m.small[6], m.field)
+    for a in range(size):
+        one = raised[starts[0] + a]
+        d.first[a] = _slope(r, 1, one, unit, m)
+        for b in range(size):
+            two = raised[starts[1] + one * size + b]
+            d.second[a, b] = _slope(r, 2, two, twice if a == b else unit, m)
+            for c in range(d.third.shape[2]):
+                three = raised[starts[2] + two * size + c]
+                some = twice if a in (b, c) or b == c else unit
+                d.third[a, b, c] = _slope(r, 3, three, six if a == b == c else some, m)
+
+
+@compiled
+def _second(a: int, b: int, d: _Slopes, field: Field) -> np.uint64:
+    """d_a d_b log p = p_ab/p - u_a u_b, u = grad log p."""
+    return minus(d.second[a, b], multiply(d.first[a], d.first[b], field), field)
+
+
+@compiled
+def _rate(a: int, b: int, displaced: _Displaced, d: _Slopes, field: Field) -> np.uint64:
+    """Gamma'(s_ab), s_ab = d_a d_b log p: d_c s_ab = p_abc/p - s_ab u_c - u_a s_bc - u_b p_ac/p."""
+    total = np.uint64(0)
+    for c in range(d.third.shape[2]):
+        value = minus(d.third[a, b, c], multiply(_second(a, b, d, field), d.first[c], field), field)
+        value = minus(value, multiply(d.first[a], _second(b, c, d, field), field), field)
+        value = minus(value, multiply(d.first[b], d.second[a, c], field), field)
+        total = plus(total, multiply(displaced.drift[displaced.names[c]], value, field), field)
+    return total
+
+
+@compiled
+def _fill(displaced: _Displaced, d: _Slopes, n: int, row: Words, field: Field) -> None:
+    """Gamma(log p), d log p/dv_i, Gamma'(that), d log p/dq_i, d2 log p/dv_i dv_j, Gamma'(that), one after another."""
+    names = displaced.names
+    for a in range(len(names)):
+        i, drift = names[a] - n - 1, displaced.drift[names[a]]
+        row[0] = plus(row[0], multiply(drift, d.first[a], field), field)
+        if i < 0:
+            if names[a] > 0:
+                row[2 * n + names[a]] = d.first[a]
+            continue
+        row[1 + i] = d.first[a]
+        for b in range(len(names)):
+            j, value = names[b] - n - 1, _second(a, b, d, field)
+            part = multiply(displaced.drift[names[b]], value, field)
+            row[1 + n + i] = plus(row[1 + n + i], part, field)
+            if j >= 0:
+                row[1 + 3 * n + i * n + j] = value
+                row[1 + 3 * n + n * n + i * n + j] = _rate(a, b, displaced, d, field)
+
+
+@compiled
+def _logarithmic(chosen: Integers, displaced: _Displaced, m: Machine, d: _Slopes, found: Words) -> bool:
+    """The value of each letter and its logarithmic derivatives (`_fill`) as residues; False where one is 0."""
+    n, one = len(displaced.drift) // 2, np.uint64(1)
+    for k in range(len(chosen)):
+        r = chosen[k]
+        value = m.registers.values[r * m.registers.stride]
+        if m.registers.tops[r] < 0 or value == np.uint64(0):
+            return False
+        _differentiate(r, value, m, d)
+        _fill(displaced, d, n, found[k, 1:], m.field)
+        found[k, 0] = value
+        for entry in range(found.shape[1]):
+            found[k, entry] = multiply(found[k, entry], one, m.field)
+    return True
+
+
+def _letter_rows(program: _LetterProgram, point: Point, drift: Words, order: int) -> Words | None:
+    """A row of values for each letter at a point; None where one has none or vanishes."""
+    n, size, prime = len(drift) // 2, len(program.names), point.prime
+    try:
+        constants = constants_at(program.series, point)
+        registers = run(program.series, program.instructions, constants, prime, order)
+    except (SingularPoint, ValueError):
+        return None
+    small = modular.small_numbers(prime, 7)
+    machine = Machine(registers.stored, registers.tables, modular.field_of(prime), small, small)
+    shapes = (size,), (size, size), (size, size, size if order > 2 else 0)
+    slopes = _Slopes(*(np.empty(shape, np.uint64) for shape in shapes))
+    found = np.zeros((len(program.letters), 2 + 3 * n + 2 * n * n), np.uint64)
+    done = _logarithmic(program.registers, _Displaced(drift, program.names), machine, slopes, found)
+    return found if done else None
 
 
 # In units of the search (see `deadline`).
@@ -113,12 +181,11 @@ Matrix = list[list[int]]
 
 @dataclass(slots=True)
 class _AtPoint:
-    """What is known at one point; `drift` is (1, v, f), empty where f has no value."""
+    """What is known at one point; `drift` is (1, v, f) in Montgomery form, empty where f has no value."""
 
     point: Point
-    drift: list[int]
-    expansions: dict[tuple[tuple[int, ...], int], Expansion] = field(default_factory=dict)
-    letters: dict[tuple[Expression, int], LetterValues | None] = field(default_factory=dict)
+    drift: Words
+    letters: dict[tuple[Expression, int], Words | None] = field(default_factory=dict)
     tensors: tuple[Matrix, Matrix] | None = None
 
 
@@ -154,29 +221,39 @@ class SamplePoints:
             return draw_point(self.tower, self.seed + 1 + k, self.prime)
         return moved_point(self.tower, self.base, self.moving, k)
 
-    def _drift(self, point: Point) -> list[int]:
+    def _drift(self, point: Point) -> Words:
         known: dict[Expression, int] = {}
         try:
             point.variables.update((v, evaluate(w, point, known)) for v, w in self.constrained.items())
             f = [evaluate(force, point, known) for force in self.forces]
         except (SingularPoint, ValueError):
-            return []
-        return [1, *(point.variable(v) for v in self.variables[1 + len(f) :]), *f]
+            return np.empty(0, np.uint64)
+        drift = [1, *(point.variable(v) for v in self.variables[1 + len(f) :]), *f]
+        return np.array([(value << 64) % self.prime for value in drift], np.uint64)
 
-    def letters(self, k: int, kernels: Sequence[Expression], order: int) -> list[LetterValues] | None:
-        """The values of all letters at a point; None where one has none."""
+    def letters(self, k: int, kernels: Sequence[Expression], order: int) -> list[Words] | None:
+        """A row for each letter at a point (see `_logarithmic`), with third derivatives to order 3; None where one
+        has none."""
         place = self.place(k)
-        row = []
-        for kernel in kernels if place.drift else ():
-            key = kernel, 3 if (kernel, 3) in place.letters else order
-            if key not in place.letters:
-                check(_WORK_OF_A_LETTER + sum(1 for _ in walk(kernel)))
-                place.letters[key] = self._letter(place, kernel, order)
-            found = place.letters[key]
-            if found is None:
-                return None
-            row.append(found)
-        return row if place.drift else None
+        if not len(place.drift):
+            return None
+        known = place.letters
+        missing = tuple(kernel for kernel in kernels if (kernel, 3) not in known and (kernel, order) not in known)
+        self._evaluate(place, missing, order)
+        rows = [known[kernel, 3 if (kernel, 3) in known else order] for kernel in kernels]
+        return None if any(row is None for row in rows) else [row for row in rows if row is not None]
+
+    def _evaluate(self, place: _AtPoint, letters: tuple[Expression, ...], order: int) -> None:
+        for program in _programs(letters, tuple(self.variables), order) if letters else ():
+            check(program.work)
+            rows = _letter_rows(program, place.point, place.drift, order)
+            if rows is not None:
+                place.letters.update(((letter, order), row) for letter, row in zip(program.letters, rows, strict=True))
+            elif len(program.letters) == 1:
+                place.letters[program.letters[0], order] = None
+            else:
+                for letter in program.letters:
+                    self._evaluate(place, (letter,), order)
 
     def values(self, k: int, kernels: Sequence[Expression]) -> list[int] | None:
         """The values of all letters at a point, without derivatives; None where one has none or vanishes."""
@@ -186,19 +263,7 @@ class SamplePoints:
             found = [evaluate(kernel, place.point, known) for kernel in kernels]
         except (SingularPoint, ValueError):
             return None
-        return found if place.drift and all(found) else None
-
-    def _letter(self, place: _AtPoint, kernel: Expression, order: int) -> LetterValues | None:
-        # Only the variables of the letter are displaced: most letters have one.
-        names: set[Variable] = set(variables_in(kernel))
-        chosen = tuple(k for k, variable in enumerate(self.variables) if variable in names)
-        key = chosen, order
-        try:
-            if key not in place.expansions:
-                place.expansions[key] = Expansion(place.point, [self.variables[k] for k in chosen], order)
-            return letter_values(place.expansions[key], chosen, kernel, place.drift)
-        except (SingularPoint, ValueError):
-            return None
+        return found if len(place.drift) and all(found) else None
 
 
 # A seed, and the variables that move where the others stay as they are at one point.

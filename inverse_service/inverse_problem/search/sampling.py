@@ -210,12 +210,12 @@ def table_at(
     found = _first(lambda k: known.letters(k, kernels, order), count)
     numbers, rows = [k for k, _ in found], [row for _, row in found]
     n, shape = len(known.forces), (count - first, len(letters))
-    arrays = [
-        np.array([[letter[column] for letter in row] for row in rows[first:]], np.uint64).reshape(*shape, *(n,) * rank)
-        for column, rank in enumerate((0, 1, 1, 1, 2, 2), 1)
-    ]
-    values = [[letter.value for letter in row] for row in rows[first:]]
-    return LetterTable(known, tuple(numbers[first:]), values, Derivatives(*arrays))
+    table = np.array(rows[first:], np.uint64).reshape(*shape, 2 + 3 * n + 2 * n * n)
+    ends = np.cumsum([1, 1, n, n, n, n * n])
+    value, *parts = np.split(table, ends, axis=2)
+    ranks = (0, 1, 1, 1, 2, 2)
+    arrays = [np.ascontiguousarray(part).reshape(*shape, *(n,) * rank) for part, rank in zip(parts, ranks, strict=True)]
+    return LetterTable(known, tuple(numbers[first:]), value[:, :, 0].tolist(), Derivatives(*arrays))
 
 
 def values_at(known: SamplePoints, letters: Sequence[Expression], count: int) -> list[list[int]]:

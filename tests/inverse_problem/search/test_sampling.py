@@ -6,54 +6,101 @@ from fractions import Fraction
 
 import pytest
 
-from inverse_service.algebra.modular import safe_prime
-from inverse_service.algebra.point import Expansion, Point
-from inverse_service.algebra.truncated_series import SingularPoint
+from inverse_service.algebra import truncated_series as ps
+from inverse_service.algebra.elementary import to_kernels
+from inverse_service.algebra.point import Expansion, Point, evaluate
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
     Apply,
+    Expression,
     Number,
-    Power,
     Symbol,
     Velocity,
     add,
+    multiply,
+    negate,
     number,
     power,
     subtract,
 )
 from inverse_service.inverse_problem.decision.analysis import analyse
-from inverse_service.inverse_problem.search.sample_points import _logarithmic
 from inverse_service.inverse_problem.search.sampling import sampler_of
 from inverse_service.inverse_problem.search.terms import Monomial, monomial
 from inverse_service.mechanics.reading import read_system
 
-P = safe_prime(3)
-NAMES = [TIME, Symbol("x"), Symbol("y"), Velocity("x"), Velocity("y")]
-DRIFT = [1, 5, 7, 11, 13]
+SYSTEM = read_system(["x", "y"], {"x": "-x + c*y'*sin(t)", "y": "exp(x)*x'^2 - y/(1 + x^2)"}, ["c"])
+NAMES = Names(("x", "y"), ("c",), {})
+LETTERS = [
+    "t", "x", "y", "c", "x^2 + 3*y", "c^2 + c", "sin(x) + x", "exp(t*x)", "1/(1 + y^2)", "log(1 + x^2)", "cos(x + 2*t)",
+    "x*y + c*t", "atan(x)", "sqrt(4 + x^2)",
+]  # fmt: skip
+
+
+def velocity_letters() -> list[Expression]:
+    """v_x, and sums of powers of velocities with factors of position."""
+    u, v = Velocity("x"), Velocity("y")
+    x = Symbol("x")
+    return [u, add(power(u, 2), power(v, 2), ONE), add(multiply(x, u), power(v, 3)), add(multiply(TIME, u, v), x)]
+
+
+def reference(
+    point: Point, variables: list[Symbol | Velocity], letter: Expression, drift: list[int], order: int
+) -> list[int]:
+    """A row of the table by sparse series in all variables, and the quotient rule for log p as a series."""
+    expansion = Expansion(point, variables, order)
+    p, P, m, n = expansion.expand(letter), point.prime, len(variables), len(variables) // 2
+    unit = pow(ps.value_at_point(p), -1, P)
+    gradient = [ps.multiply(ps.derivative(p, a), ps.inverse(expansion.ring, p)) for a in range(m)]
+    u = [ps.value_at_point(part) for part in gradient]
+    second = [[ps.value_at_point(ps.derivative(gradient[a], b)) for b in range(m)] for a in range(m)]
+    velocities, positions = range(1 + n, m), range(1, 1 + n)
+    rates = [
+        sum(drift[c] * ps.value_at_point(ps.derivative(ps.derivative(gradient[i], j), c)) for c in range(m)) % P
+        if order > 2 else 0
+        for i in velocities for j in velocities
+    ]  # fmt: skip
+    along = sum(d * a for d, a in zip(drift, u, strict=True)) % P
+    mixed = [sum(drift[c] * second[i][c] for c in range(m)) % P for i in velocities]
+    hessian = [second[i][j] for i in velocities for j in velocities]
+    assert unit
+    value = ps.value_at_point(p)
+    return [value, along, *(u[i] for i in velocities), *mixed, *(u[i] for i in positions), *hessian, *rates]
 
 
 @pytest.mark.parametrize("order", [2, 3])
-@pytest.mark.parametrize("place", range(6))
-def test_a_variable_has_the_derivatives_of_its_series(place: int, order: int) -> None:
-    """A power with exponent one goes the way of the series; a parameter is displaced by nothing."""
-    letter = [*NAMES, Symbol("c")][place]
-    places = (place,) if place < len(NAMES) else ()
+def test_letters_have_the_logarithmic_derivatives_of_sparse_series(order: int) -> None:
+    analysis = analyse(SYSTEM)
+    letters = [*(to_kernels(read_formula(text, NAMES)) for text in LETTERS), *velocity_letters()]
+    sampler, _ = sampler_of(analysis, [monomial(letter) for letter in letters])
+    points = sampler.points(3)
+    for k in range(3):
+        rows = points.letters(k, letters, order)
+        assert rows is not None
+        point = points.point(k)
+        forces = [evaluate(f, point) for f in analysis.accelerations]
+        drift = [1, *(point.variable(v) for v in points.variables[3:]), *forces]
+        for letter, row in zip(letters, rows, strict=True):
+            assert [int(x) for x in row] == reference(point, points.variables, letter, drift, order), letter
 
-    def expansion() -> Expansion:
-        return Expansion(Point(P, 4), [NAMES[k] for k in places], order)
 
-    plain = _logarithmic(expansion(), places, Power(letter, Number(Fraction(1))), DRIFT, 2)
-    assert _logarithmic(expansion(), places, letter, DRIFT, 2) == plain
-    assert any(plain[1]) == bool(places)
-
-
-def test_a_variable_that_vanishes_is_no_letter_at_that_point() -> None:
-    point = Point(P, 4)
-    point.variables[Symbol("x")] = 0
-    with pytest.raises(SingularPoint):
-        _logarithmic(Expansion(point, [Symbol("x")], 2), (1,), Symbol("x"), DRIFT, 2)
+def test_a_letter_without_a_value_takes_nothing_from_the_others() -> None:
+    """x - x(point) vanishes at one point, 1/(x - x(point)) has no value there."""
+    sampler, _ = sampler_of(analyse(SYSTEM), [monomial(Symbol("x"))])
+    points = sampler.points(3)
+    there = Number(Fraction(points.point(0).variable(Symbol("x"))))
+    zero = add(Symbol("x"), negate(there))
+    pole, other = power(zero, -1), add(power(Symbol("x"), 2), ONE)
+    assert points.letters(0, [zero], 2) is points.letters(0, [other, pole], 2) is None
+    alone = points.letters(0, [other], 2)
+    assert alone is not None
+    assert points.letters(1, [zero, pole, other], 2) is not None
+    fresh = sampler_of(analyse(SYSTEM), [monomial(Symbol("x"))])[0].points(3).letters(0, [other], 2)
+    assert fresh is not None
+    assert alone[0].tolist() == fresh[0].tolist()
 
 
 def test_terms_without_a_value_where_the_others_have_one_are_left_out() -> None:
