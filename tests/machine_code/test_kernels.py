@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import pickle
+import pkgutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
+import inverse_service
 from inverse_service.machine_code import building, code_store, kernels
 from inverse_service.machine_code.kernels import Kept, Kernel, compiled, kinds_of
 from inverse_service.machine_code.loading import Unstorable, kernel_digest
@@ -354,6 +357,19 @@ def test_where_addresses_have_other_sizes_numba_does_it(folder: Path, monkeypatc
     assert not folder.exists()
 
 
+def test_every_kernel_says_what_it_is_made_from() -> None:
+    """One that does not is compiled anew in every process, which nobody would notice but by the second it takes."""
+    names = [
+        one.name for one in pkgutil.walk_packages(inverse_service.__path__, "inverse_service.") if "__" not in one.name
+    ]
+    modules = [importlib.import_module(name) for name in names if name.split(".")[1] in WITH_KERNELS]
+    found = [(module, value) for module in modules for value in vars(module).values() if isinstance(value, Kernel)]
+    assert len({id(value) for _, value in found}) > 50
+    for _, kernel in found:
+        kernel_digest(kernel.py_func, ("int64",))
+
+
+WITH_KERNELS = ("algebra", "linear_pde", "inverse_problem", "simulation", "integrators", "codegen")
 SOLVE = """
 import sys
 from inverse_service import solve

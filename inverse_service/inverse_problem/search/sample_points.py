@@ -5,8 +5,9 @@ The ansätze of a ladder ask for the same letters at the same points, each for s
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -120,24 +121,24 @@ def _rate(a: int, b: int, displaced: _Displaced, d: _Slopes, field: Field) -> np
 
 
 @compiled
-def _fill(displaced: _Displaced, d: _Slopes, n: int, row: Words, field: Field) -> None:
-    """Gamma(log p), d log p/dv_i, Gamma'(that), d log p/dq_i, d2 log p/dv_i dv_j, Gamma'(that), one after another."""
+def _fill(displaced: _Displaced, d: _Slopes, n: int, k: int, found: Words, field: Field) -> None:
+    """Gamma(log p), d log p/dv_i, Gamma'(that), d log p/dq_i, d2 log p/dv_i dv_j, Gamma'(that) behind the value."""
     names = displaced.names
     for a in range(len(names)):
         i, drift = names[a] - n - 1, displaced.drift[names[a]]
-        row[0] = plus(row[0], multiply(drift, d.first[a], field), field)
+        found[k, 1] = plus(found[k, 1], multiply(drift, d.first[a], field), field)
         if i < 0:
             if names[a] > 0:
-                row[2 * n + names[a]] = d.first[a]
+                found[k, 1 + 2 * n + names[a]] = d.first[a]
             continue
-        row[1 + i] = d.first[a]
+        found[k, 2 + i] = d.first[a]
         for b in range(len(names)):
             j, value = names[b] - n - 1, _second(a, b, d, field)
             part = multiply(displaced.drift[names[b]], value, field)
-            row[1 + n + i] = plus(row[1 + n + i], part, field)
+            found[k, 2 + n + i] = plus(found[k, 2 + n + i], part, field)
             if j >= 0:
-                row[1 + 3 * n + i * n + j] = value
-                row[1 + 3 * n + n * n + i * n + j] = _rate(a, b, displaced, d, field)
+                found[k, 2 + 3 * n + i * n + j] = value
+                found[k, 2 + 3 * n + n * n + i * n + j] = _rate(a, b, displaced, d, field)
 
 
 @compiled
@@ -150,7 +151,7 @@ def _logarithmic(chosen: Integers, displaced: _Displaced, m: Machine, d: _Slopes
         if m.registers.tops[r] < 0 or value == np.uint64(0):
             return False
         _differentiate(r, value, m, d)
-        _fill(displaced, d, n, found[k, 1:], m.field)
+        _fill(displaced, d, n, k, found, m.field)
         found[k, 0] = value
         for entry in range(found.shape[1]):
             found[k, entry] = multiply(found[k, entry], one, m.field)
@@ -185,7 +186,7 @@ class _AtPoint:
 
     point: Point
     drift: Words
-    letters: dict[tuple[Expression, int], Words | None] = field(default_factory=dict)
+    letters: dict[tuple[Expression, int], Words | None] = dataclasses.field(default_factory=dict)
     tensors: tuple[Matrix, Matrix] | None = None
 
 
@@ -201,10 +202,10 @@ class SamplePoints:
     tower: Tower
     seed: int
     prime: int
-    constrained: Mapping[Velocity, Expression] = field(default_factory=dict)
+    constrained: Mapping[Velocity, Expression] = dataclasses.field(default_factory=dict)
     base: Point | None = None
     moving: Sequence[Symbol | Velocity] = ()
-    places: list[_AtPoint] = field(default_factory=list)
+    places: list[_AtPoint] = dataclasses.field(default_factory=list)
 
     def point(self, k: int) -> Point:
         return self.place(k).point
@@ -277,4 +278,4 @@ class KnownTower:
     atoms: frozenset[Expression]
     real_point: RealTable
     tower: Tower
-    points: dict[Drawn, SamplePoints] = field(default_factory=dict)
+    points: dict[Drawn, SamplePoints] = dataclasses.field(default_factory=dict)
