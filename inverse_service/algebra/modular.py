@@ -209,6 +209,13 @@ def field_of(prime: int) -> Field:
 @lru_cache(maxsize=64)
 def small_numbers(prime: int, count: int) -> npt.NDArray[np.uint64]:
     """0, 1, …, count - 1 in Montgomery form."""
-    numbers = np.array([k * (1 << 64) % prime for k in range(count)], np.uint64)
+    numbers = np.zeros(count, np.uint64)
+    _count_up(numbers, field_of(prime))
     numbers.setflags(write=False)
     return numbers
+
+
+@compiled
+def _count_up(numbers: npt.NDArray[np.uint64], field: Field) -> None:
+    for k in range(1, len(numbers)):
+        numbers[k] = plus(numbers[k - 1], field.one, field)
