@@ -60,7 +60,7 @@ def object_code(compiler: Any, kinds: Kinds) -> tuple[bytes, str]:
 
 def _type(kind: Kind) -> Any:
     if not isinstance(kind, str):
-        return types.NamedTuple(tuple(map(_type, kind[1])), kind[0])  # type: ignore[no-untyped-call]
+        return types.BaseTuple.from_types(tuple(map(_type, kind[1])), kind[0])  # type: ignore[no-untyped-call]
     array = array_of(kind)
     if not array.dimensions:
         return _NUMBERS[kind]
@@ -69,7 +69,7 @@ def _type(kind: Kind) -> Any:
 
 def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
     """The kernel as a C function of the address of its words."""
-    space: dict[str, Any] = {"work": compiler, "array": carray, "integer": types.int64}
+    space: dict[str, Any] = {"work": compiler, "array": carray, "constant": _constant(), "integer": types.int64}
     space |= {name: _pointer_to(getattr(types, name)) for name in ELEMENTS}
     places = count()
 
@@ -91,10 +91,20 @@ def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
 
 def _argument(kind: str, place: int, lengths: list[str]) -> str:
     """What stands in the words, made the argument."""
-    word = f"words[{place}]"
+    word, array = f"words[{place}]", array_of(kind)
     if lengths:
-        return f"array({array_of(kind).element}({word}), ({', '.join(lengths)},))"
+        made = f"array({array.element}({word}), ({', '.join(lengths)},))"
+        return f"constant({made})" if array.constant else made
     return {"int64": f"integer({word})", "uint64": word, "bool": f"{word} != 0"}[kind]
+
+
+def _constant() -> Any:
+    """An array as one that is only read: for another kind the kernel would be compiled a second time."""
+
+    def definition(context: Any, array: Any) -> Any:
+        return array.copy(readonly=True)(array), lambda context, builder, signature, given: given[0]
+
+    return intrinsic(definition)
 
 
 def _pointer_to(element: Any) -> Any:

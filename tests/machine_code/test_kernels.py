@@ -18,6 +18,7 @@ import pytest
 from numba.core.errors import TypingError
 
 import inverse_service
+from inverse_service.algebra import modular
 from inverse_service.machine_code import building, code_store, kernels
 from inverse_service.machine_code.kernels import Kept, Kernel, compiled, kinds_of
 from inverse_service.machine_code.loading import Unstorable, kernel_digest
@@ -338,6 +339,18 @@ def test_what_is_kept_is_held_as_long_as_its_owner_lives_and_read_anew_at_each_c
     del kept
     assert address not in kernels._held
     assert sys.getrefcount(table) == held - 1
+
+
+def test_a_kernel_is_compiled_once_whatever_its_arguments_are() -> None:
+    """A struct of equal numbers and an array that is only read are typed as the compiler finds them."""
+    taken: Any = (modular.field_of(modular.safe_prime(3)), frozen(np.arange(3)), True)
+    dispatcher = building.dispatcher(chosen_word)
+    building.object_code(dispatcher, kinds_of(taken, []))
+    assert len(dispatcher.overloads) == 1
+
+
+def chosen_word(field, places, first):  # type: ignore[no-untyped-def]
+    return field.prime if first else field.one + np.uint64(places[0])
 
 
 def test_small_tables_are_held_and_what_may_change_or_is_large_is_not(folder: Path) -> None:
