@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Variable
 from inverse_service.algebra.series_program import TooLarge
 from inverse_service.algebra.tower import draw_point
@@ -16,12 +17,14 @@ from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.inverse_problem.kinds import helmholtz
+from inverse_service.linear_pde import emission
 from inverse_service.linear_pde import involutive_form as settling
 from inverse_service.linear_pde.emission import Equations, rows_of_degree
 from inverse_service.linear_pde.involutive_form import Coefficients
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
+PRIME = safe_prime(5)
 SYSTEMS: list[tuple[dict[str, str], list[str], bool]] = [
     ({"x": "-x"}, [], False),
     ({"x": "0"}, [], True),
@@ -52,6 +55,19 @@ def both(system: SecondOrderSystem, with_time: bool, order: int) -> tuple[tuple[
     compiled = helmholtz.compiled_equations(len(velocities), len(variables), prime, order, registers)
     sparse = local_system(*analysis.series(point, with_time, order + 2))
     return compiled.equations, equations(sparse).equations
+
+
+@pytest.mark.parametrize("room", [0, 1, 2])
+def test_rows_that_find_no_room_are_written_into_more(room: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = both(system_of(*SYSTEMS[4][:2]), True, 3)[0][0]
+    wanted = [rows_of_degree(found.table, degree, PRIME) for degree in range(3)]
+    monkeypatch.setattr(emission, "_ENTRIES", room)
+    for degree, rows in enumerate(wanted):
+        again, count = rows_of_degree(found.table, degree, PRIME), rows.starts[-1]
+        assert count > room * len(rows.starts)
+        assert again.starts.tolist() == rows.starts.tolist()
+        assert again.columns[:count].tolist() == rows.columns[:count].tolist()
+        assert again.values[:count].tolist() == rows.values[:count].tolist()
 
 
 def entries(found: Equations, degree: int, prime: int, factor: int) -> list[dict[int, int]]:
