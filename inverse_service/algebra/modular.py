@@ -217,5 +217,6 @@ def small_numbers(prime: int, count: int) -> npt.NDArray[np.uint64]:
 
 @compiled
 def _count_up(numbers: npt.NDArray[np.uint64], field: Field) -> None:
+    """numbers[k] = k, where numbers[0] is 0."""
     for k in range(1, len(numbers)):
         numbers[k] = plus(numbers[k - 1], field.one, field)

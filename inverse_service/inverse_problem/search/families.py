@@ -92,8 +92,7 @@ def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) 
     generator, weights = random.Random(f"velocity shapes {seed}"), list[int]()
 
     def solution(places: Sequence[int]) -> list[int]:
-        chosen_ones = np.ascontiguousarray(hessians[:, places])  # kernels take arrays in C order
-        return _random_solution(material, table, matrix[:, places], chosen_ones, generator)
+        return _random_solution(material, table, matrix[:, places], hessians[:, places], generator)
 
     fixed: dict[Monomial, frozenset[Variable]] = {}
     for group in groups:
@@ -156,7 +155,8 @@ def _random_solution(
     width = matrix.shape[1]
     rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
     rows[:, :width] = matrix
-    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modular.field_of(prime))
+    in_order = np.ascontiguousarray(hessians)  # for machine code: some chosen along the second axis are not
+    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), in_order, rows, modular.field_of(prime))
     return random_null_vector(rows, prime, generator)
 
 

@@ -17,8 +17,9 @@ from inverse_service.algebra import modular
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
 from inverse_service.algebra.point import Point, evaluate
-from inverse_service.algebra.series_program import SeriesProgram, constants_at, run
+from inverse_service.algebra.series_program import SeriesProgram, TooLarge, constants_at, run
 from inverse_service.deadline import check
+from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.kinds.helmholtz import tensors, written
@@ -142,7 +143,10 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix,
 def _written(
     variables: tuple[Symbol | Velocity, ...], forces: tuple[Expression, ...]
 ) -> tuple[SeriesProgram, Integers]:
-    return written(variables, variables[1 + len(forces) :], forces, order=2)
+    try:
+        return written(variables, variables[1 + len(forces) :], forces, order=2)
+    except TooLarge as problem:
+        raise IrreducibleAtoms("the forces are too long for their series") from problem
 
 
 class Geometry(NamedTuple):

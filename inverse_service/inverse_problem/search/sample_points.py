@@ -19,10 +19,11 @@ from inverse_service.algebra.modular import Field, compiled, minus, multiply, pl
 from inverse_service.algebra.point import Point, Variable, evaluate, variables_in
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.algebra.series_kernels import Machine
-from inverse_service.algebra.series_program import SeriesProgram, constants_at, run
+from inverse_service.algebra.series_program import SeriesProgram, TooLarge, constants_at, run
 from inverse_service.algebra.tower import Tower, draw_point, moved_point
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import check
+from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 
 Integers = npt.NDArray[np.int64]
@@ -48,7 +49,21 @@ def _programs(letters: tuple[Expression, ...], variables: tuple[Variable, ...], 
     for letter in letters:
         names = set(variables_in(letter))
         groups.setdefault(tuple(k for k, v in enumerate(variables) if v in names) or (0,), []).append(letter)
-    return [_program(tuple(group), variables, names, order) for names, group in groups.items()]
+    return [part for names, group in groups.items() for part in _parts(tuple(group), variables, names, order)]
+
+
+def _parts(
+    letters: tuple[Expression, ...], variables: tuple[Variable, ...], names: tuple[int, ...], order: int
+) -> list[_LetterProgram]:
+    """Their program, or more where it would be too large; IrreducibleAtoms where one letter is."""
+    try:
+        return [_program(letters, variables, names, order)]
+    except TooLarge as problem:
+        if len(letters) == 1:
+            raise IrreducibleAtoms("a letter of the ansatz is too long for its series") from problem
+    middle = len(letters) // 2
+    halves = letters[:middle], letters[middle:]
+    return [part for half in halves for part in _parts(half, variables, names, order)]
 
 
 def _program(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import partial
 
 import pytest
 
 from inverse_service.algebra import truncated_series as ps
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Expansion, Point, evaluate
+from inverse_service.algebra.series_program import SeriesProgram
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
@@ -28,9 +30,13 @@ from inverse_service.expressions.tree import (
     subtract,
 )
 from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.kinds import helmholtz
+from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.search import multiplier_ansatz, sample_points
 from inverse_service.inverse_problem.search.sampling import sampler_of
 from inverse_service.inverse_problem.search.terms import Monomial, monomial
 from inverse_service.mechanics.reading import read_system
+from inverse_service.service.documents.documents import solve_document
 
 SYSTEM = read_system(["x", "y"], {"x": "-x + c*y'*sin(t)", "y": "exp(x)*x'^2 - y/(1 + x^2)"}, ["c"])
 NAMES = Names(("x", "y"), ("c",), {})
@@ -85,6 +91,41 @@ def test_letters_have_the_logarithmic_derivatives_of_sparse_series(order: int) -
         drift = [1, *(point.variable(v) for v in points.variables[3:]), *forces]
         for letter, row in zip(letters, rows, strict=True):
             assert [int(x) for x in row] == reference(point, points.variables, letter, drift, order), letter
+
+
+def limit_series(monkeypatch: pytest.MonkeyPatch, words: int) -> None:
+    """As for longer formulas: so many words are the most that the registers of a program may have."""
+    limited = partial(SeriesProgram, most_words=words)
+    monkeypatch.setattr(sample_points, "SeriesProgram", limited)
+    monkeypatch.setattr(helmholtz, "SeriesProgram", limited)
+    for made_once in (sample_points._programs, multiplier_ansatz._written):
+        made_once.cache_clear()
+
+
+def test_letters_too_long_for_one_program_have_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    letters = [to_kernels(read_formula(f"x^2 + {k}", NAMES)) for k in range(2, 22)]
+    analysis = analyse(SYSTEM)
+    points = [sampler_of(analysis, [monomial(letter) for letter in letters])[0].points(seed) for seed in (3, 3)]
+    wanted = points[0].letters(0, letters, 2)
+    points[1].places.clear()
+    given = tuple(letters), tuple(points[1].variables), 2
+    assert len(sample_points._programs(*given)) == 1
+    limit_series(monkeypatch, 30)
+    assert len(sample_points._programs(*given)) == 4
+    found = points[1].letters(0, letters, 2)
+    assert wanted is not None
+    assert found is not None
+    assert [row.tolist() for row in found] == [row.tolist() for row in wanted]
+
+
+def test_what_is_too_long_for_series_is_searched_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    limit_series(monkeypatch, 1)
+    found = solve_document(
+        {"coordinates": ["x", "y"], "equations": {"x": "-y", "y": "x*y'"}}, SolveOptions(time_limit=10)
+    )
+    assert found["verdict"] in ("variational", "undetermined")
+    with pytest.raises(IrreducibleAtoms):
+        sampler_of(analyse(SYSTEM), [monomial(Symbol("x"))])[0].points(3).letters(0, [Symbol("x")], 2)
 
 
 def test_a_letter_without_a_value_takes_nothing_from_the_others() -> None:
