@@ -33,7 +33,8 @@ class ProblemPlace(Document):
     """One fault: RFC 6901 pointer, column from 1 in the string there, and what to write instead.
 
     `instead` lists texts, each of which may have been meant in the place of the name at the column, or of
-    what stands from the first column of `span` up to the second.
+    what stands from the first column of `span` up to the second. `plain` is the sentence without the column and
+    without the way of declaring a name, which `declare` says: the member of the document that would hold it.
     """
 
     pointer: str
@@ -41,6 +42,8 @@ class ProblemPlace(Document):
     detail: str
     instead: list[str] = Field(default_factory=list)
     span: list[int] | None = None
+    plain: str | None = None
+    declare: str | None = None
 
 
 class ProblemDocument(Document):

@@ -21,7 +21,11 @@ class InverseServiceError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """One fault of the input: pointer into the document, column from 1, a sentence, and what may have been meant."""
+    """One fault of the input: pointer into the document, column from 1, a sentence, and what may have been meant.
+
+    `plain` is the sentence without its column and without the member `declare` of the document, in which the name
+    at the column could be declared; "" where `detail` says neither.
+    """
 
     detail: str
     pointer: str = ""
@@ -29,6 +33,8 @@ class Place:
     code: str = "bad-input"
     instead: tuple[str, ...] = ()
     span: tuple[int, int] | None = None
+    plain: str = ""
+    declare: str = ""
 
 
 class InputError(InverseServiceError):
@@ -38,6 +44,7 @@ class InputError(InverseServiceError):
     length; `pointer` is an RFC 6901 JSON pointer into the document; `column` counts characters
     from 1 in the string that the pointer names. `instead` are texts that may have been meant there:
     for the name at the column, or for what stands from the one column of `span` up to the other.
+    `plain` and `declare` are parts of the sentence for those who show the column and the fields otherwise.
     """
 
     code = "bad-input"
@@ -49,21 +56,30 @@ class InputError(InverseServiceError):
         column: int | None = None,
         instead: tuple[str, ...] = (),
         span: tuple[int, int] | None = None,
+        plain: str = "",
+        declare: str = "",
     ) -> None:
         super().__init__(detail)
         self.pointer = pointer
         self.column = column
         self.instead = instead
         self.span = span
+        self.plain = plain
+        self.declare = declare
 
     @property
     def places(self) -> tuple[Place, ...]:
         """Every fault that is reported."""
-        return (Place(self.detail, self.pointer, self.column, self.code, self.instead, self.span),)
+        parts = self.plain, self.declare
+        return (Place(self.detail, self.pointer, self.column, self.code, self.instead, self.span, *parts),)
 
     def at(self, pointer: str) -> InputError:
         """The same error at a place further down in the document."""
-        return type(self)(self.detail, pointer + self.pointer, self.column, self.instead, self.span)
+        return self.said(self.detail, self.plain, pointer + self.pointer)
+
+    def said(self, detail: str, plain: str, pointer: str) -> InputError:
+        """The same error in other words at this place."""
+        return type(self)(detail, pointer, self.column, self.instead, self.span, plain, self.declare)
 
 
 class LimitError(InputError):

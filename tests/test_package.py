@@ -43,7 +43,7 @@ def test_python_values_are_those_of_json() -> None:
 def test_options_of_a_document_and_of_the_call_hold() -> None:
     assert solve(SPRING, seed=5)["provenance"]["seed"] == 5
     assert solve({**SPRING, "options": {"seed": 7}}, seed=5)["provenance"]["seed"] == 7
-    with pytest.raises(InputError, match="time_limit"):
+    with pytest.raises(InputError, match="time limit"):
         solve({**SPRING, "options": {"time_limit": 61}})
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from inverse_service.errors import LimitError
+from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.tokens import LIMITS, at_most, limit_passed, refusal
 from inverse_service.expressions.tree import (
     ONE,
@@ -41,7 +41,7 @@ def _check_number(value: Fraction, column: int) -> None:
         raise _too_long(column)
 
 
-def _too_long(column: int) -> LimitError:
+def _too_long(column: int) -> InputError:
     return limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
 
 
@@ -93,8 +93,8 @@ def raised(base: Expression, exponent: Expression, column: int) -> Expression:
 
 def _check_exponent(exponent: Fraction, column: int) -> None:
     if abs(exponent.numerator) > LIMITS.exponent or exponent.denominator > LIMITS.exponent:
-        sentence = f"the exponent is too large at column {column}: the limit is {LIMITS.exponent:,}; declare a"
-        raise LimitError(f"{sentence} parameter and write it in its place.", column=column)
+        instead = f"the limit is {LIMITS.exponent:,}; declare a parameter and write it in its place"
+        raise refusal("the exponent is too large", column, instead, kind=LimitError)
 
 
 def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:

@@ -340,4 +340,4 @@ def parse_tokens(tokens: list[Token], end_column: int, names: Names) -> Expressi
     try:
         return FormulaParser(TokenStream(tokens, end_column), names).formula()
     except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep
-        raise InputError("the formula is nested too deeply at column 1: write less.", column=1) from None
+        raise refusal("the formula is nested too deeply", 1, "write less") from None

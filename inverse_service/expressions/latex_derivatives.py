@@ -52,8 +52,8 @@ class LatexDerivatives(LatexWords, ABC):
         elif 0 < order == len(variables) and {*variables} == {"t"} and not partial:
             self._emit_name(name, raw, order + dots)
         elif 0 < order == len(variables) and "t" not in variables and (partial or not self._names.role("d")):
-            instead = f'declare {name} in "functions" with its arguments, or write {name}\'({variables[0]})'
-            raise refusal(f"a derivative of {name} by {variables[0]} occurs", raw.column, instead)
+            what, instead = f"a derivative of {name} by {variables[0]} occurs", f"write {name}'({variables[0]})"
+            raise refusal(what, raw.column, instead, declare="functions")
         else:
             self._place = start
             return False

@@ -22,7 +22,7 @@ from inverse_service.expressions.tokens import (
     refusal,
     shorten,
 )
-from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED
+from inverse_service.expressions.vocabulary import FUNCTIONS, REFUSED, refused
 
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _PRODUCTS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "lbrace": "(", "rbrace": ")", "{": "(", "}": ")"}
@@ -108,7 +108,7 @@ class LatexTranslator(LatexDerivatives):
         pieces = time_argument([raw, *self._raw[self._place : self._place + 6]])
         role = role_before(self._tokens, self._names) if pieces else None
         if role == "parameter":
-            raise refusal("a parameter depends on time", raw.column, 'declare it in "functions" with the argument t')
+            raise refusal("a parameter depends on time", raw.column, "", declare="functions")
         if role == "coordinate":
             self._place += pieces - 1
         elif self._ahead.is_command("left") and role_before(self._tokens, self._names) == "function":
@@ -162,9 +162,10 @@ class LatexTranslator(LatexDerivatives):
         elif name == "\\":
             self._emit(";", raw)
         else:
-            known = MARKED.get(name) or _REASONS.get(name) or _refused_function(name)
-            instead = known or "write the formula without it"
-            raise refusal(f"the command \\{shorten(name)} is not accepted", raw.column, instead)
+            what, instead = f"the command \\{shorten(name)} is not accepted", MARKED.get(name) or _REASONS.get(name)
+            if not instead and name in REFUSED:
+                raise refused(what, REFUSED[name], raw.column)
+            raise refusal(what, raw.column, instead or "write the formula without it")
 
     def _function(self, name: str, raw: Raw) -> None:
         if self._ahead.is_character("_"):
@@ -368,10 +369,6 @@ class LatexTranslator(LatexDerivatives):
 
 def _is_prime(raw: Raw) -> bool:
     return raw.is_command("prime") or raw.is_character("'", "''")
-
-
-def _refused_function(name: str) -> str:
-    return REFUSED[name][1] if name in REFUSED else ""
 
 
 def tokenize(text: str, names: Names | None = None) -> list[Token]:

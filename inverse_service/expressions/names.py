@@ -88,7 +88,7 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     known = reason_against(name, column)
     if known is not None:
         return known
-    shown = f"the name '{shorten(name)}' is not declared; it occurs"
+    shown = not_declared(name)
     if name == "d":
         return refusal(shown, column, "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives")
     if follows[:1] == "'" and (meant := readings(name, names)):
@@ -101,26 +101,36 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         return refusal(
             shown,
             column,
-            f'declare it in "functions" with its arguments, use a known function{hint}, or write * before the bracket',
+            f"use a known function{hint} or write * before the bracket",
             tuple(close),
             (column, column + len(name)),
+            "functions",
         )
     meant = (*difflib.get_close_matches(name, [*names.declared(), *FUNCTIONS], 1, 0.7), *readings(name, names))
     if meant:
-        hint = " or ".join(dict.fromkeys(meant))
-        return refusal(shown, column, f'did you mean {hint}? else add it to "parameters"', meant)
+        return undeclared(name, column, meant)
     if looks_like_a_coordinate(name):
-        return refusal(shown, column, ask_for_the_time(name, names.coordinates), ("t",))
-    return refusal(shown, column, f'add it to "parameters"; the coordinates are {joined(names.coordinates)}')
+        return ask_for_the_time(name, column, names.coordinates)
+    shown = f"the name '{shorten(name)}' is not declared, and the coordinates are {joined(names.coordinates)}"
+    return refusal(f"{shown}; it occurs", column, "", declare="parameters")
 
 
-def ask_for_the_time(name: str, coordinates: Sequence[str]) -> str:
-    """What a name such as x, which no equation moves, may be."""
+def not_declared(name: str) -> str:
+    """The beginning of a refusal."""
+    return f"the name '{shorten(name)}' is not declared; it occurs"
+
+
+def undeclared(name: str, column: int, meant: tuple[str, ...]) -> InputError:
+    """The refusal of a name in whose place each of `meant` may have been meant."""
+    hint = " or ".join(dict.fromkeys(meant))
+    return refusal(not_declared(name), column, f"did you mean {hint}?", meant, declare="parameters")
+
+
+def ask_for_the_time(name: str, column: int, coordinates: Sequence[str]) -> InputError:
+    """The refusal of a name such as x, which no equation moves, with what it may be."""
     named = f"t, or {coordinates[0]}''({name})" if coordinates else "t"
-    return (
-        f"is it the independent variable? write {named}; a coordinate? add its equation; "
-        'a constant? add it to "parameters"'
-    )
+    instead = f"is it the independent variable? write {named}; a coordinate? add its equation"
+    return refusal(not_declared(name), column, instead, ("t",), declare="parameters")
 
 
 _LONGEST_PRODUCT = 20

@@ -50,9 +50,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if "I" in marks and names.role("I") is None and (tokens != written or marks & DERIVATIVE_NAMES):
         column = next(token.column for token in tokens if token.text == "I")
         raise refusal(
-            "I is the imaginary unit in this notation; it occurs",
-            column,
-            'a constant of this name? add it to "parameters"',
+            "I is the imaginary unit in this notation; it occurs", column, "write real equations", declare="parameters"
         )
     return with_differentials(_without_list(tokens), names)
 

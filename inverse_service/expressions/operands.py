@@ -65,7 +65,7 @@ def _defined(expression: Expression, variables: Sequence[Variable], names: Names
     others = {*names.definitions, *(variable.node for variable in variables)}
     if isinstance(expression, Symbol) and expression.name in names.parameters and expression not in others:
         what = f"a derivative of the constant {expression.name} occurs"
-        raise refusal(what, variables[0].column, 'declare it in "functions" with its arguments, or leave it out')
+        raise refusal(what, variables[0].column, "leave it out", declare="functions")
     return substitute(expression, dict(names.definitions)) if names.definitions else expression
 
 

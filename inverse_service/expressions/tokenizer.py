@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 
-from inverse_service.errors import InputError, LimitError
+from inverse_service.errors import LimitError
 from inverse_service.expressions.tokens import (
     LIMITS,
     OPERATORS,
@@ -75,7 +75,7 @@ def check_length(text: str) -> None:
             column=LIMITS.characters + 1,
         )
     if not text.strip():
-        raise InputError("the formula is empty at column 1: write a formula, 0 if nothing acts.", column=1)
+        raise refusal("the formula is empty", 1, "write a formula, 0 if nothing acts")
 
 
 def without_full_stop(text: str) -> str:

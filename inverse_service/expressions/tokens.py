@@ -64,14 +64,33 @@ class Token:
         return self.kind == "operator" and self.text in texts
 
 
+_DECLARING = {
+    "parameters": 'add it to "parameters"',
+    "coordinates": 'add it to "coordinates"',
+    "functions": 'declare a function of your own in "functions" with its arguments',
+}
+_IT_OCCURS = "; it occurs"  # before the column, where what is wrong is a sentence already
+
+
 def refusal(
-    what: str, column: int, instead: str, meant: tuple[str, ...] = (), span: tuple[int, int] | None = None
+    what: str,
+    column: int,
+    instead: str,
+    meant: tuple[str, ...] = (),
+    span: tuple[int, int] | None = None,
+    declare: str = "",
+    kind: type[InputError] = InputError,
 ) -> InputError:
     """An InputError whose sentence says what is wrong, where, and what to write instead.
 
-    `meant` are texts one of which may have been meant in the place of the name there, or of `span`.
+    `meant` are texts one of which may have been meant in the place of the name there, or of `span`; `declare` is the
+    member of the document in which a name could be declared.
     """
-    return InputError(f"{what} at column {column}: {instead}.", column=column, instead=meant, span=span)
+    joint = "" if not instead else " else " if instead[-1] == "?" else "; else " if "?" in instead else ", or "
+    ways = f"{instead}{joint}{_DECLARING[declare]}" if declare else instead
+    plain = f"{what.removesuffix(_IT_OCCURS)}{f': {instead}' * bool(instead)}".removesuffix("?")
+    ending = "?" if instead[-1:] == "?" else "."
+    return kind(f"{what} at column {column}: {ways}.", "", column, meant, span, plain + ending, declare)
 
 
 def closing(tokens: Sequence[Token], opening: int) -> int:
@@ -112,9 +131,9 @@ def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
             raise refusal("a comma occurs between digits", comma.column, instead, meant, span)
 
 
-def limit_passed(what: str, column: int, bound: int) -> LimitError:
+def limit_passed(what: str, column: int, bound: int) -> InputError:
     """A LimitError that names the bound."""
-    return LimitError(f"{what} at column {column}: the limit is {bound:,}; write less.", column=column)
+    return refusal(what, column, f"the limit is {bound:,}; write less", kind=LimitError)
 
 
 def at_most(count: int | Fraction, bound: int, what: str, column: int) -> None:

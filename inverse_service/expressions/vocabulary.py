@@ -47,8 +47,9 @@ _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", 
 _OTHER_TONGUES = (("sen", "sin"), ("seno", "sin"), ("sinus", "sin"), ("sine", "sin"), ("cosinus", "cos"),
                   ("cosine", "cos"), ("tangent", "tan"), ("senh", "sinh"))  # fmt: skip
 _DEGREES, _RADIANS = ("deg", "degs", "degree", "degrees"), ("rad", "rads", "radian", "radians")
-_DECLARE = 'declare a function of your own in "functions" and use its derivatives'
-REFUSED: dict[str, tuple[str, str]] = {
+# What is wrong with a name, what to write, and where in a document it or another name could be declared.
+Reason = tuple[str, str] | tuple[str, str, str]
+REFUSED: dict[str, Reason] = {
     "floor": (_KINK, "write the integer for the interval that you study"),
     "ceil": (_KINK, "write the integer for the interval that you study"),
     "round": (_KINK, "write the integer for the interval that you study"),
@@ -59,11 +60,11 @@ REFUSED: dict[str, tuple[str, str]] = {
     "Min": (_KINK, "write the smaller one for the region that you study"),
     "DiracDelta": ("is not a function", "leave it out and study the motion between the impulses"),
     "atan2": ("has a jump", "write atan(y/x) on the branch that you study"),
-    "erf": (_SPECIAL, _DECLARE),
-    "besselj": (_SPECIAL, _DECLARE),
-    "factorial": (_SPECIAL, "write the number, or " + _DECLARE),
-    "integrate": ("is not carried out here", "write the integral itself, or " + _DECLARE),
-    "Integral": ("is not carried out here", "write the integral itself, or " + _DECLARE),
+    "erf": (_SPECIAL, "", "functions"),
+    "besselj": (_SPECIAL, "", "functions"),
+    "factorial": (_SPECIAL, "write the number", "functions"),
+    "integrate": ("is not carried out here", "write the integral itself", "functions"),
+    "Integral": ("is not carried out here", "write the integral itself", "functions"),
     "sum": ("is not carried out here", "write the terms"),
     "limit": ("is not carried out here", "write its value"),
     "re": ("belongs to complex numbers", "write the equations of real and imaginary part"),
@@ -71,18 +72,18 @@ REFUSED: dict[str, tuple[str, str]] = {
     "conjugate": ("belongs to complex numbers", "write the equations of real and imaginary part"),
 }  # fmt: skip
 # These may be declared as names of one's own; undeclared they are refused with a better reason than "unknown".
-REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
-    "i": ("is not declared and complex numbers are not accepted", 'write real equations, or add it to "parameters"'),
-    "I": ("is not declared and complex numbers are not accepted", 'write real equations, or add it to "parameters"'),
-    "gamma": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
-    "Gamma": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
-    "zeta": (_SPECIAL + " and not a declared name", 'add it to "parameters", or ' + _DECLARE),
-    "j": ("is not declared and complex numbers are not accepted", 'write real equations, or add it to "parameters"'),
-    "lg": ("is log10 to some and log2 to others", 'write log10(x), or add it to "parameters"'),
-    **dict.fromkeys(("lb", "ld"), ("is a logarithm to some", 'write log2(x), or add it to "parameters"')),
-    **dict.fromkeys(("PI", "M_PI"), ("is pi to many", 'write pi, or add it to "parameters"')),
-    "sqr": ("is a square to some and a root to others", 'write x^2 or sqrt(x), or add it to "parameters"'),
-    **{word: (f"is {plain} to many", f'write {plain}(x), or add it to "parameters"') for word, plain in _OTHER_TONGUES},
+REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
+    "i": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
+    "I": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
+    "gamma": (_SPECIAL + " and not a declared name", "give a function of your own another name", "parameters"),
+    "Gamma": (_SPECIAL + " and not a declared name", "give a function of your own another name", "parameters"),
+    "zeta": (_SPECIAL + " and not a declared name", "give a function of your own another name", "parameters"),
+    "j": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
+    "lg": ("is log10 to some and log2 to others", "write log10(x)", "parameters"),
+    **dict.fromkeys(("lb", "ld"), ("is a logarithm to some", "write log2(x)", "parameters")),
+    **dict.fromkeys(("PI", "M_PI"), ("is pi to many", "write pi", "parameters")),
+    "sqr": ("is a square to some and a root to others", "write x^2 or sqrt(x)", "parameters"),
+    **{word: (f"is {plain} to many", f"write {plain}(x)", "parameters") for word, plain in _OTHER_TONGUES},
     **dict.fromkeys(("acot", "arccot", "arcctg"), ("has two meanings", "write atan(1/x) or pi/2 - atan(x)")),
     **dict.fromkeys(("asec", "arcsec"), ("is not accepted", "write acos(1/x)")),
     **dict.fromkeys(("acsc", "arccsc"), ("is not accepted", "write asin(1/x)")),
@@ -94,8 +95,8 @@ REFUSED_UNLESS_DECLARED: dict[str, tuple[str, str]] = {
     **dict.fromkeys(("solve", "dsolve", "desolve", "ode2", "Solve", "DSolve", "NDSolve", "NDSolveValue"), _COMMAND),
     **dict.fromkeys(_WORDS, ("is a word", "write the equations alone, separated by ;")),
     **dict.fromkeys(("grad", "div", "curl", "rot", "nabla", "laplacian"), _VECTORS),
-    **dict.fromkeys(_DEGREES, ("is a degree to most", 'write 30*pi/180 for 30 degrees, or add it to "parameters"')),
-    **dict.fromkeys(_RADIANS, ("is the unit of angles to most", 'leave it out, or add it to "parameters"')),
+    **dict.fromkeys(_DEGREES, ("is a degree to most", "write 30*pi/180 for 30 degrees", "parameters")),
+    **dict.fromkeys(_RADIANS, ("is the unit of angles to most", "leave it out", "parameters")),
     "nan": ("is not a number", "write a finite number"),
     "NaN": ("is not a number", "write a finite number"),
 }
@@ -143,4 +144,9 @@ def reason_against(name: str, column: int) -> InputError | None:
         return refusal("a base of a logarithm occurs", column, "write log(x)/log(2) or log(x, 2)")
     entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(name)
     meant = ("(pi/180)",) if name in _DEGREES else ()
-    return refusal(f"{name} {entry[0]}; it occurs", column, entry[1], meant) if entry else None
+    return refused(f"{name} {entry[0]}", entry, column, meant) if entry else None
+
+
+def refused(what: str, reason: Reason, column: int, meant: tuple[str, ...] = ()) -> InputError:
+    """The refusal for this reason."""
+    return refusal(f"{what}; it occurs", column, reason[1], meant, declare="".join(reason[2:]))

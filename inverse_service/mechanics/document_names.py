@@ -52,7 +52,7 @@ def _constant(value: str | int | float, pointer: str) -> Expression:
     try:
         return read_formula(text, Names(time=False))
     except InputError as error:
-        if "is not declared" in error.detail:
+        if error.declare:
             detail = 'the value of a parameter contains a name: write a number as in "1/2" or "2*pi", or use "where".'
             raise InputError(detail, pointer, error.column) from None
         raise error.at(pointer) from None
@@ -99,7 +99,7 @@ GUESS = "guess"
 AND_GUESS = "..."
 NO_ACCELERATION = (
     "the equations contain no acceleration such as x'', x_ddot, \\ddot{x} or diff(x, t, 2), so there are no "
-    'coordinates: write equations of second order in the time t, or name the "coordinates".'
+    "coordinates: write equations of second order in the time t, or name the coordinates."
 )
 
 
@@ -313,7 +313,7 @@ def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> InputE
         derivatives = "two derivatives" if order == 2 else "a derivative"
         return InputError(
             f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: take it out, or "
-            'name the "coordinates".',
+            "name the coordinates.",
             "/equations" if order == 2 else "/lagrangian",
         )
     for pattern, said in _SPELLED.items():

@@ -18,10 +18,12 @@ from inverse_service.expressions.names import (
     Names,
     ask_for_the_time,
     looks_like_a_coordinate,
+    not_declared,
     readings,
+    undeclared,
 )
 from inverse_service.expressions.reader import read_tokens, remark
-from inverse_service.expressions.tokens import Token, check_brackets, closing, refusal, shorten
+from inverse_service.expressions.tokens import Token, check_brackets, closing, refusal
 from inverse_service.expressions.vocabulary import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -29,6 +31,7 @@ from inverse_service.expressions.vocabulary import (
     REFUSED_UNLESS_DECLARED,
     RESERVED,
     reason_against,
+    refused,
 )
 from inverse_service.mechanics.moving_names import derived_stem, is_primed
 
@@ -122,18 +125,17 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
     together = Names(names.coordinates, (*names.parameters, *letters), names.functions)
     seen: dict[str, str] = {}
     for name, (pointer, token) in guessed.items():
-        column, shown = token.column, f"the name '{shorten(name)}' is not declared; it occurs"
+        column = token.column
         if meant := readings(name, together):
-            instead = f'did you mean {" or ".join(meant)}? a constant of this name? add it to "parameters"'
-            raise refusal(shown, column, instead, meant).at(pointer)
+            raise undeclared(name, column, meant).at(pointer)
         if looks_like_a_coordinate(name):
-            raise refusal(shown, column, ask_for_the_time(name, names.coordinates), ("t",)).at(pointer)
+            raise ask_for_the_time(name, column, names.coordinates).at(pointer)
         if alike := _word_of_motion(name, names.coordinates) or _may_be_motion(name, names.coordinates):
-            instead = f'did you mean {" or ".join(alike)}? a constant of this name? add it to "parameters"'
-            raise refusal(shown, column, instead, alike).at(pointer)
+            raise undeclared(name, column, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
-            raise refusal(shown, column, f"{other} occurs too; write one of the two", (other,)).at(pointer)
+            instead = f"{other} occurs too; write one of the two"
+            raise refusal(not_declared(name), token.column, instead, (other,)).at(pointer)
 
 
 _WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
@@ -160,18 +162,17 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
     before = [other.text for other in line[max(place - 2, 0) : place]]
     after = line[place + 1] if place + 1 < len(line) else None
     if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after and after.is_operator(")"))):
-        instead = 'a transpose? write components; a constant? add T to "parameters"'
-        raise refusal("a raised T occurs", token.column, instead).at(pointer)
+        instead = "a transpose? write components"
+        raise refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
     around = [other.text for other in line[place + 1 : place + 3]]
     by = around[1] if len(before) == 2 and before[0] in DERIVATIVE_NAMES and around[:1] == [","] and around[1:] else ""
     if by in coordinates:
         meant = f"diff({token.text}({by}), {by})"
-        instead = f'write {meant}; a constant of this name? add it to "parameters"'
-        called = (f"{token.text}({by})",)
-        raise refusal(f"a derivative of {token.text} by {by} occurs", token.column, instead, called).at(pointer)
+        what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
+        raise refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)
     if token.text == "j" and not token.space_before and place and line[place - 1].kind == "number":
-        what, instead = REFUSED_UNLESS_DECLARED["i"]
-        raise refusal(f"j {what}; it occurs", token.column, instead).at(pointer)
+        reason = REFUSED_UNLESS_DECLARED["i"]
+        raise refused(f"j {reason[0]}", reason, token.column).at(pointer)
     based = reason_against(token.text, token.column) if token.text.startswith("log_") else None
     if error := based or _half_a_number(line, place):
         raise error.at(pointer)
@@ -186,7 +187,7 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
     if token.text == "d" and after is not None and after.text == "t":
         raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after is not None and after.kind == "name":
-        instead = f'a product? write Delta*{after.text} and add Delta to "parameters"'
+        instead = f"a product? declare the constant Delta and write Delta*{after.text}"
         raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it occurs", token.column, instead,
                       (f"Delta*{after.text}",)).at(pointer)  # fmt: skip
 

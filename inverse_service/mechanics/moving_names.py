@@ -60,8 +60,8 @@ def _refuse_products(tokens: Sequence[Token], declared: Names) -> None:
             if named and (_FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES):
                 factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
                 meant = "*".join((*factors, moving))
-                instead = f"did you mean {meant}''? a coordinate of this name? add it to \"coordinates\""
-                raise refusal(f"{name}'' occurs", column, instead, (meant,))
+                instead = f"did you mean {meant}''?"
+                raise refusal(f"{name}'' occurs", column, instead, (meant,), declare="coordinates")
 
 
 def key_coordinate(key: str, names: Names, pointer: str) -> str:

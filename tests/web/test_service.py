@@ -12,7 +12,10 @@ import httpx
 import pytest
 from markupsafe import escape
 
-from inverse_service.web.pages.reading_back import without_keys
+from inverse_service.errors import InputError
+from inverse_service.expressions.names import Names
+from inverse_service.expressions.reader import read_formula
+from inverse_service.web.pages.reading_back import sentence
 
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 JSON = {"Content-Type": "application/json"}
@@ -63,7 +66,9 @@ def test_a_body_over_the_limit_is_413_declared_or_not(client: httpx.Client) -> N
 def test_the_column_of_a_formula_is_told(client: httpx.Client) -> None:
     document = {"coordinates": ["x"], "equations": {"x": "-x + omega"}}
     found = problem(client.post("/v1/parse", json=document), 422)
-    assert found["errors"][0] == {"pointer": "/equations/x", "column": 6, "detail": found["detail"], "instead": []}
+    place = {"pointer": "/equations/x", "column": 6, "detail": found["detail"], "instead": []}
+    found["errors"][0].pop("plain")
+    assert found["errors"] == [{**place, "declare": "parameters"}]
 
 
 def test_every_fault_of_the_shape_is_told_at_once(client: httpx.Client) -> None:
@@ -392,7 +397,17 @@ def test_a_refusal_names_the_fields_that_the_form_has(client: httpx.Client) -> N
 
 
 def test_a_refusal_of_a_form_that_declares_nothing_asks_for_no_declaration() -> None:
-    refused = "the name 'w' is not declared: declare it in \"functions\" with its arguments, use a known function."
-    assert without_keys(refused) == "the name 'w' is not declared: use a known function."
-    asked = "the name 'kx' is not declared: did you mean k*x? a constant of this name? add it to \"parameters\"."
-    assert without_keys(asked) == "the name 'kx' is not declared: did you mean k*x?"
+    with pytest.raises(InputError) as refused:
+        read_formula("x + w(x)", Names(("x",)))
+    without = "The name 'w' is not declared: use a known function or write * before the bracket."
+    assert sentence(refused.value.places[0], is_marked=True) == without
+    with pytest.raises(InputError) as asked:
+        read_formula("-kx", Names(("x",), ("k",)))
+    assert sentence(asked.value.places[0]) == "At column 2: the name 'kx' is not declared: did you mean k*x?"
+
+
+def test_a_problem_document_has_the_sentence_without_its_column_and_its_keys(client: httpx.Client) -> None:
+    (place,) = client.post("/v1/solve", json={"equations": {"x": "-k*x"}}).json()["errors"]
+    what = "the name 'k' is not declared, and the coordinates are x"
+    assert place["detail"] == f'{what}; it occurs at column 2: add it to "parameters".'
+    assert (place["plain"], place["declare"]) == (f"{what}.", "parameters")

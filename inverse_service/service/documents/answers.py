@@ -90,6 +90,8 @@ def problem_document(status: int, kind: str, detail: str, places: Sequence[Place
         "errors": [
             {"pointer": p.pointer, "column": p.column, "detail": p.detail, "instead": list(p.instead)}
             | ({"span": list(p.span)} if p.span else {})
+            | ({"plain": p.plain} if p.plain else {})
+            | ({"declare": p.declare} if p.declare else {})
             for p in places
         ],
     }

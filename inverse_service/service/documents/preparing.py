@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names, declared_name, readings
+from inverse_service.expressions.names import Names, declared_name, readings, undeclared
 from inverse_service.expressions.printing_latex import name_latex
-from inverse_service.expressions.tokens import greek_letter, refusal
+from inverse_service.expressions.tokens import greek_letter
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
 from inverse_service.mechanics.document_names import AND_GUESS, GUESS
 
@@ -80,8 +80,9 @@ class Prepared:
         """The refusal in the words of the writer."""
         if self.time == "t" or type(error) not in (InputError, LimitError):
             return error  # the shape of a document is refused in its own words
-        detail = _in_plain_text(error.detail, {"t": self.time, self.other: "t"}, pad=False)
-        return type(error)(detail, error.pointer, error.column, error.instead, error.span)
+        names = {"t": self.time, self.other: "t"}
+        detail, plain = (_in_plain_text(text, names, pad=False) for text in (error.detail, error.plain))
+        return error.said(detail, plain, error.pointer)
 
 
 def prepared(document: Any) -> Prepared:
@@ -172,8 +173,7 @@ def _refuse_hidden_time(plain: Mapping[str, Any], time: str) -> None:
             name, column = word[0], word.start() + 1
             plain_name = name not in FUNCTIONS and not known.role(name) and name[0] != "d" and time in name
             if plain_name and (meant := readings(name, known)):
-                instead = f'did you mean {" or ".join(meant)}? a constant of this name? add it to "parameters"'
-                raise refusal(f"the name '{name}' is not declared; it occurs", column, instead, meant).at(pointer)
+                raise undeclared(name, column, meant).at(pointer)
 
 
 def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:

@@ -276,7 +276,7 @@ def read_time_limit(value: Any, largest: float, pointer: str = "/options/time_li
     is_number = isinstance(value, int | float | Decimal) and not isinstance(value, bool)
     seconds = float(value) if is_number else math.nan
     if not 0 < seconds <= largest:
-        raise LimitError(f"time_limit must be a number of seconds above 0 and at most {largest:g}.", pointer)
+        raise LimitError(f"the time limit must be a number of seconds above 0 and at most {largest:g}.", pointer)
     return seconds
 
 

@@ -42,7 +42,7 @@ def own_task(fields: Fields, text: str) -> OwnLagrangian:
         found = check_task(write_json({"system": document, "lagrangian": right_side(text)}))
         names = names_of(understand_task(document))
     except InputError as error:
-        reasons = [reading_back.without_keys(one.detail) for one in error.places]
+        reasons = [reading_back.sentence(one) for one in error.places]
         return OwnLagrangian(text, OWN["unread"], [], reasons)
     return own_of({**found, "lagrangian": text}, names)
 

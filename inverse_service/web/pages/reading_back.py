@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
 
-from inverse_service.errors import InputError
+from inverse_service.errors import InputError, Place
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.reader import equation_line
@@ -28,13 +28,6 @@ MOTION = "Motion, the same for every associated system"
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
 LONGEST_LABEL = 60
-FORM_NAMES = {"coordinates": "Coordinates", "parameters": "Parameters", "functions": "Arbitrary functions"}
-_KEY = re.compile(f'"({"|".join(FORM_NAMES)})"')
-_DECLARING = re.compile(
-    r"(?:a (?:constant|coordinate)(?: of this name)?\? |else |, or |or )?(?:add it to|declare it in) "
-    r'"(?:coordinates|parameters|functions)"(?: with its arguments)?(?:[,;] )?'
-)
-_COLUMN = re.compile(r"(; it occurs)? at column \d+")
 # What may stand between a formula and the sign after it and belongs to neither.
 _AFTER_FORMULA = re.compile(r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$")
 _LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(LETTER_COMMANDS, reverse=True))})(?![A-Za-z])")
@@ -152,39 +145,45 @@ def _symbols(names: list[str]) -> Markup:
 
 def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
     """A problem document of the service."""
-    places = [_place(_error(p), fields) for p in body.get("errors", [])]
+    places = [_place(_fault(p), fields) for p in body.get("errors", [])]
     return Problem("Please change this:", places or [ShownPlace(body["detail"])])
 
 
 def problem_of_error(error: InputError, fields: Mapping[str, str]) -> Problem:
     """A fault found while the form was read."""
-    found = (InputError(p.detail, p.pointer, p.column, p.instead, p.span) for p in error.places)
-    return Problem("Please change this:", [_place(fault, fields) for fault in found])
+    return Problem("Please change this:", [_place(place, fields) for place in error.places])
 
 
-def _error(place: Mapping[str, Any]) -> InputError:
-    span = place.get("span")
-    return InputError(
-        place["detail"],
-        place["pointer"],
-        place["column"],
-        tuple(place["instead"]),
-        (span[0], span[1]) if span else None,
+def sentence(place: Place, fields: Collection[str] = (), is_marked: bool = False) -> str:
+    """What is wrong, for a form with these fields, which may be fewer than the members of a document.
+
+    The column is said where it is not marked.
+    """
+    said = place.plain or place.detail
+    if place.plain and place.column is not None and not is_marked:
+        said = f"At column {place.column}: {said}"
+    if place.declare and place.declare in fields:
+        where = f"\u201c{FIELD_NAMES[place.declare]}\u201d under \u201cNames and questions\u201d"
+        said += f" A name can be declared in {where}."
+    return said[:1].upper() + said[1:] if said.startswith(("the ", "a ", "an ", "this ", "what ", "where ")) else said
+
+
+def _fault(place: Mapping[str, Any]) -> Place:
+    span, instead = place.get("span"), tuple(place["instead"])
+    parts = place.get("plain") or "", place.get("declare") or ""
+    return Place(
+        place["detail"], place["pointer"], place["column"], "", instead, (span[0], span[1]) if span else None, *parts
     )
 
 
-def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
-    detail, pointer, column = error.detail, error.pointer, error.column
-    steps = pointer.split("/")[1:]
+def _place(error: Place, fields: Mapping[str, str]) -> ShownPlace:
+    column = error.column
+    steps = error.pointer.split("/")[1:]
     field = steps[0] if steps else ""
     name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
     text = _text_at(steps, fields)
-    detail = re.sub("^time_limit", "It", detail)  # the box before the sentence names it
-    detail = _KEY.sub(_field_of_the_form, detail) if fields else without_keys(detail)
-    if detail.startswith(("the ", "a ", "an ", "this ", "what ", "where ")):
-        detail = detail[:1].upper() + detail[1:]
     if column is None or text is None or column > len(text) + 1:
-        return ShownPlace(detail, name)
+        return ShownPlace(sentence(error, fields), name)
     start = text.rfind("\n", 0, column - 1) + 1
     end = text.find("\n", start)
     line = text[start : end if end >= 0 else len(text)]
@@ -196,23 +195,12 @@ def _place(error: InputError, fields: Mapping[str, str]) -> ShownPlace:
     if len(after) > AROUND:
         after = after[:AROUND] + "\u2026"
     number = text.count("\n", 0, start) + 1 + _lines_before(steps)
-    # The column in the sentence counts from the start of the whole text; the place is shown by its line.
-    detail = _COLUMN.sub("", detail, count=1)
     choices = _choices(error, text, start, line, f"{field}:{number}")
+    detail = sentence(error, fields, is_marked=True)
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices)
 
 
-def _field_of_the_form(key: re.Match[str]) -> str:
-    return f"\u201c{FORM_NAMES[key[1]]}\u201d under \u201cNames and questions\u201d"
-
-
-def without_keys(detail: str) -> str:
-    """The sentence for a form that declares nothing."""
-    found = re.sub(r"[\s;:,]+\.$", ".", _DECLARING.sub("", detail))
-    return found.replace("?.", "?")
-
-
-def _choices(error: InputError, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
+def _choices(error: Place, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
     """The readings of what stands at the place of an error, each as the line that it makes and what a button sends.
 
     Those of a name end with one that declares it a constant. In LaTeX a reading is written as LaTeX.

@@ -139,8 +139,8 @@ def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
     try:
         found = check_task(write_json({"system": given, "lagrangian": right_side(text)}))
     except InputError as error:
-        reason = reading_back.without_keys(error.detail)
-        found = {"verdict": "unread", "reasons": [reason], "residual": None, "equations": None}
+        reasons = [reading_back.sentence(place) for place in error.places]
+        found = {"verdict": "unread", "reasons": reasons, "residual": None, "equations": None}
     return {**found, "lagrangian": text}
 
 
