@@ -189,7 +189,7 @@ def simulate(
     time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 600.")] = None,
     figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
 ) -> None:
-    """Integrate a scene by its methods. Exit 1 only if every method failed."""
+    """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` says where a run is no motion."""
     from inverse_service.cli.simulate_command import simulate_file
 
     sys.exit(simulate_file(scene, output, time_limit, figures))

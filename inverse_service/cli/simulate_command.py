@@ -18,7 +18,14 @@ from inverse_service.service.jobs.single_call import run_alone
 from inverse_service.settings import read_settings
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
-QUANTITIES = ("max_energy_error", "max_constraint", "max_momentum_drift", "max_phase_error", "max_error")
+QUANTITIES = (
+    "max_energy_error",
+    "max_constraint",
+    "max_momentum_drift",
+    "max_phase_error",
+    "estimated_error",
+    "max_error",
+)
 COLUMNS = (
     "step", "steps", "relative_error", "compile_seconds", "first_seconds", "best_seconds", "median_seconds",
     "force_evaluations", "newton_iterations", "tolerance", "velocity_error", "energy_error", "constraint_error",

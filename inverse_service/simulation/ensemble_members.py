@@ -18,9 +18,10 @@ from inverse_service.simulation.array_values import NoValue, array_value, table_
 from inverse_service.simulation.between_steps import hidden_in_members
 from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
+from inverse_service.simulation.estimates import errors_of, finer
 from inverse_service.simulation.impulses import Ways
 from inverse_service.simulation.observing import energy, point_velocities, why_energy_varies
-from inverse_service.simulation.resolution import apart, sharper
+from inverse_service.simulation.resolution import TOO_LARGE
 from inverse_service.simulation.scene_data import (
     EXACT,
     FreeLagrangian,
@@ -80,7 +81,7 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
-    doubt = "" if many.cancelled else _elsewhere(scene, problem, requested.choice, many, values, momenta)
+    doubt = "" if many.cancelled else _elsewhere(scene, problem, requested, many, values, momenta)
     outcome = Outcome("cancelled" if many.cancelled else _kind(many), scene.grid.steps, doubt=doubt)
     return EnsembleRun(requested, outcome, many, velocities, series, numbers, seconds, between)
 
@@ -93,20 +94,22 @@ def _kind(many: Many) -> str:
 
 
 def _elsewhere(
-    scene: Scene, problem: Problem, choice: MethodChoice, many: Many, values: Mapping[str, float | Array],
+    scene: Scene, problem: Problem, requested: Requested, many: Many, values: Mapping[str, float | Array],
     momenta: Array | None,
 ) -> str:  # fmt: skip
     """How many members lead elsewhere with half the step, or a smaller tolerance, of as many as MOST_SHARPER allows."""
-    members, count = scene.ensemble, len(many.positions)
+    members, count, again = scene.ensemble, len(many.positions), finer(requested, scene.grid)
+    choice, most = again.requested.choice, max(1, MOST_SHARPER // max(again.grid.steps, 1))
     assert members is not None
-    choice, grid, how = sharper(choice, scene.grid)
-    rows = np.unique(np.linspace(0, count - 1, min(count, max(1, MOST_SHARPER // max(grid.steps, 1)))).astype(int))
+    assert choice is not None
+    rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
     own, begun = _part(values, momenta, rows)
-    again = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], grid, own, begun)
-    points = again.positions.shape[1]
-    far = apart(many.positions[rows, :points], again.positions)[1].any(axis=(1, 2)) & many.completed[rows]
+    found = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], again.grid, own, begun)
+    points = found.positions.shape[1]
+    shares = errors_of(many.positions[rows, :points], found.positions, again.part)[1]
+    far = (shares > TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
     looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} looked at, of {count:,},"
-    return ELSEWHERE.format(f"{far.sum():,}", looked, how, rows[far.argmax()]) if far.any() else ""
+    return ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
 
 
 def _part(

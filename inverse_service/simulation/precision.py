@@ -26,7 +26,7 @@ from inverse_service.simulation.observing import (
     why_energy_varies,
 )
 from inverse_service.simulation.quantities import velocities_at_points
-from inverse_service.simulation.running import MethodRun, run_method
+from inverse_service.simulation.running import MethodRun, observed_run
 from inverse_service.simulation.scene_data import EXACT, OWN_STEPS, SCIPY, Grid, Progress, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, true_motion
 
@@ -178,7 +178,7 @@ def _truth(scene: Scene, derived: Derived, length: float, finest: int) -> Truth 
 
 def _first(scene: Scene, blank: Setting, derived: Derived, truth: Truth, length: float) -> Setting:
     begun = time.perf_counter()
-    run = run_method(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None)
+    run = observed_run(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None)
     first = time.perf_counter() - begun
     trajectory = run.trajectory
     if trajectory is None or not run.outcome.completed:
@@ -245,7 +245,7 @@ def _repeated(
 
 
 def _steady(scene: Scene, derived: Derived, setting: Setting, length: float) -> float | None:
-    run = run_method(replace(scene, grid=_grid(length, setting.steps)), setting.requested, derived, None)
+    run = observed_run(replace(scene, grid=_grid(length, setting.steps)), setting.requested, derived, None)
     found: Trajectory | None = run.trajectory
     return None if found is None or not run.outcome.completed else found.run_seconds
 

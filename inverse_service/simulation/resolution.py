@@ -5,22 +5,17 @@ than that. Over the whole run: a force changes with t
 faster than the steps, and the end is far from the true motion. What lies between two points: `between_steps`. A run
 with a Lagrangian that has another motion there than the given equations is `off_domain`.
 
-A run that is none of these stays `completed`, and `doubts` says in sentences where it is not the motion: the energy, a
-constant, changes by a share of the mean kinetic energy, or the method arrives elsewhere with half the step.
+A run that is none of these stays `completed`; how far it is from the motion, `estimates` says.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.between_steps import MOST_STEPS, forces, forces_of_velocities, greatest_near
+from inverse_service.simulation.between_steps import forces, forces_of_velocities, greatest_near
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.observing import (
@@ -37,12 +32,10 @@ from inverse_service.simulation.scene_data import (
     Grid,
     MethodChoice,
     Problem,
-    Requested,
-    Scene,
     Unavailable,
 )
 from inverse_service.simulation.truth import Truth, places_of
-from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE, SMALLEST
+from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE
 
 _JUMPS = "the change of the energy, a constant, in two steps: more than {} of the kinetic energy"
 _NOISE = 1e-6
@@ -55,17 +48,6 @@ UNSEEN = "the error at the end: the force changes with t within each step, which
 # over the size of the motion, is too large.
 LOST, TOO_LARGE = 0.2, 0.1
 LOOKED_AT, INSIDE = 256, 33
-CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE = 0.1, 0.1, 1e-14, 0.01
-VARIES = (
-    "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy; at the start "
-    "its size is {:.3g}."
-)
-SHORTER, STRICTER = "half the step", "half the step and a tenth of the tolerance"
-ELSEWHERE = (
-    "With {} the method leads elsewhere: from t = {:.6g} on {} differs by more than a tenth of its range, at most by "
-    "{:.3g}. Where the motion itself is wanted, take a smaller step or tolerance."
-)
-ENDS_EARLY = "With {} the run ends at t = {:.6g}, {}."
 BY_STEPS, APART, HALF = MethodChoice("adaptive", tolerance=1e-13), 1e-4, 0.5  # of the velocity, of its change
 WENT_BY = "a step compared with DOP853 from the same point"
 OTHER_STEPS = f"take the method adaptive, or {RESOLVE}"
@@ -78,7 +60,7 @@ def jump_of_energy(run: Observed) -> Outcome | None:
     if choice is not None and not choice.guard:
         return None
     at, steps = run.trajectory, run.scene.grid.steps
-    known = _energies(run) if 0 < steps < len(at.times) else None  # every step was recorded
+    known = energies_of(run) if 0 < steps < len(at.times) else None  # every step was recorded
     if known is None:
         return None
     energies, kinetic = known
@@ -97,7 +79,7 @@ def jump_of_energy(run: Observed) -> Outcome | None:
     return Outcome("unresolved", step + 1, float(at.times[step + 1]), _JUMPS.format(f"{share:.1g}"), change, RESOLVE)
 
 
-def _energies(run: Observed) -> tuple[Array, Array] | None:
+def energies_of(run: Observed) -> tuple[Array, Array] | None:
     """E and the kinetic energy at the recorded points, (m,) each; None where E is no constant, or not known."""
     scene, at = run.scene, run.trajectory
     if lagrangian_of_energy(scene) is None or why_energy_varies(scene):
@@ -160,63 +142,6 @@ def other_motion(run: Observed) -> Outcome | None:
     point = int(places[0])
     step = min(point * scene.grid.record_every, scene.grid.steps)
     return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), OTHER_MOTION)
-
-
-def doubts(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unavailable]) -> str:
-    """Sentences that say how far a run to the end is from being the motion; empty where nothing was found.
-
-    `repeat` runs a method of a scene. Whatever the guard is, the method is run again with half the step, over the first
-    MOST_STEPS, or with a tenth of its tolerance.
-    """
-    return " ".join(filter(None, (_change_of_energy(run), _elsewhere(run, repeat))))
-
-
-def _change_of_energy(run: Observed) -> str:
-    """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes; a tenth
-    of that suffices where it is CHANGED of E_0, which is what `max_energy_error` shows."""
-    if (known := _energies(run)) is None:
-        return ""
-    energies, mean = known[0], max(float(known[1].mean()), SMALLEST)
-    change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
-    is_much = change > CHANGED * min(mean, max(start, CHANGED * mean))
-    return VARIES.format(change, change / mean, start) if is_much else ""
-
-
-def sharper(choice: MethodChoice, grid: Grid) -> tuple[MethodChoice, Grid, str]:
-    """The method with half the step, over the first MOST_STEPS, at the same recorded times, and where it chooses its
-    own steps within those with a smaller tolerance too; and how to say it."""
-    every, how = grid.record_every, SHORTER
-    if choice.method in OWN_STEPS | {"heyoka"} and TIGHTER * choice.tolerance >= TIGHTEST:
-        choice, how = replace(choice, tolerance=TIGHTER * choice.tolerance), STRICTER
-    steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
-    return choice, replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every), how
-
-
-def apart(positions: Array, sharper: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Both (..., m, n): how far they are from each other, and where that is more than TOO_LARGE of the range of the
-    coordinate, at least LEAST_RANGE of the widest one."""
-    distances, ranges = np.abs(positions - sharper), np.ptp(sharper, axis=-2, keepdims=True)
-    return distances, distances > TOO_LARGE * np.maximum(ranges, LEAST_RANGE * ranges.max(axis=-1, keepdims=True))
-
-
-def _elsewhere(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unavailable]) -> str:
-    """Where the same method with shorter steps, or a smaller tolerance, is elsewhere."""
-    scene, at, choice = run.scene, run.trajectory, run.requested.choice
-    if choice is None:
-        return ""
-    choice, grid, how = sharper(choice, scene.grid)
-    again = repeat(replace(scene, grid=grid), replace(run.requested, choice=choice))
-    if isinstance(again, Unavailable):
-        return ""
-    count, end = min(len(again.times), len(at.times)), again.outcome
-    distances, far = apart(at.positions[:count], again.positions[:count])
-    if far.any():
-        first = int(far.any(axis=1).argmax())
-        k = int(far[first].argmax())
-        return ELSEWHERE.format(how, at.times[first], scene.coordinates[k], float(distances[:, k].max()))
-    if end.completed or end.kind == "cancelled" or count == len(at.times):
-        return ""
-    return ENDS_EARLY.format(how, again.times[-1], end.kind.replace("_", " "))
 
 
 def changes_unseen(run: Observed) -> bool:

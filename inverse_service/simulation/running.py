@@ -38,6 +38,7 @@ from inverse_service.simulation.derivation import (
     with_energy,
 )
 from inverse_service.simulation.ensemble_members import EnsembleRun, run_members
+from inverse_service.simulation.estimates import estimated
 from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.methods import run
@@ -46,7 +47,6 @@ from inverse_service.simulation.quantities import Observed, observed_quantities
 from inverse_service.simulation.resolution import (
     UNSEEN,
     changes_unseen,
-    doubts,
     jump_of_energy,
     lost_to_time,
     other_motion,
@@ -172,33 +172,45 @@ def run_method(
     stop: Stop | None = None,
     find: Find | None = None,
 ) -> MethodRun:
-    """One method and its observed quantities."""
+    """One method and its observed quantities, with an estimate of its error, and what its parts cost."""
+    run_ = observed_run(scene, requested, derived, truth, stop)
+    problem = None if run_.observed is None else run_.observed.problem
+    if run_.observed is None or problem is None:
+        return run_
+    outcome, numbers, seconds = run_.outcome, dict(run_.numbers), dict(run_.seconds)
+    if outcome.completed:
+        with timed(seconds, "half the step"):
+            numbers |= estimated(run_.observed, partial(_again, problem, run_.free, stop))
+        outcome = replace(outcome, doubt=numbers.pop("doubt"))
+    if COST in scene.observe:
+        with timed(seconds, COST):
+            numbers[COST] = _costs(scene, requested, derived, run_.free, stop, find)
+    return replace(run_, outcome=outcome, numbers=numbers, seconds=seconds)
+
+
+def observed_run(
+    scene: Scene,
+    requested: Requested,
+    derived: Derived,
+    truth: Truth | Unavailable | None,
+    stop: Stop | None = None,
+) -> MethodRun:
+    """One method and its observed quantities, as far as it came and its steps saw what they moved through."""
     free = derived.free.get(requested.free) if requested.method in ("variational", "modified") else None
     known = free if isinstance(free, FreeLagrangian) else None
-    problem: Problem | None = None
-    if requested.method == EXACT:
-        found: Trajectory | Unavailable = exact_trajectory(scene, derived)
-        if isinstance(found, Trajectory):
-            found = with_series(scene, found)
-    else:
-        made = problem_of(scene, requested, derived)
-        if isinstance(made, Unavailable):
-            return MethodRun(requested, Outcome("unavailable", remedy=made.reason), None)
-        problem = made
-        found = _integrated(scene, requested, problem, known, stop)
+    problem, found = _motion(scene, requested, derived, known, stop)
     if isinstance(found, Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
-    values, hidden, looked = values_of(scene, requested, known), None, ""
-    motion = with_accelerations(scene, derived)
+    observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
+    motion, hidden, looked = with_accelerations(scene, derived), None, ""
     if found.outcome.completed:
         with timed(seconds, "between steps"):
-            whole = Observed(scene, requested, found, problem, values, truth)
-            hidden, looked = hidden_in(whole, derived, stop) if forces(scene) else (None, nothing_sought(scene))
-            hidden = other_motion(whole) or jump_of_energy(whole) or hidden or other_way(whole, motion)
-    if requested.method != EXACT and whole_grid(scene) != scene.grid:
+            hidden, looked = _unseen(observed, derived, motion, stop)
+    if problem is not None and whole_grid(scene) != scene.grid:
         found = thinned(scene, found)
-    observed, events = Observed(scene, requested, found, problem, values, truth), tuple[Found, ...]()
+        observed = replace(observed, trajectory=found)
+    events: tuple[Found, ...] = ()
     if scene.events and len(found.times) > 1:
         with timed(seconds, "events"):
             found, events = with_events(observed, motion)
@@ -209,14 +221,30 @@ def run_method(
     outcome = found.outcome
     if outcome.completed and hidden and (outcome.time is None or (hidden.time or 0.0) < outcome.time):
         outcome = hidden
-    if outcome.completed and problem is not None:
-        with timed(seconds, "half the step"):
-            outcome = replace(outcome, doubt=doubts(observed, partial(_again, problem, known, stop)))
-    numbers |= {"between_points": looked} if requested.method != EXACT and outcome.completed else {}
-    if COST in scene.observe and problem is not None:
-        with timed(seconds, COST):
-            numbers[COST] = _costs(scene, requested, derived, known, stop, find)
+    numbers |= {"between_points": looked} if problem is not None and outcome.completed else {}
     return MethodRun(requested, outcome, found, numbers, series, seconds, known, events, observed)
+
+
+def _motion(
+    scene: Scene, requested: Requested, derived: Derived, free: FreeLagrangian | None, stop: Stop | None
+) -> tuple[Problem | None, Trajectory | Unavailable]:
+    """The problem that a method has, None of the exact solution, and its trajectory."""
+    if requested.method == EXACT:
+        exact = exact_trajectory(scene, derived)
+        return None, with_series(scene, exact) if isinstance(exact, Trajectory) else exact
+    problem = problem_of(scene, requested, derived)
+    if isinstance(problem, Unavailable):
+        return None, problem
+    return problem, _integrated(scene, requested, problem, free, stop)
+
+
+def _unseen(
+    whole: Observed, derived: Derived, motion: Problem | Unavailable, stop: Stop | None
+) -> tuple[Outcome | None, str]:
+    """The outcome of a run to the end whose steps did not see what it moves through, and what was looked at."""
+    scene = whole.scene
+    hidden, looked = hidden_in(whole, derived, stop) if forces(scene) else (None, nothing_sought(scene))
+    return other_motion(whole) or jump_of_energy(whole) or hidden or other_way(whole, motion), looked
 
 
 def _integrated(

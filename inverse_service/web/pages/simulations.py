@@ -19,6 +19,7 @@ TABLES = {"csv": "text/csv", "npz": "application/zip"}
 QUANTITIES = (
     ("max_energy_error", "energy error"),
     ("max_constraint", "constraint"),
+    ("estimated_error", "estimated error"),
     ("max_error", "error"),
 )
 
