@@ -7,8 +7,8 @@ from typing import Any
 
 from inverse_service import catalogue
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
-from inverse_service.service.documents.system_documents import solve_document
 from paper.statement import Progress, Section, Statement, Table, finding
 
 CODE = "paper/further_systems.py"
@@ -65,7 +65,7 @@ def _words(found: tuple[str, str]) -> str:
 def proposition_three() -> Statement:
     """Proposition 3 for generic functions, and where it fails."""
     names = ("extension", "extension-without-potential", "extension-counterexample")
-    results = {name: solve_document(catalogue.document(name), SolveOptions(time_limit=TIME_LIMIT)) for name in names}
+    results = {name: solve_system(catalogue.document(name), SolveOptions(time_limit=TIME_LIMIT)) for name in names}
     generic = results["extension"]["verdict"] == "not_variational"
     special = results["extension-counterexample"]["verdict"] == "variational"
     rows = tuple((result["system"].get("name") or name, _words((result["verdict"], result["checked"])),

@@ -11,14 +11,14 @@ from inverse_service.cli import solve_command
 from inverse_service.cli.exits import ExitCode
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_plain
+from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 from tests.inverse_problem.all_over import assert_holds_all_over
 
 
 def solved(equations: dict[str, str], **rest: Any) -> dict[str, Any]:
-    return solve_document({"equations": equations, **rest}, SolveOptions(time_limit=900.0))
+    return solve_system({"equations": equations, **rest}, SolveOptions(time_limit=900.0))
 
 
 def cases(result: dict[str, Any]) -> dict[str, str]:
@@ -119,7 +119,7 @@ def test_sides_without_a_real_point_are_no_cases() -> None:
 
 def test_a_false_certificate_of_any_branch_is_refused() -> None:
     document = {"equations": {"x": "abs(x-1)*y' - y^2", "y": "-(x-1)*x' - 2*x*y"}}
-    result = solve_document(document, SolveOptions(time_limit=900.0))
+    result = solve_system(document, SolveOptions(time_limit=900.0))
     assert check_plain(result)["verdict"] == "valid"
     right = next(branch for branch in result["branches"] if branch["verdict"] == "variational")
     right["lagrangian"]["text"] = right["certificate"]["lagrangian"] = "x'^2/2 + y'^2/2"

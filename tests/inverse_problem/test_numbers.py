@@ -13,12 +13,12 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.service.documents.documents import solve_system
 from tests.inverse_problem.all_over import assert_holds_all_over
 
 
 def solved(equations: dict[str, str]) -> dict[str, Any]:
-    return solve_document({"equations": equations}, SolveOptions(time_limit=900.0))
+    return solve_system({"equations": equations}, SolveOptions(time_limit=900.0))
 
 
 MEASURED = ["398600.4418", "0.123456789", "1.327e20", "6.674e-11*5.972e24", "3.986004418e14"]

@@ -19,8 +19,8 @@ from inverse_service.expressions.tree import Apply, Symbol, number, subtract
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.service.documents.checking import check_plain
+from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 from inverse_service.web.pages.rendering import environment
 from inverse_service.web.pages.shown_results import answer_of
@@ -32,7 +32,7 @@ DOUGLAS = {"x": "piecewise((x, x > 1), (x^2, x > 0), (2*x, true))*y' - y^2", "y"
 
 
 def solved(equations: object, **rest: Any) -> dict[str, Any]:
-    return solve_document({"equations": equations, **rest}, SolveOptions(time_limit=900.0))
+    return solve_system({"equations": equations, **rest}, SolveOptions(time_limit=900.0))
 
 
 def test_each_piece_has_its_own_verdict_and_domain() -> None:

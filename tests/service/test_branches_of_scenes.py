@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.scenes.simulating import simulate
 
 METHODS = ["variational", {"method": "variational", "form": "raw", "alpha": 0.3}, "stormer-verlet"]
@@ -55,7 +55,7 @@ def test_a_lagrangian_that_is_given_is_held_against_the_equations(
 
 
 def test_a_result_is_simulated_on_the_branch_of_the_start() -> None:
-    result = solve_document({"coordinates": ["x"], "equations": {"x": "-sign(x)"}}, SolveOptions())
+    result = solve_system({"coordinates": ["x"], "equations": {"x": "-sign(x)"}}, SolveOptions())
     for start, lagrangian in ((1.0, "x'^2/2 - x"), (-1.0, "x'^2/2 + x")):
         given = scene("", start, 0.0) | {"system": {"result": result}}
         assert {method["free_lagrangian"] for method in simulate(given)["methods"]} == {lagrangian}

@@ -11,8 +11,7 @@ from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.accepting import to_ansatz, to_schema, to_system
 from inverse_service.service.documents.checking import check_document
-from inverse_service.service.documents.documents import parse_document
-from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.service.documents.documents import parse_document, solve_system
 
 PARTICLE = {
     "coordinates": ["x", "y"],
@@ -27,7 +26,7 @@ def ansatz(*terms: Any, **changes: Any) -> dict[str, Any]:
 
 
 def test_own_terms_are_tried_first_and_shown_with_the_system() -> None:
-    found = solve_document(PARTICLE, SolveOptions())
+    found = solve_system(PARTICLE, SolveOptions())
     assert found["lagrangian"]["family"] == "the given terms"
     assert found["checked"] == "valid"
     assert found["system"]["given"]["ansatz"] == PARTICLE["ansatz"]
@@ -35,7 +34,7 @@ def test_own_terms_are_tried_first_and_shown_with_the_system() -> None:
 
 
 def test_a_result_with_own_terms_is_confirmed_by_the_checker() -> None:
-    found = solve_document(PARTICLE, SolveOptions())
+    found = solve_system(PARTICLE, SolveOptions())
     assert check_document(json.dumps(found))["verdict"] == "valid"
 
 
@@ -61,7 +60,7 @@ def test_latex_is_read_too() -> None:
     ],
 )  # fmt: skip
 def test_a_bad_term_is_refused_with_its_place(term: str, column: int | None, words: str) -> None:
-    for use in (parse_document, lambda document: solve_document(document, SolveOptions())):
+    for use in (parse_document, lambda document: solve_system(document, SolveOptions())):
         with pytest.raises(InputError, match=words) as caught:
             use(ansatz("x'^2", term))
         assert caught.value.pointer == "/ansatz/1"
@@ -85,5 +84,5 @@ def test_a_list_of_another_shape_is_refused(changes: dict[str, Any], pointer: st
 
 def test_the_order_of_the_series_reaches_the_certificate() -> None:
     document = {"coordinates": ["x"], "equations": {"x": "-x+(1-x^2)*x'"}, "time_dependent_lagrangian": False}
-    found = solve_document({**document, "series_order": 4}, SolveOptions())
+    found = solve_system({**document, "series_order": 4}, SolveOptions())
     assert found["certificate"]["series"]["order"] == 4

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from inverse_service.cli.command_line import application
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 
 OSCILLATORS = {
@@ -28,7 +28,7 @@ OSCILLATORS = {
 
 @functools.cache
 def result() -> Any:
-    return solve_document(OSCILLATORS | {"special_cases": True}, SolveOptions(time_limit=60))
+    return solve_system(OSCILLATORS | {"special_cases": True}, SolveOptions(time_limit=60))
 
 
 def texts(cases: list[dict[str, Any]]) -> list[list[str]]:
@@ -45,12 +45,12 @@ def test_the_question_for_which_parameters_is_answered() -> None:
 
 
 def test_without_the_option_there_is_no_tree() -> None:
-    assert solve_document(OSCILLATORS, SolveOptions(time_limit=60))["special_cases"] is None
+    assert solve_system(OSCILLATORS, SolveOptions(time_limit=60))["special_cases"] is None
 
 
 def test_progress_is_reported() -> None:
     said: list[str] = []
-    solve_document(OSCILLATORS | {"special_cases": True}, SolveOptions(time_limit=60), said.append)
+    solve_system(OSCILLATORS | {"special_cases": True}, SolveOptions(time_limit=60), said.append)
     assert any(line.startswith("special cases: ") for line in said)
 
 

@@ -19,7 +19,7 @@ from inverse_service.inverse_problem.solutions import (
     Step,
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import system_documents
+from inverse_service.service.documents import documents
 from inverse_service.service.documents.accepting import to_schema
 from inverse_service.service.documents.translate import main_and_other, to_result
 
@@ -105,27 +105,25 @@ class Found:
 
 
 def test_an_answer_that_the_checker_refuses_never_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(system_documents, "check_result", lambda result, time_limit: Found("invalid"))
+    monkeypatch.setattr(documents, "check_result", lambda result, time_limit: Found("invalid"))
     unchecked = Answer("not_variational", certificate={})
     with pytest.raises(CertificateRefused):
-        system_documents.checked(to_result(Solution(SYSTEM, unchecked, None, None), to_schema(DOCUMENT)), 1.0)
+        documents.checked(to_result(Solution(SYSTEM, unchecked, None, None), to_schema(DOCUMENT)), 1.0)
 
 
 def test_an_answer_that_the_checker_cannot_confirm_is_undetermined(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(system_documents, "check_result", lambda result, time_limit: Found("incomplete"))
+    monkeypatch.setattr(documents, "check_result", lambda result, time_limit: Found("incomplete"))
     solution = Solution(SYSTEM, proven(YES), proven(Answer("not_variational")), None)
-    found = system_documents.checked(to_result(solution, to_schema(DOCUMENT)), 1.0)
+    found = documents.checked(to_result(solution, to_schema(DOCUMENT)), 1.0)
     assert (found["verdict"], found["verdict_with_time"]) == ("variational", "undetermined")
     assert "a row is missing" in found["with_time"]["reason"]
 
 
 def test_the_checker_is_shown_the_other_answer_as_if_it_were_the_main_one(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = []
-    monkeypatch.setattr(
-        system_documents, "check_result", lambda result, time_limit: shown.append(result) or Found("valid")
-    )
+    monkeypatch.setattr(documents, "check_result", lambda result, time_limit: shown.append(result) or Found("valid"))
     unchecked = proven(Answer("variational"), kind="other")
-    system_documents.checked(to_result(Solution(SYSTEM, proven(NO), unchecked, None), to_schema(DOCUMENT)), 1.0)
+    documents.checked(to_result(Solution(SYSTEM, proven(NO), unchecked, None), to_schema(DOCUMENT)), 1.0)
     assert [(result["verdict"], result["certificate"]["kind"]) for result in shown] == [("variational", "other")]
 
 
@@ -134,12 +132,12 @@ def test_an_answer_about_another_system_never_leaves(equation: str) -> None:
     system = {**CANONICAL, "equations": {"x": equation}}
     answer = proven(NO, system=system)
     with pytest.raises(CertificateRefused, match="not what was given"):
-        system_documents.checked(to_result(Solution(SYSTEM, answer, answer, None), to_schema(DOCUMENT)), 1.0)
+        documents.checked(to_result(Solution(SYSTEM, answer, answer, None), to_schema(DOCUMENT)), 1.0)
 
 
 def test_what_could_not_be_compared_is_undetermined() -> None:
     answer = proven(NO, near={"x": "1"}, system={**CANONICAL, "equations": {"x": "log(-1 - x^2)"}})
-    found = system_documents.checked(to_result(Solution(SYSTEM, answer, answer, None), to_schema(LOGARITHM)), 1.0)
+    found = documents.checked(to_result(Solution(SYSTEM, answer, answer, None), to_schema(LOGARITHM)), 1.0)
     assert (found["verdict"], found["verdict_with_time"]) == ("undetermined", "undetermined")
     assert "No point was found" in found["reason"]
 
@@ -153,8 +151,8 @@ def test_where_nothing_exists_with_time_either_one_certificate_proves_both() -> 
 
 
 def test_an_undetermined_answer_needs_no_certificate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(system_documents, "check_result")
-    found = system_documents.checked(to_result(Solution(SYSTEM, OPEN, OPEN, None), to_schema(DOCUMENT)), 1.0)
+    monkeypatch.delattr(documents, "check_result")
+    found = documents.checked(to_result(Solution(SYSTEM, OPEN, OPEN, None), to_schema(DOCUMENT)), 1.0)
     assert (found["verdict"], found["reason"], found["checked"]) == ("undetermined", "why", None)
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.service.documents.documents import solve_system
 
 Document = dict[str, Any]
 
@@ -65,7 +65,7 @@ ANSWERED: list[tuple[str, Document, str | None, str | None]] = [
     ("document", "wanted", "timed"), [one[1:] for one in ANSWERED], ids=[one[0] for one in ANSWERED]
 )
 def test_a_question_gets_its_lagrangian(document: Document, wanted: str | None, timed: str | None) -> None:
-    result = solve_document(document, SolveOptions())
+    result = solve_system(document, SolveOptions())
     with_time = result["with_time"] or {}
     assert "variational" in {result["verdict"], result["verdict_with_time"]}
     found = [part["text"] for part in (result["lagrangian"], with_time.get("lagrangian")) if part]
@@ -87,7 +87,7 @@ def test_vectors_of_position_in_a_magnetic_field_keep_their_mass() -> None:
         coordinates=["x", "y", "z"],
         functions={name: ["x", "y", "z"] for name in ("A1", "A2", "A3")},
     )
-    text = solve_document(document, SolveOptions())["lagrangian"]["text"]
+    text = solve_system(document, SolveOptions())["lagrangian"]["text"]
     assert "m*x'^2/2 + m*y'^2/2 + m*z'^2/2" in text
     assert all(part in text for part in ("Q*A1(x, y, z)*x'", "Q*A2(x, y, z)*y'", "Q*A3(x, y, z)*z'"))
 
@@ -106,7 +106,7 @@ DECIDED = [
 
 @pytest.mark.parametrize(("document", "verdict"), [one[1:] for one in DECIDED], ids=[one[0] for one in DECIDED])
 def test_a_question_is_settled_by_proof(document: Document, verdict: str) -> None:
-    result = solve_document(document, SolveOptions())
+    result = solve_system(document, SolveOptions())
     assert result["verdict"] == result["verdict_with_time"] == verdict
     assert result["checked"] == "valid"
 
@@ -121,4 +121,4 @@ REFUSED = [
 @pytest.mark.parametrize(("document", "reason"), REFUSED, ids=["singular", "fourth order"])
 def test_what_has_no_regular_lagrangian_is_refused_with_that_reason(document: Document, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
-        solve_document(document, SolveOptions())
+        solve_system(document, SolveOptions())

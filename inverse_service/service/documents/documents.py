@@ -1,4 +1,4 @@
-"""One door for all documents that are solved: which use case a document belongs to.
+"""Documents to results: which use case a document belongs to, and that of systems of equations.
 
 Only the use case that is asked for is imported: the nonholonomic one takes 0.05 s, which a single call notices.
 Processes that serve many import all before the first (`tasks.load_engine`).
@@ -7,18 +7,30 @@ Processes that serve many import all before the first (`tasks.load_engine`).
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import logging
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from api_schemas.base import ParseAnswer
+from inverse_service.certificate.checker import check_result
+from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.answers import undetermined
+from inverse_service.service.documents.checking import compare_before_leaving
 from inverse_service.service.documents.preparing import Prepared, is_forward, is_motion, is_nonholonomic, prepared
+
+if TYPE_CHECKING:
+    from api_schemas.result import ResultDocument
+    from api_schemas.system import SystemDocument
+    from inverse_service.expressions.tree import Expression
+    from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
+    from inverse_service.inverse_problem.solutions import Solution
 
 # What ends the mathematics of a document that is well written, and what is said of it then.
 REASONS = {
@@ -26,7 +38,15 @@ REASONS = {
     CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; that is a "
     "fault of the program.",
 }
+# Stages are told by name, an answer so far as {"so_far": result}.
 Progress = Callable[[Any], None]
+# The solver stops by itself a little before its process is killed, so that it can say how far it came.
+SHARE_OF_SOLVER = 0.8
+# What the solver may take where special cases or kinds are wanted too.
+SHARE_BESIDE_CASES = 0.4
+# What a system without a Lagrangian has instead is looked for so long, in s of processor time.
+QUICKLY = 2.0
+FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 ENDED: tuple[type[Exception], ...] = tuple(REASONS)
 log = logging.getLogger(__name__)
 
@@ -90,21 +110,17 @@ def understand_document(document: Any) -> dict[str, Any]:
 
 
 def _understood(cases: UseCases, ready: Prepared) -> dict[str, Any]:
-    from inverse_service.service.documents.translate import to_understood
-
     schema = cases.look(ready.document)
-    return to_understood(cases.system(schema), schema).model_dump(mode="json")
+    return translate.to_understood(cases.system(schema), schema).model_dump(mode="json")
 
 
 def _as_given(document: Any) -> dict[str, Any]:
     """The document as JSON has it; exact decimals are texts."""
-    from inverse_service.service.documents.translate import plain
-
-    found: dict[str, Any] = plain(document)
+    found: dict[str, Any] = translate.plain(document)
     return found
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class UseCases:
     """What is done with a document of one kind: read into its schema, answered, parsed, seen as a system, solved."""
 
@@ -129,10 +145,7 @@ def use_cases(document: Any) -> UseCases:
         from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema as look
 
         return UseCases(look, held.parse, held.system_of, held.solve_nonholonomic)
-    from inverse_service.service.documents import system_documents
-    from inverse_service.service.documents.accepting import to_schema, to_system
-
-    return UseCases(to_schema, system_documents.parse, to_system, system_documents.solve_document)
+    return UseCases(accepting.to_schema, parse_system, accepting.to_system, solve_system)
 
 
 def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:
@@ -147,3 +160,152 @@ def look(document: Any) -> None:
     """Raise DocumentRefused where a document has not the shape of one that is solved."""
     plain = prepared(document).document
     use_cases(plain).look(plain)
+
+
+def solve_system(document: Any, options: SolveOptions, progress: Progress | None = None) -> dict[str, Any]:
+    """The result document of a System document, its certificates checked.
+
+    `options.time_limit` is the time for all of it; `time_dependent` is taken from the document.
+    Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
+    finds our own certificate invalid.
+    """
+    end = now() + options.time_limit
+    schema = accepting.to_schema(document)
+    system = accepting.to_solvable(schema)
+    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else SHARE_OF_SOLVER
+    asked = dataclasses.replace(
+        options,
+        time_dependent=schema.time_dependent_lagrangian,
+        time_limit=share * (end - now()),
+        ansatz=accepting.to_ansatz(schema, system),
+        given=accepting.to_given(schema).residuals,
+        series_order=schema.series_order,
+    )
+    kinds, factor = _kinds(schema, system), _clock(schema, system)
+    so_far = None if progress is None else lambda solution: _tell(solution, schema, progress)
+    solution, *others = solve_branches(system, dataclasses.replace(asked, so_far=so_far), progress)
+    result = translate.to_result(solution, schema, others)
+    limit = now() + SHARE_OF_SOLVER * (end - now())
+    # What follows is loaded when asked for, so that others start sooner.
+    if result.verdict == "not_variational":
+        from inverse_service.service.documents.instead import with_instead
+
+        result = with_instead(result, solution, asked, min(limit, now() + QUICKLY))
+    if kinds:
+        from inverse_service.service.documents.kinds_part import with_kinds
+
+        result = with_kinds(result, solution, schema, kinds, asked, limit)
+    if schema.clock is not None:
+        from inverse_service.service.documents.clock_part import clock_part
+
+        part = clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - now()))
+        result = result.model_copy(update={"with_clock": part})
+    if schema.special_cases:
+        result = with_special_cases(result, system, asked, (end, progress))
+    return ordered(checked(result, end - now()))
+
+
+def _tell(solution: Solution, schema: SystemDocument, progress: Progress) -> None:
+    """Report a confirmed answer of which more is sought, compared with the document as every answer."""
+    found = checked(translate.to_result(solution, schema), 1.0)
+    if found["verdict"] == "variational":
+        lean = dict.fromkeys(("conditions", "certificate", "advice", "provenance"))
+        more = {"explanation": [], "searching": True, "system": found["system"] | {"given": None}}
+        progress({"so_far": found | lean | more})
+
+
+def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
+    if not schema.kinds and not schema.near:
+        return ()
+    from inverse_service.service.documents.kinds_part import to_kinds
+
+    return to_kinds(schema, system)
+
+
+def _clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression | None:
+    if schema.clock is None:
+        return None
+    from inverse_service.service.documents.clock_part import to_clock
+
+    return to_clock(schema, system)
+
+
+def with_special_cases(
+    result: ResultDocument,
+    system: SecondOrderSystem,
+    asked: SolveOptions,
+    limits: tuple[float, Progress | None],
+) -> ResultDocument:
+    """The result with the tree of special cases, found in the time that is left."""
+    # Loaded when asked for, so that others start sooner.
+    from inverse_service.inverse_problem.special_cases.case_tree import special_cases
+    from inverse_service.service.documents.translate_cases import to_special_cases
+
+    end, progress = limits
+    deadline = now() + SHARE_OF_SOLVER * (end - now())
+    found = special_cases(system, asked.time_dependent, deadline, progress, asked.seed)
+    return result.model_copy(update={"special_cases": to_special_cases(found)})
+
+
+def parse_system(schema: SystemDocument) -> ParseAnswer:
+    """What was understood of a System document; raises InputError."""
+    system = accepting.to_solvable(schema)
+    accepting.to_ansatz(schema, system)
+    _kinds(schema, system), _clock(schema, system)
+    return translate.to_parse_answer(system, schema)
+
+
+def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
+    """The document with the checker's verdict on each definite answer.
+
+    The solver has its certificates checked itself; only what it left unchecked is checked here. An
+    answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked, nor
+    before its system was compared with the document as given.
+    """
+    end = now() + time_limit
+    document = _certified(result.model_dump(mode="json"), time_limit)
+    compare_before_leaving(document, end - now())
+    return document
+
+
+def _certified(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
+    """The document, each answer with the checker's verdict; those of `branches` as the main ones."""
+    for place, branch in enumerate(document["branches"]):
+        found = _judged({**document, **branch, "branches": []}, time_limit)
+        document["branches"][place] = {key: found[key] for key in branch}
+    if document["branches"]:
+        return {**document, **document["branches"][0]}
+    return _judged(document, time_limit)
+
+
+def _judged(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
+    other = document["with_time"]
+    if other is None:
+        _check_answer(document, document, time_limit)
+        if document["verdict"] == "undetermined" and document["verdict_with_time"] is not None:
+            document["verdict_with_time"] = "undetermined"
+        return document
+    # Two answers: the checker judges a document as a whole, so each is shown to it alone.
+    alone = {"verdict_with_time": None, "with_time": None}
+    _check_answer(document, document | alone, time_limit)
+    _check_answer(other, document | other | alone | {"question": "L(t, q, q')"}, time_limit)
+    document["verdict_with_time"] = other["verdict"]
+    return document
+
+
+def ordered(document: dict[str, Any]) -> dict[str, Any]:
+    """The fields in the order of the contract, which is the order in which a person reads them."""
+    return {key: document[key] for key in FIRST_FIELDS} | document
+
+
+def _check_answer(answer: dict[str, Any], shown: dict[str, Any], time_limit: float) -> None:
+    if answer["verdict"] == "undetermined" or answer["checked"] == "valid":
+        return
+    found = check_result(shown, time_limit=max(1.0, time_limit))
+    answer["checked"] = found.verdict
+    if found.verdict == "invalid":
+        raise CertificateRefused("our checker refused our certificate: " + "; ".join(found.reasons)[:500])
+    if found.verdict == "incomplete":
+        verdict, reasons = answer["verdict"].replace("_", " "), "; ".join(found.reasons)
+        answer["verdict"] = "undetermined"
+        answer["reason"] = f"The solver found {verdict}, but the independent check could not confirm it: {reasons}"

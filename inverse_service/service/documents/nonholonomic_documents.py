@@ -18,7 +18,7 @@ from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import accepting, system_documents, translate, translate_nonholonomic
+from inverse_service.service.documents import accepting, documents, translate, translate_nonholonomic
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.instead import of_reduced
 from inverse_service.service.documents.reduced_documents import ONLY_THE_MOTION, reduced_of_report
@@ -71,11 +71,11 @@ def solve_nonholonomic(
     result = translate.to_result(_with_images(main), schema)
     if schema.special_cases:
         assert main.associated.system is not None
-        result = system_documents.with_special_cases(result, main.associated.system, asked, (end, progress))
+        result = documents.with_special_cases(result, main.associated.system, asked, (end, progress))
     whole = _whole(result, found, any_associated, options, end)
     if whole.verdict == "not_variational" and any_associated.verdict != "variational":
         whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
-    return system_documents.ordered(system_documents.checked(whole, end - now()))
+    return documents.ordered(documents.checked(whole, end - now()))
 
 
 def _whole(
@@ -114,11 +114,11 @@ def _about_the_motion(
     result = translate.to_result(solution, schema)
     document = _whole(result, found, answer, options, end).model_dump(mode="json")
     compare_motion(document, end - now())
-    return system_documents.ordered(document)
+    return documents.ordered(document)
 
 
 def _share(schema: NonholonomicDocument) -> float:
-    return system_documents.SHARE_BESIDE_CASES if schema.special_cases else system_documents.SHARE_OF_SOLVER
+    return documents.SHARE_BESIDE_CASES if schema.special_cases else documents.SHARE_OF_SOLVER
 
 
 def _with_images(main: nonholonomic_study.AssociatedAnswer) -> Solution:

@@ -21,7 +21,7 @@ from inverse_service.mechanics.nonholonomic.constraint_reading import read_motio
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import clock_part as clocks
-from inverse_service.service.documents import system_documents, translate, translate_nonholonomic
+from inverse_service.service.documents import documents, translate, translate_nonholonomic
 from inverse_service.service.documents.accepting import validated
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.preparing import is_motion, prepared
@@ -36,7 +36,7 @@ def look_motion(document: Any) -> MotionDocument:
 
 def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
     """The result, all of it in `any_associated`; raises InputError."""
-    end = now() + system_documents.SHARE_OF_SOLVER * options.time_limit
+    end = now() + documents.SHARE_OF_SOLVER * options.time_limit
     schema = look_motion(document)
     if schema.special_cases:
         raise InputError(
@@ -57,7 +57,7 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
     )
     found = whole.model_dump(mode="json")
     compare_motion(found, end - now())
-    return system_documents.ordered(found)
+    return documents.ordered(found)
 
 
 def system_of(schema: MotionDocument) -> SecondOrderSystem:

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 # What a command loads only for the questions that need it, and a worker before its first.
 ENGINE = (
     "service.documents.documents",
-    "service.documents.system_documents",
     "service.documents.nonholonomic_documents",
     "service.documents.checking",
     "service.documents.kinds_part",

@@ -27,8 +27,8 @@ from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, Ass
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers
 from inverse_service.mechanics.nonholonomic.paper_class import recognised
+from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.plain_data import escape
-from inverse_service.service.documents.system_documents import solve_document
 from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.simulation.array_values import array_value, table_of
@@ -260,7 +260,7 @@ def _catalogued(catalogue_name: str | None, which: str) -> str | None:
 
 def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_system.KnownLagrangian, ...], str]:
     try:
-        result = solve_document(question, SolveOptions(time_limit=SOLVE_SECONDS))
+        result = solve_system(question, SolveOptions(time_limit=SOLVE_SECONDS))
     except InverseServiceError as error:
         return (), error.detail
     known = scene_system.lagrangians_of(result, names)

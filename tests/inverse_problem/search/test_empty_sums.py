@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.service.documents.documents import solve_system
 
 
 def test_a_sum_that_vanishes_does_not_stop_the_search() -> None:
@@ -13,7 +13,7 @@ def test_a_sum_that_vanishes_does_not_stop_the_search() -> None:
     document = {
         "coordinates": ["x"], "equations": {"x": force}, "parameters": ["k"], "time_dependent_lagrangian": False,
     }  # fmt: skip
-    found = solve_document(document, SolveOptions(time_limit=5))
+    found = solve_system(document, SolveOptions(time_limit=5))
     assert found["verdict"] == "variational"
     assert found["checked"] == "valid"
 
@@ -33,6 +33,6 @@ VANISHING = [
 def test_a_coefficient_that_is_0_by_an_identity_does_not_hide_the_lagrangian(zero: str) -> None:
     """x'' = 0, y'' = x' y has this Lagrangian."""
     document = {"coordinates": ["x", "y"], "equations": {"x": f"({zero})*y'", "y": "x'*y"}}
-    found = solve_document(document, SolveOptions(time_limit=10, time_dependent=False, conditions=False))
+    found = solve_system(document, SolveOptions(time_limit=10, time_dependent=False, conditions=False))
     assert found["checked"] == "valid"
     assert found["lagrangian"]["text"] == "y^2*sqrt(x')/2 + y'^2/(2*sqrt(x'))"

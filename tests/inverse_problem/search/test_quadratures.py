@@ -19,7 +19,7 @@ from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import quadratures
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
-from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.service.documents.documents import solve_system
 from inverse_service.sympy.symbol_names import expression, table_of_result
 
 # Equations with symbolic exponents (Courant and Hilbert, Methods of Mathematical Physics I, chapter V; Abramowitz and
@@ -55,7 +55,7 @@ ELEMENTARY = [
 
 @pytest.mark.parametrize(("equation", "parameters"), ELEMENTARY)
 def test_an_elementary_antiderivative_takes_the_place_of_an_integral_sign(equation: str, parameters: list[str]) -> None:
-    result = solve_document({"equations": {"y": equation}, "parameters": parameters}, SolveOptions(time_limit=20.0))
+    result = solve_system({"equations": {"y": equation}, "parameters": parameters}, SolveOptions(time_limit=20.0))
     answer = result if result["lagrangian"] is not None else result["with_time"]
     assert answer["checked"] == "valid"
     assert not answer["integrals"]
@@ -73,7 +73,7 @@ BY_SYMPY = [
 
 @pytest.mark.parametrize("force", BY_SYMPY)
 def test_forces_of_one_coordinate_have_their_potential_of_the_tables(force: str) -> None:
-    result = solve_document({"equations": {"y": force}, "parameters": ["a", "b"]}, SolveOptions(time_limit=20.0))
+    result = solve_system({"equations": {"y": force}, "parameters": ["a", "b"]}, SolveOptions(time_limit=20.0))
     assert result["checked"] == "valid"
     assert not result["integrals"]
     parts = table_of_result(result)
@@ -99,7 +99,7 @@ BELOW_ZERO = {
 
 @pytest.mark.parametrize("equation", BELOW_ZERO)
 def test_roots_of_products_of_negative_factors_are_real_in_the_lagrangian(equation: str) -> None:
-    result = solve_document({"equations": {"x": equation}}, SolveOptions(time_limit=20.0))
+    result = solve_system({"equations": {"x": equation}}, SolveOptions(time_limit=20.0))
     assert result["lagrangian"] is not None
     assert result["checked"] == "valid"
     assert len(result["integrals"]) == BELOW_ZERO[equation]
@@ -107,7 +107,7 @@ def test_roots_of_products_of_negative_factors_are_real_in_the_lagrangian(equati
 
 def test_a_wrong_antiderivative_of_a_library_is_not_taken() -> None:
     """SymPy 1.14 gives 0 for this one: what it finds is asked of the checker."""
-    result = solve_document({"equations": {"y": "y^2/(y^4 + a*y^2 + 1)"}, "parameters": ["a"]}, SolveOptions())
+    result = solve_system({"equations": {"y": "y^2/(y^4 + a*y^2 + 1)"}, "parameters": ["a"]}, SolveOptions())
     assert result["checked"] == "valid"
     assert "F" in result["integrals"] or "log" in result["lagrangian"]["text"] or "atan" in result["lagrangian"]["text"]
 
@@ -141,7 +141,7 @@ def test_symbolic_exponents_are_integrated(equation: str, parameters: list[str])
 def test_where_no_antiderivative_is_elementary_there_is_an_integral_sign(
     equation: str, functions: dict[str, list[str]], count: int
 ) -> None:
-    result = solve_document({"equations": {"y": equation}, "functions": functions}, SolveOptions(time_limit=20.0))
+    result = solve_system({"equations": {"y": equation}, "functions": functions}, SolveOptions(time_limit=20.0))
     answer = result if result["lagrangian"] is not None else result["with_time"]
     assert answer["checked"] == "valid"
     assert len(answer["integrals"]) == count
@@ -152,7 +152,7 @@ def test_where_no_antiderivative_is_elementary_there_is_an_integral_sign(
 
 
 def test_the_checker_refuses_a_wrong_derivative_of_an_integral() -> None:
-    result = solve_document({"equations": {"y": "-f(t)*y' - y"}, "functions": {"f": ["t"]}}, SolveOptions())
+    result = solve_system({"equations": {"y": "-f(t)*y' - y"}, "functions": {"f": ["t"]}}, SolveOptions())
     certificate = result["certificate"]
     assert check_certificate(certificate).verdict == "valid"
     ((name, known),) = certificate["integrals"].items()
@@ -172,7 +172,7 @@ def test_the_checker_refuses_a_wrong_derivative_of_an_integral() -> None:
 )
 def test_a_damped_oscillator_has_its_textbook_lagrangian(equation: str, factor: str) -> None:
     document = {"equations": {"x": equation}, "parameters": ["w", "c"], "time_dependent_lagrangian": True}
-    result = solve_document(document, SolveOptions(time_limit=20.0))
+    result = solve_system(document, SolveOptions(time_limit=20.0))
     assert factor in result["lagrangian"]["text"]
     assert "log" not in result["lagrangian"]["text"]
 
@@ -211,7 +211,7 @@ def test_a_function_of_the_velocity_alone_is_integrated_under_signs(f: str) -> N
 
 
 def test_of_two_functions_of_the_velocity_the_elementary_one_is_written_out() -> None:
-    result = solve_document({"equations": {"y": "y'*log(y')"}}, SolveOptions(time_limit=20.0))
+    result = solve_system({"equations": {"y": "y'*log(y')"}}, SolveOptions(time_limit=20.0))
     assert result["checked"] == "valid"
     ((_, known),) = result["integrals"].items()
     assert known["derivatives"] == {"y'": "1/log(y')"}

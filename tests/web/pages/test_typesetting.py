@@ -11,7 +11,7 @@ from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.system_documents import solve_document
+from inverse_service.service.documents.documents import solve_system
 from inverse_service.web.pages import shown_results, steps, typesetting
 from inverse_service.web.pages.typesetting import low_fences
 
@@ -70,7 +70,7 @@ def test_a_step_of_an_older_result_keeps_its_words() -> None:
 
 def test_every_step_of_a_proof_and_of_a_search_is_typeset() -> None:
     for name in ("vertically-rolling-disk-first", "knife-edge-second"):
-        result = solve_document(catalogue.document(name), SolveOptions(time_limit=60.0))
+        result = solve_system(catalogue.document(name), SolveOptions(time_limit=60.0))
         answer = shown_results.answer_of(result, result["question"], result)
         assert len(answer.steps) == len(result["explanation"])
         for shown, step in zip(answer.steps, result["explanation"], strict=True):
@@ -158,7 +158,7 @@ def test_matrices_too_long_for_a_page_are_named_with_their_length() -> None:
 def test_a_page_names_what_is_conserved(equations: dict[str, str], kept: list[str]) -> None:
     """H where the time does not occur in L, and the momentum of each coordinate that does not."""
     document = {"coordinates": list(equations), "equations": equations}
-    result = solve_document(document, SolveOptions(time_limit=600))
+    result = solve_system(document, SolveOptions(time_limit=600))
     part, _ = shown_results.shown_of(result, result)
     assert part.hamiltonian is not None
     assert [text_of(f"<p>{one}</p>").split(" is")[0] for one in part.hamiltonian.kept] == [
