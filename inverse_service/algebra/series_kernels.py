@@ -237,8 +237,9 @@ def run(instructions: Integers, constants: Words, m: Machine) -> int:
             _extend(m, out, 0)
             values[out * stride] = plus(values[out * stride], constants[c], m.field)
         elif operation == VARIABLE:
-            _extend(m, out, 1)
-            values[out * stride + 1 + m.tables.counts[1] - 1 - a] = m.field.one
+            if limit > 0:  # to order 0 no register has room for a displacement
+                _extend(m, out, 1)
+                values[out * stride + 1 + m.tables.counts[1] - 1 - a] = m.field.one
         elif operation == ADD:
             _add(m, out, a, constants[c], 0, limit)
         elif operation == PRODUCT:

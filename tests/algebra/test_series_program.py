@@ -71,6 +71,18 @@ def test_coefficients_are_those_of_the_sparse_series(text: str, variables: list[
         assert compiled_terms(tree, point, variables, written, order) == expected
 
 
+def test_no_register_is_written_beyond_the_order_asked_for() -> None:
+    """To order 0 there is no room for a displacement: words beyond the registers were written once."""
+    tree = to_kernels(parse("x*sin(y)+y", NAMES))
+    point, program = point_of(tree), SeriesProgram([X, Y], 3)
+    register = program.expand(tree)
+    instructions, constants = np.array(program.instructions, np.int64).ravel(), constants_at(program, point)
+    for order in range(4):
+        found = run(program, instructions, constants, point.prime, order)
+        assert max(found.tops) == order
+        assert terms_of(found, register) == sparse_terms(tree, point, [X, Y], order)
+
+
 FUNCTIONS = [
     Arbitrary("A", (X,), (0,)),
     Arbitrary("A", (X,), (2,)),

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import copy
+import json
+import subprocess
+import sys
 from typing import Any
 
 import pytest
@@ -165,3 +168,18 @@ def test_where_a_motion_is_defined_is_part_of_its_proof(potential: str) -> None:
     assert answer["certificate"]["conditions"] == ["x > 0"]
     assert answer["statement"] == "This motion cannot be given a Hamiltonian, by any associated system, where x > 0."
     assert check(dict(result))["verdict"] == "valid"
+
+
+def test_a_constraint_with_the_time_is_answered_where_brackets_are_taken_along_a_solution() -> None:
+    """In a process of its own, as this once wrote where nothing was its own."""
+    moving = {
+        "coordinates": ["x", "y", "z", "w"],
+        "lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2",
+        "constraints": ["w' = t*y*x'"],
+        "associated": "any",
+    }
+    asked = [sys.executable, "-m", "inverse_service", "solve", "-"]
+    done = subprocess.run(asked, input=json.dumps(moving), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)["any_associated"]
+    assert (answer["verdict_with_time"], answer["checked"]) == ("variational", "valid")
