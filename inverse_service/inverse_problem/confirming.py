@@ -118,7 +118,7 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     families = {} if others is None else dict.fromkeys(others.lagrangians, others.family)
     if raised is not None:
         system = work.analysis.system
-        taken = {*names[1:], *system.parameters, *(function.name for function in system.functions)}
+        taken = {*names[1:], *system.parameters, *dict(system.functions)}
         families, steps = {**families, tidied(raised, system): OF_ENERGIES}, (*steps, energy_step(taken))
     valid: list[Expression] = []
     for other in families:

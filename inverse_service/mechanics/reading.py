@@ -32,7 +32,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.document_names import Declared, Parameters, bounded, escaped, known_names
 from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
 from inverse_service.mechanics.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
-from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 NOT_PAIRS = (
     "these are first-order equations, and not pairs x' = h, p' = F with h affine in p and solvable for p "
@@ -142,7 +142,7 @@ def read_system(
         coordinates=names.coordinates,
         accelerations=_accelerations(found, names.coordinates),
         parameters=names.parameters,
-        functions=tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items()),
+        functions=tuple(names.functions.items()),
         name=name,
         others=others,
     )

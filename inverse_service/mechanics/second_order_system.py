@@ -14,13 +14,8 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute, walk
 
-
-@dataclass(frozen=True, slots=True)
-class FunctionDeclaration:
-    """An arbitrary function, with the names of the coordinates that it depends on."""
-
-    name: str
-    arguments: tuple[str, ...]
+# Arbitrary functions, each with the names of the coordinates that it depends on.
+Functions = tuple[tuple[str, tuple[str, ...]], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +44,7 @@ class SecondOrderSystem:
     coordinates: tuple[str, ...]
     accelerations: tuple[Expression, ...]
     parameters: tuple[str, ...] = ()
-    functions: tuple[FunctionDeclaration, ...] = ()
+    functions: Functions = ()
     name: str = ""
     branch: Branch | None = None
     others: tuple[tuple[str, Expression], ...] = ()
@@ -57,7 +52,7 @@ class SecondOrderSystem:
     @property
     def names(self) -> Names:
         """What a formula about the system may contain."""
-        return Names(self.coordinates, self.parameters, {each.name: each.arguments for each in self.functions})
+        return Names(self.coordinates, self.parameters, dict(self.functions))
 
     @property
     def depends_on_time(self) -> bool:
@@ -90,9 +85,8 @@ class SecondOrderSystem:
 def unsolved_system(names: Names, equations: Sequence[Expression], name: str = "") -> SecondOrderSystem:
     """The system of E(t, q, q', q'') = 0, its accelerations letters that are named like x''."""
     letters = tuple(Symbol(f"{coordinate}''") for coordinate in names.coordinates)
-    functions = tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items())
     branch = Branch(tuple(equations), unsolved=True)
-    return SecondOrderSystem(names.coordinates, letters, names.parameters, functions, name, branch)
+    return SecondOrderSystem(names.coordinates, letters, names.parameters, tuple(names.functions.items()), name, branch)
 
 
 def _name(node: Expression) -> str:

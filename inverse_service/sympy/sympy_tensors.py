@@ -58,7 +58,7 @@ def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[
 
 def _inside(names: Table | None, ready: Prepared, motion: SecondOrderSystem) -> Table:
     """The objects by the names that the system has inside, where its time is t; new ones for those of a text."""
-    functions = {function.name: function.arguments for function in motion.functions}
+    functions = dict(motion.functions)
     parts = {"coordinates": motion.coordinates, "parameters": motion.parameters, "functions": functions}
     table = names or table_of_result(ready.outward({"system": parts}))
     own = [dict(zip(parts[key], getattr(table, key).values(), strict=True)) for key in parts]

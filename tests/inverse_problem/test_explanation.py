@@ -71,7 +71,7 @@ class Reader:
         self.source = random.Random(seed)
         self.table: Table = {}
         self.entries = {pair: symbol.name for pair, symbol in entry_symbols(given).items()}
-        functions = {function.name: function.arguments for function in given.functions}
+        functions = dict(given.functions)
         self.names = Names(given.coordinates, (*given.parameters, *self.entries.values()), functions)
 
     def value(self, formula: str | Expression) -> mpf:

@@ -165,7 +165,7 @@ WITH_LAGRANGIAN = [
 def with_multiplier(name: str, orders: int) -> tuple[MotionInRing, list[list[Quotient]]]:
     """The motion, and the velocity Hessian of the first Lagrangian listed in the catalogue."""
     given = catalogue_system(name)
-    functions = {function.name: function.arguments for function in given.functions}
+    functions = dict(given.functions)
     parameters = tuple(document(name).get("parameters", ()))
     tree = parse(entry(name)["expected"]["lagrangians"][0], Names(given.coordinates, parameters, functions))
     exact = motion_in_ring(given, orders, Budget(), trees=[tree])

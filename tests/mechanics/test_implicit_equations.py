@@ -58,7 +58,7 @@ def _value_at_random_point(tree: Expression) -> mpf:
 @pytest.mark.parametrize(("text", "parameters", "functions"), SYSTEMS, ids=range(len(SYSTEMS)))
 def test_solution_satisfies_every_equation(text: str, parameters: list[str], functions: dict[str, list[str]]) -> None:
     system = read_system(None, text, parameters, functions)
-    names = Names(system.coordinates, system.parameters, {f.name: f.arguments for f in system.functions})
+    names = Names(system.coordinates, system.parameters, dict(system.functions))
     solved: dict[Expression, Expression] = {
         Acceleration(name): f for name, f in zip(system.coordinates, system.accelerations, strict=True)
     }

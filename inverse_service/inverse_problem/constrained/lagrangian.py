@@ -102,7 +102,7 @@ def closed_coordinates(motion: ConstrainedMotion) -> Iterator[ClosedFunctions]:
 def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[ClosedFunctions]:
     """Other coordinates of which that holds, or factors of the forces such as x cos(phi) + y sin(phi)."""
     found = dict[str, Expression]({name: Symbol(name) for name in motion.coordinates})
-    taken = {*motion.coordinates, *motion.parameters, *(function.name for function in motion.functions)}
+    taken = {*motion.coordinates, *motion.parameters, *dict(motion.functions)}
     with suppress(TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
         for tree in _position_factors(motion, Budget(_TERMS, deadline))[:_MOST_FACTORS]:
             name = next(name for k in count(1) if (name := f"R_{k}") not in taken)
@@ -185,7 +185,7 @@ def _without(
     nowhere: dict[Expression, Expression] = {Symbol(name): ZERO for name in others}
     plain = tuple(substitute(quotient_tree(ring, value), nowhere) for value in values)
     held = {node.name for tree in plain for node in walk(tree) if isinstance(node, Arbitrary)}
-    kept = tuple(function for function in motion.functions if function.name in held)
+    kept = tuple(function for function in motion.functions if function[0] in held)
     return SecondOrderSystem(tuple(names), plain, motion.parameters, kept)
 
 

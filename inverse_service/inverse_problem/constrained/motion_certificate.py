@@ -107,7 +107,7 @@ def _system(analysed: AnalysedMotion) -> dict[str, Any]:
         "equations": {name: to_text(f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)},
         "velocities": {name: to_text(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)},
         "parameters": list(motion.parameters),
-        "functions": {function.name: list(function.arguments) for function in motion.functions},
+        "functions": {name: list(arguments) for name, arguments in motion.functions},
     }
 
 

@@ -285,7 +285,7 @@ def _system(system: SecondOrderSystem) -> dict[str, Any]:
         "coordinates": list(system.coordinates),
         "equations": {name: to_text(f) for name, f in pairs},
         "parameters": list(system.parameters),
-        "functions": {function.name: list(function.arguments) for function in system.functions},
+        "functions": {name: list(arguments) for name, arguments in system.functions},
     }
 
 

@@ -87,7 +87,7 @@ _MEANING = {
 
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     """The answer, its explanation begun with what each letter that has two meanings is in the sentences."""
-    names = {*system.coordinates, *system.parameters, *(function.name for function in system.functions)}
+    names = {*system.coordinates, *system.parameters, *dict(system.functions)}
     texts = " ".join(step.text for step in answer.explanation)
     shared = [name for name in _MEANING if name in names and _is_said(name, texts)]
     if not shared:

@@ -55,7 +55,7 @@ def reduced_system(motion: ConstrainedMotion) -> SecondOrderSystem | None:
     if any(node in others for tree in trees for node in walk(tree)):
         return None
     names = {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}
-    functions = tuple(function for function in motion.functions if function.name in names)
+    functions = tuple(function for function in motion.functions if function[0] in names)
     return SecondOrderSystem(motion.free, motion.free_accelerations, motion.parameters, functions)
 
 

@@ -327,7 +327,7 @@ def _integral(slope: Expression, x: Symbol, name: str) -> Integral:
 
 def fresh_names(system: SecondOrderSystem, *trees: Expression) -> Iterator[str]:
     """Names of functions that nothing else bears."""
-    used = {*system.coordinates, *system.parameters, *(function.name for function in system.functions)}
+    used = {*system.coordinates, *system.parameters, *dict(system.functions)}
     used |= {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}
     yield from (name for name in _NAMES if name not in used)
     yield from (f"F_{k}" for k in range(1, 1_000) if f"F_{k}" not in used)

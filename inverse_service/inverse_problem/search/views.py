@@ -139,7 +139,7 @@ def with_few_constants(forces: tuple[Expression, ...]) -> tuple[Expression, ...]
 def with_letters(analysis: Analysis) -> Lettered | None:
     """The analysis of the system with a letter for each long number; None where there is none, or too many."""
     system, found = analysis.system, dict[Expression, Symbol]()
-    taken = {*system.coordinates, *system.parameters, *(function.name for function in system.functions)}
+    taken = {*system.coordinates, *system.parameters, *dict(system.functions)}
     names = (name for k in range(1, 10**6) if (name := f"number_{k}") not in taken)
 
     def letter(size: Number) -> Symbol:

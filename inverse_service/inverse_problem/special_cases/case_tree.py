@@ -112,13 +112,13 @@ def _constants(system: SecondOrderSystem) -> dict[str, tuple[str, ...]]:
     occurring = {node.name for f in system.accelerations for node in walk(f) if isinstance(node, Arbitrary)}
     used = {*system.parameters, *system.coordinates}
     found: dict[str, tuple[str, ...]] = {}
-    for function in system.functions:
-        if function.name in occurring:
-            stem = function.name + "_"
+    for name, arguments in system.functions:
+        if name in occurring:
+            stem = name + "_"
             while any(f"{stem}{k}" in used for k in range(3)):
                 stem += "_"
-            degree = (2 if len(occurring) == 1 else 1) if len(function.arguments) == 1 else 0
-            found[function.name] = tuple(f"{stem}{k}" for k in range(degree + 1))
+            degree = (2 if len(occurring) == 1 else 1) if len(arguments) == 1 else 0
+            found[name] = tuple(f"{stem}{k}" for k in range(degree + 1))
     return found
 
 

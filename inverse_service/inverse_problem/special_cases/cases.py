@@ -41,7 +41,7 @@ from inverse_service.inverse_problem.special_cases.side_conditions import (
 from inverse_service.inverse_problem.special_cases.strata import ParameterSpace, Stratum
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.conditions import motion_in_ring
-from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
 # Names of the functions that are polynomials: linear ones of one argument, else constants.
@@ -91,11 +91,6 @@ class Case:
     time_settled: bool = False
 
     @property
-    def declared(self) -> tuple[FunctionDeclaration, ...]:
-        """All functions of the system in general."""
-        return self.question.system.functions
-
-    @property
     def hidden(self) -> frozenset[str]:
         """Coefficients that are no parameters of the case: of arbitrary functions, and slopes of constants."""
         constants = self.question.constants
@@ -114,7 +109,7 @@ def specialised(question: Question, stratum: Stratum, functions: FunctionCase) -
     accelerations = tuple(
         collect(substitute(_with_polynomials(f, polynomials), table)) for f in question.system.accelerations
     )
-    kept = tuple(f for f in question.system.functions if f.name not in functions)
+    kept = tuple(function for function in question.system.functions if function[0] not in functions)
     return replace(question.system, accelerations=accelerations, parameters=stratum.free, functions=kept, branch=None)
 
 
@@ -266,9 +261,8 @@ Equation = tuple[Expression, Expression]
 
 def conditions(case: Case) -> list[Equation]:
     """(left, right) of each equation that defines the case: functions first, then parameters."""
-    functions = {f.name: f.arguments for f in case.declared if f.name in case.functions}
-    found = [_polynomial_conditions(name, arguments, case) for name, arguments in functions.items()]
-    return found + _of_parameters(case)
+    functions = [function for function in case.question.system.functions if function[0] in case.functions]
+    return [_polynomial_conditions(*function, case) for function in functions] + _of_parameters(case)
 
 
 def condition_texts(case: Case) -> list[str]:

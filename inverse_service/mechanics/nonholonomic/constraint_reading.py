@@ -12,7 +12,6 @@ from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Vel
 from inverse_service.mechanics.document_names import Declared, Parameters, known_names, parameter_values, with_values
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, motion_on
-from inverse_service.mechanics.second_order_system import FunctionDeclaration
 
 
 def read_nonholonomic(
@@ -38,7 +37,7 @@ def read_nonholonomic(
         lagrangian=known.put_in(read_lagrangian(lagrangian, known.names)),
         constraints=tuple(known.put_in(tree) for tree in _constraints(constraints, known.names, most)),
         parameters=names.parameters,
-        functions=tuple(FunctionDeclaration(function, arguments) for function, arguments in names.functions.items()),
+        functions=tuple(names.functions.items()),
         name=name,
     )
 
@@ -69,9 +68,8 @@ def read_motion(
             f"{len(names.coordinates) - len(trees)} free velocities: give their accelerations, not {len(free)}.",
             "/motion",
         )
-    declarations = tuple(FunctionDeclaration(name, arguments) for name, arguments in names.functions.items())
     system = NonholonomicSystem(
-        names.coordinates, ZERO, tuple(map(known.put_in, trees)), names.parameters, declarations
+        names.coordinates, ZERO, tuple(map(known.put_in, trees)), names.parameters, tuple(names.functions.items())
     )
     read = {key: known.put_in(_acceleration(motion[name], known.names, name)) for key, name in free.items()}
     return motion_on(system, read)
@@ -145,7 +143,7 @@ def read_multiples(
     """
     named = Declared(parameters=parameters).named_parameters()
     known = tuple(dict.fromkeys((*system.parameters, *named)))
-    names = Names(system.coordinates, known, {f.name: f.arguments for f in system.functions})
+    names = Names(system.coordinates, known, dict(system.functions))
     values = parameter_values(named)
     found: dict[str, Expression] = {}
     for key, text in multiples.items():

@@ -23,7 +23,7 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.mechanics.quotient_matrices import determinant, reduced_rows, weight
-from inverse_service.mechanics.second_order_system import FunctionDeclaration
+from inverse_service.mechanics.second_order_system import Functions
 from inverse_service.mechanics.writing import readable
 
 
@@ -39,7 +39,7 @@ class NonholonomicSystem:
     lagrangian: Expression
     constraints: tuple[Expression, ...]
     parameters: tuple[str, ...] = ()
-    functions: tuple[FunctionDeclaration, ...] = ()
+    functions: Functions = ()
     name: str = ""
 
 

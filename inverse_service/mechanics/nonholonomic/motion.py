@@ -28,7 +28,7 @@ from inverse_service.mechanics.nonholonomic.geometry import (
     too_large,
 )
 from inverse_service.mechanics.quotient_matrices import dot, solve_square
-from inverse_service.mechanics.second_order_system import FunctionDeclaration
+from inverse_service.mechanics.second_order_system import Functions
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class ConstrainedMotion:
     dependent_velocities: tuple[Expression, ...]
     free_accelerations: tuple[Expression, ...]
     parameters: tuple[str, ...] = ()
-    functions: tuple[FunctionDeclaration, ...] = ()
+    functions: Functions = ()
 
     @property
     def depends_on_time(self) -> bool:

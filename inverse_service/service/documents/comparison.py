@@ -45,7 +45,7 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
 def _compared_motion(document: Any, canonical: Canonical, end: float) -> CheckResult:
     # Imported where it is needed: it takes 0.05 s, which a single call for another system notices.
     motion = _nonholonomic(document)
-    functions = {function.name: function.arguments for function in motion.functions}
+    functions = dict(motion.functions)
     names = Names(motion.coordinates, motion.parameters, functions)
     return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
 

@@ -15,7 +15,7 @@ from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, moment
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_lagrangian
-from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.accepting import validated
 
@@ -65,7 +65,7 @@ def _motion(schema: LagrangianDocument) -> tuple[trees.Expression, SecondOrderSy
     sums = euler_lagrange_sums(lagrangian, names.coordinates, [trees.Acceleration(name) for name in names.coordinates])
     equations = [linear_equation(tree, "/lagrangian") for tree in sums]
     accelerations = tuple(map(collect, solve_accelerations(equations, names.coordinates)))
-    functions = tuple(FunctionDeclaration(name, arguments) for name, arguments in names.functions.items())
+    functions = tuple(names.functions.items())
     return lagrangian, SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
 
 

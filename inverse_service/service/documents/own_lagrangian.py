@@ -14,7 +14,7 @@ from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
-from inverse_service.mechanics.second_order_system import FunctionDeclaration, SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, translate
 
 POINTER = "/lagrangian"
@@ -60,11 +60,8 @@ def _read(schema: Any, system: SecondOrderSystem, text: str) -> tuple[Expression
     found = known.put_in(read_lagrangian(text, known.names))
     used = {node.name for node in walk(found) if isinstance(node, Symbol | Arbitrary)}
     more = [name for name in known.names.parameters if name in used and name not in system.parameters]
-    functions = [
-        FunctionDeclaration(name, arguments)
-        for name, arguments in known.names.functions.items()
-        if name in used and name not in system.names.functions
-    ]
+    named = known.names.functions.items()
+    functions = [function for function in named if function[0] in used and function not in system.functions]
     wider = replace(system, parameters=(*system.parameters, *more), functions=(*system.functions, *functions))
     return found, wider if more or functions else system
 

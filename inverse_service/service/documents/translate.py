@@ -48,7 +48,7 @@ def guessed_names(schema: AnyDocument, system: SecondOrderSystem | NonholonomicS
     if not declared.guesses:
         return []
     known = {_plain_name(name) for name in (*declared.named_parameters(), *schema.functions)}
-    names = (*system.parameters, *(function.name for function in system.functions))
+    names = (*system.parameters, *dict(system.functions))
     return [name for name in names if name not in known]
 
 
@@ -82,7 +82,7 @@ def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
 
 def function_fields(system: SecondOrderSystem | NonholonomicSystem) -> dict[str, list[str]]:
     """The arbitrary functions with what they depend on."""
-    return {function.name: list(function.arguments) for function in system.functions}
+    return {name: list(arguments) for name, arguments in system.functions}
 
 
 def to_result(

@@ -221,7 +221,7 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     coordinates = schema.coordinates or schema.equations
     parameters, values = _parameters(schema.parameters, [name for name in extra if name not in coordinates])
     system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
-    functions = {f.name: f.arguments for f in system.functions}
+    functions = dict(system.functions)
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
     # sign(u) is computed as u/sqrt(u^2), and so is a step.
     accelerations = tuple(
