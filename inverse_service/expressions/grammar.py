@@ -24,7 +24,16 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.operands import OperandParser
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.tokens import END, LIMITS, Token, TokenStream, refusal, shorten, unexpected
-from inverse_service.expressions.tree import MINUS_ONE, ONE, Expression, multiply, number
+from inverse_service.expressions.tree import (
+    MINUS_ONE,
+    ONE,
+    Acceleration,
+    Expression,
+    Symbol,
+    Velocity,
+    multiply,
+    number,
+)
 from inverse_service.expressions.vocabulary import FUNCTIONS, PIECEWISE, call
 
 _OPERAND = "a number, a name or '('"
@@ -97,6 +106,8 @@ class FormulaParser(OperandParser):
             raise refusal(f"{shown} could be an equation number", column, "leave it out, or write * before a factor")
         if ahead.kind == "number":
             raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
+        if self._time_in_brackets():
+            raise refusal("(t) could be an argument or a factor", column, "write *t for a product")
         if after_division:
             raise self._unclear_quotient(column)
         last, before = self._stream.look(-1), self._stream.look(-2)
@@ -136,7 +147,10 @@ class FormulaParser(OperandParser):
             raise refusal("a prime occurs", ahead.column, instead)
         if not self._stream.take_operator("^"):
             return base
-        return raised(base, self._exponent(), ahead.column)
+        found = raised(base, self._exponent(), ahead.column)
+        if isinstance(base, Velocity | Acceleration) or base in [Symbol(name) for name in self._names.coordinates]:
+            self._skip_time_argument()  # x^2(t) is the square of x(t)
+        return found
 
     def _exponent(self) -> Expression:
         column = self._stream.ahead.column
@@ -291,8 +305,9 @@ class FormulaParser(OperandParser):
                 if following.space_before or token.text in ("sqrt", "cbrt"):
                     raise self._unclear_end(token, start)
                 argument = product([argument, self._factor()], ahead.column)
-        after = self._stream.ahead
-        if after.is_operator("/") or (_starts_factor(after) and not self._bare_ends()):
+        after, of_number = self._stream.ahead, ahead.kind == "number" and self._stream.position == start + 1
+        signs = ("/", "*") if of_number else ("/",)  # sin 2*x is sin(2*x) to most
+        if after.is_operator(*signs) or (_starts_factor(after) and not self._bare_ends()):
             raise self._unclear_end(token, start)
         return argument
 
@@ -300,12 +315,14 @@ class FormulaParser(OperandParser):
         """The refusal of sin a b and sin a/b, with both readings where what follows can be read; sin 2 x has one."""
         stream, end, name = self._stream, self._stream.position, token.text
         said = (f"where the argument of {name} ends is not clear", stream.ahead.column, f"write {name}( and )")
-        sign = "/" if stream.take_operator("/") else "*"
-        place = stream.position
+        written = stream.take_operator("/", "*")
+        sign, place = written.text if written else "*", stream.position
         if (rest := self._source_of_factors(place)) is None:
             return refusal(*said)
         inner, first = stream.source(start, end), stream.look(start - stream.position)
-        separate = (f"({inner}){sign}{rest}",) * (first.kind != "number" or sign == "/" or name in ("sqrt", "cbrt"))
+        separate = (f"({inner}){sign}{rest}",) * (
+            first.kind != "number" or written is not None or name in ("sqrt", "cbrt")
+        )
         span = (first.column, stream.ahead.column)
         return refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
 

@@ -93,6 +93,8 @@ class LatexTranslator(LatexDerivatives):
             self._group_or_time(raw)
         elif raw.is_character("^"):
             self._power(raw)
+            if self._ahead.is_character("^") and self._tokens[-1].kind != "prime":
+                raise refusal("a second power occurs", self._ahead.column, "write x^{a^b} or (x^a)^b")
         elif raw.text and raw.text in ("'", "''"):
             self._tokens.append(Token("prime", raw.text, raw.column, raw.space_before, Fraction(len(raw.text))))
         elif raw.is_character("("):
@@ -232,7 +234,8 @@ class LatexTranslator(LatexDerivatives):
         after_function = start > 0 and self._tokens[start - 1].text in FUNCTIONS
         if len(inner) == 1 and inner[0].is_operator(","):
             return  # 0{,}5
-        if not inner or (len(inner) <= 2 and inner[0].kind == "name" and not after_function):
+        is_name = bool(inner) and inner[0].kind == "name" and all(token.kind == "prime" for token in inner[1:])
+        if not inner or (is_name and not after_function):
             return
         self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
         self._emit(")", closing)

@@ -30,6 +30,7 @@ from inverse_service.expressions.tree import (
     Expression,
     Symbol,
     Velocity,
+    number,
     substitute,
     walk,
 )
@@ -222,9 +223,12 @@ class OperandParser(ABC):
         return self._stream.ahead.is_operator("(") and self._stream.ahead.value != FACTOR
 
     def _skip_time_argument(self) -> None:
-        look = self._stream.look
-        if self._opens_arguments() and look(1).text == "t" and look(2).is_operator(")"):
+        if self._time_in_brackets():
             self._stream.position += 3
+
+    def _time_in_brackets(self) -> bool:
+        look = self._stream.look
+        return self._opens_arguments() and look(1).text == "t" and look(2).is_operator(")")
 
     def _group_has_time(self) -> bool:
         open_groups = 0
@@ -246,17 +250,19 @@ class OperandParser(ABC):
         column, exponent = self._stream.ahead.column, None
         if self._stream.take_operator("^"):
             exponent = self._exponent()
-        found = self._called(name, declared, orders, token, exponent is not None)
+        found = self._called(name, declared, orders, token, exponent)
         return found if exponent is None else raised(found, exponent, column)
 
     def _called(
-        self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, after_power: bool
+        self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, power: Expression | None
     ) -> Expression:
         """A with the arguments that follow, or with those it is declared with; A^2(x) is the square of A(x)."""
         ahead = self._stream.ahead
         if not self._opens_arguments():
             return Arbitrary(name, tuple(Symbol(argument) for argument in declared), orders)
-        if after_power and ahead.space_before:
+        if power == number(-1):
+            raise refusal(f"{name}^(-1)( has two meanings", ahead.column, f"write 1/{name}( or another function")
+        if power is not None and ahead.space_before:
             what = f"a bracket after a power of {name} could be a factor or its arguments"
             raise refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
         arguments = self._arguments()

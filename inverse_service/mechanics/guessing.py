@@ -181,15 +181,34 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
     if is_unit and place and line[place - 1].kind == "number":
         instead = "leave units out, write * between a number and a name"
         raise refusal("m/s could be a unit", token.column, instead).at(pointer)
-    if following[:2] == ["^", "("] and following[2:3] and following[2].isdigit() and following[3:] == [")", "("]:
-        instead = f"write {token.text}''({line[place + 6].text}) for a derivative, ^2* for a product"
-        raise refusal(f"{token.text}^({following[2]})( could be a derivative", token.column, instead).at(pointer)
+    if error := _raised_call(line, place, coordinates):
+        raise error.at(pointer)
     if token.text == "d" and after is not None and after.text == "t":
         raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after is not None and after.kind == "name":
         instead = f"a product? declare the constant Delta and write Delta*{after.text}"
         raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it occurs", token.column, instead,
                       (f"Delta*{after.text}",)).at(pointer)  # fmt: skip
+
+
+def _raised_call(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> InputError | None:
+    """The refusal of k^2(t), a square of k(t) or a product, and f^(2)(x), a derivative; k^2(x - y) is a product."""
+    name, start = line[place], place + 2
+    if start >= len(line) or not line[place + 1].is_operator("^"):
+        return None
+    opening = (closing(line, start) if line[start].is_operator("(") else start) + 1
+    if opening >= len(line) or not line[opening].is_operator("("):
+        return None
+    raised, end = line[start + 1], closing(line, opening)
+    if raised.kind == "number" and raised.column > line[start].column:  # brackets of the writer, not of LaTeX
+        instead = f"write {name.text}''({line[opening + 1].text}) for a derivative, ^{raised.text}* for a product"
+        return refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
+    inside = [token.text for token in line[opening:end] if not token.is_operator("(", ",")]
+    if not inside or not {")", "t", *coordinates}.issuperset(inside):
+        return None
+    power, of = "".join(token.text for token in line[start:opening]).strip("()"), inside[0]
+    instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"
+    return refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
 
 
 def _half_a_number(line: Sequence[Token], place: int) -> InputError | None:
