@@ -17,7 +17,7 @@ from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import Expression
 
 _TOKEN = re.compile(
-    r"(?P<rate>d/dt)\b|(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)(?P<power>\^\d)?|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>.)"
+    r"(?P<rate>d/dt)\b|(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)(?P<power>\^\d)?|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>[!<>]=|.)"
 )
 # Signs between trees that the reader of formulas knows.
 _READS_BACK = re.compile(r" = (?:-?\d+(?:/\d+)?)?| [-+] |-?\d*\*?|\d+")
@@ -25,8 +25,8 @@ _MARK = re.compile(r"[_^](?:\([^()]*\)|[A-Za-z0-9]+)")
 _PARTIAL = re.compile(r"d([a-zA-Z]|Phi)")
 _GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "lambda": "λ", "mu": "μ", "phi": "φ", "tau": "τ"}
 _WORDS = frozenset(("det", "for", "and"))
-_SIGNS = {"-": "\u2212", "*": "\u2062"}
-_LATEX_SIGNS = {"*": " ", "\u2026": r"\dots"}
+_SIGNS = {"-": "\u2212", "*": "\u2062", "!=": "≠", ">=": "≥", "<=": "≤"}
+_LATEX_SIGNS = {"*": " ", "\u2026": r"\dots", "!=": r"\neq ", ">=": r"\geq ", "<=": r"\leq "}
 # What a formula is about: the keys under which a result and the pages explain it.
 _USES = {"Phi": "Phi", "Gamma": "Gamma", "N": "N", "R": "R"}
 

@@ -236,3 +236,19 @@ def test_a_motion_whose_lagrangian_has_no_closed_form_is_printed_with_the_beginn
     lines = [line.strip() for line in text_page(result, True).splitlines()]
     assert any(line.startswith("l = ") and line.endswith(" + ...") for line in lines)
     assert any(line.startswith("lambda_1 = ") and line.endswith(" + ...") for line in lines)
+
+
+def test_a_step_that_divides_by_a_parameter_says_not_equal_and_each_component_once() -> None:
+    document = {"equations": "x'' = -x - a*x'*y'; y'' = -y + x^2", "parameters": ["a"]}
+    result = solve_document(document, SolveOptions(time_limit=20))
+    page = latex_page(result, explain=True)
+    assert r"a \neq  0" in page
+    assert "!=" not in page
+    parts = [part for step in result["explanation"] for part in step["parts"]]
+    (condition,) = {part["mathml"] for part in parts if part["text"] == "a != 0"}
+    assert "<mo>≠</mo>" in condition
+    components = next(step for step in result["explanation"] if "components of Phi" in step["text"])
+    texts = [part["text"] for part in components["parts"] if part["kind"] in ("formula", "display")]
+    assert texts[1:] == sorted({text for text in texts if text.startswith("(Phi)^")})
+    assert len(texts) == 5
+    assert all(components["text"].count(text) == 1 for text in texts[1:])

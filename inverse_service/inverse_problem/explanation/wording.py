@@ -27,17 +27,19 @@ Piece = str | Formula | Expression
 
 
 def said(*pieces: Piece, shown: Sequence[Piece] = (), about: Sequence[str] = ()) -> Step:
-    """A sentence of words and formulas, and the formulas that are `shown` below it.
+    """A sentence of words and formulas, and the formulas that are `shown`: below it, unless they are in the sentence.
 
     In a text, what stands between grave accents is a formula in the notation of the theory. `about` names the words
     of the theory that the step relies on.
     """
     sentence = [part for piece in pieces for part in _parts(piece)]
-    below = [_formula(formula_of(piece), "display") for piece in shown]
+    main = [_formula(formula_of(piece), "display") for piece in shown]
+    texts = {part.text for part in sentence}
+    below = [part for part in main if part.text not in texts]
     if about:
         below.append(Part("about", "", uses=tuple(about)))
     relations = [part.latex for part in sentence if part.kind == "formula" and "=" in part.text]
-    latex = [part.latex for part in below if part.latex] or relations[-1:]
+    latex = [part.latex for part in main] or relations[-1:]
     return Step("".join(part.text for part in sentence), r",\quad ".join(latex), (*sentence, *below))
 
 
@@ -166,11 +168,12 @@ def tensor_steps(
 
 
 def _tensor_step(condition: ConditionName, entries: Sequence[tuple[str, Expression]]) -> Step:
-    lead: list[Piece] = ["The components of ", theory(condition.name), " that are not zero (row, column): "]
     if not entries:
-        return said(*lead, "all zero.")
+        return said("All components of ", theory(condition.name), " are zero.")
     shown = [row(component(condition, name), " = ", tree) for name, tree in entries]
-    return said(*lead, *separated([row(f"{name} = ", tree) for name, tree in entries]), ".", shown=shown)
+    return said(
+        "The components of ", theory(condition.name), " that are not zero: ", *separated(shown), ".", shown=shown
+    )
 
 
 def component(condition: ConditionName, indices: str) -> Formula:
