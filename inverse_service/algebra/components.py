@@ -20,6 +20,7 @@ from flint import arb, fmpq, fmpq_mpoly
 from inverse_service.algebra.cylinders import MOST_TERMS, SignedRing, connecting
 from inverse_service.algebra.generators import Quotient, factors, to_quotient, used_generators
 from inverse_service.algebra.point import Variable
+from inverse_service.algebra.rational_functions import coefficients_of
 from inverse_service.algebra.real_point import RealTable, real_sign, varies
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import evaluate
@@ -159,10 +160,9 @@ class _Cell(SignedRing):
         """(A, B, w), up to a common factor, for A + B r with r^2 = w put in."""
         most = polynomial.degrees()[k] // 2
         parts = [self.ring.constant(Fraction(0)), self.ring.constant(Fraction(0))]
-        for exponents, coefficient in polynomial.to_dict().items():
-            half = int(exponents[k]) // 2
-            rest = self.ring.context.from_dict({(*exponents[:k], 0, *exponents[k + 1 :]): coefficient})
-            parts[int(exponents[k]) % 2] += rest * radicand.numerator**half * radicand.denominator ** (most - half)
+        for (power,), rest in coefficients_of(polynomial, [k]).items():
+            half = power // 2
+            parts[power % 2] += rest * radicand.numerator**half * radicand.denominator ** (most - half)
         return parts[0], parts[1], radicand
 
     def _simpler(self, tree: Expression) -> list[Expression] | None:

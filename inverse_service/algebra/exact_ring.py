@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from flint import fmpq, fmpq_mpoly
+from flint import fmpq_mpoly
 
 from inverse_service.algebra.rational_functions import (
     Exponents,
@@ -222,21 +222,12 @@ def quotient_tree(ring: ExactRing, quotient: Quotient) -> Expression:
 def _split_by_roots(ring: ExactRing, quotient: Quotient) -> list[Quotient]:
     """The parts by powers of each root in the denominator: (P + Q r^5)/r^5 = P/r^5 + Q, if that is shorter."""
     parts = [quotient]
-    for index, relation in ring.field.relations.items():
+    for index in ring.field.relations:
         root = ring.field.context.gen(index)
         if any(ring.field.denominators[place] == root for place, _ in quotient.exponents):
-            parts = [piece for part in parts for piece in _by_powers(part, index, relation.degree)]
+            parts = [piece for part in parts for _, piece in sorted(part.parts([index]).items())]
     shorter = sum(len(part.numerator) for part in parts) < len(quotient.numerator)
     return parts if shorter else [quotient]
-
-
-def _by_powers(quotient: Quotient, index: int, degree: int) -> list[Quotient]:
-    """One quotient for each power of the generator in the numerator."""
-    tables: list[dict[tuple[int, ...], fmpq]] = [{} for _ in range(degree)]
-    for exponents, coefficient in quotient.numerator.to_dict().items():
-        tables[exponents[index]][exponents] = coefficient
-    owner = quotient.field
-    return [owner.quotient(owner.context.from_dict(table), quotient.exponents) for table in tables if table]
 
 
 def _factored(ring: ExactRing, quotient: Quotient) -> Expression:

@@ -13,6 +13,7 @@ unrecognised but every identity stays true.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -233,6 +234,17 @@ def divided_out(polynomial: fmpq_mpoly, factor: fmpq_mpoly) -> tuple[fmpq_mpoly,
     return polynomial, power
 
 
+def coefficients_of(polynomial: fmpq_mpoly, generators: Sequence[int]) -> dict[tuple[int, ...], fmpq_mpoly]:
+    """What stands in a polynomial with each product of powers of some generators, by the exponents of these."""
+    tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
+    for exponents, value in polynomial.terms():
+        rest = [int(e) for e in exponents]
+        for index in generators:
+            rest[index] = 0
+        tables.setdefault(tuple(int(exponents[index]) for index in generators), {})[tuple(rest)] = value
+    return {powers: polynomial.context().from_dict(table) for powers, table in tables.items()}
+
+
 def _constant_ratio(left: fmpq_mpoly, right: fmpq_mpoly) -> Fraction | None:
     """left / right where that is a number."""
     if len(left) != len(right) or left.is_zero():
@@ -284,6 +296,15 @@ class Quotient:
             return self if self.is_zero else other
         product = self.field.product(self.numerator, other.numerator)
         return self.field.quotient(product, combined(self.exponents, other.exponents))
+
+    def parts(self, generators: Sequence[int]) -> dict[tuple[int, ...], Quotient]:
+        """The sum of terms of the numerator that hold the same powers of some generators, for each of these."""
+        found, gen = {}, self.field.context.gen
+        for powers, part in coefficients_of(self.numerator, generators).items():
+            for index, power in zip(generators, powers, strict=True):
+                part = part * gen(index) ** power
+            found[powers] = self.field.quotient(part, self.exponents)
+        return found
 
     def scaled(self, factor: int | Fraction) -> Quotient:
         """factor times self, factor a rational number."""

@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 
-from flint import fmpq
-
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
-from inverse_service.algebra.rational_functions import Quotient
+from inverse_service.algebra.rational_functions import Quotient, coefficients_of
 
 Row = list[Quotient]
 
@@ -142,16 +140,12 @@ def common_multiple(ring: ExactRing, elements: Iterable[Quotient]) -> Quotient:
 
 def _equations(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:
     varying = sorted({index for table in ring.images for index in table})
-    rows = []
+    rows: list[Row] = []
     for entries in zip(*columns, strict=True):
         common = common_multiple(ring, entries)
-        parts: dict[tuple[int, ...], list[dict[tuple[int, ...], fmpq]]] = {}
+        parts: dict[tuple[int, ...], Row] = {}
         for k, entry in enumerate(entries):
-            for exponents, coefficient in (entry * common).numerator.terms():
-                key = tuple(int(exponents[index]) for index in varying)
-                rest = tuple(0 if index in varying else int(e) for index, e in enumerate(exponents))
-                parts.setdefault(key, [{} for _ in columns])[k][rest] = coefficient
-        rows += [
-            [Quotient(ring.field, ring.field.context.from_dict(table), ()) for table in row] for row in parts.values()
-        ]
+            for powers, part in coefficients_of((entry * common).numerator, varying).items():
+                parts.setdefault(powers, [ring.constant(0) for _ in columns])[k] = Quotient(ring.field, part, ())
+        rows += parts.values()
     return rows

@@ -7,8 +7,6 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import permutations
 
-from flint import fmpq
-
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
@@ -48,13 +46,8 @@ def readable(ring: ExactRing, element: Quotient) -> Expression:
 def velocity_parts(ring: ExactRing, element: Quotient) -> list[Quotient]:
     """The parts with the same powers of all velocities in the numerator, the highest powers first."""
     places = [index for index, tree in ring.trees.items() if isinstance(tree, Velocity)]
-    tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
-    for exponents, coefficient in element.numerator.terms():
-        key = tuple(int(exponents[place]) for place in places)
-        tables.setdefault(key, {})[tuple(int(e) for e in exponents)] = coefficient
-    owner = element.field
-    ordered = sorted(tables, key=lambda key: (-sum(key), key))
-    return [owner.quotient(owner.context.from_dict(tables[key]), element.exponents) for key in ordered]
+    parts = element.parts(places)
+    return [parts[powers] for powers in sorted(parts, key=lambda powers: (-sum(powers), powers))]
 
 
 def joined(tree: Expression) -> Expression:

@@ -14,7 +14,7 @@ from typing import Any
 
 from flint import fmpq_mpoly, fmpq_mpoly_ctx
 
-from inverse_service.algebra.rational_functions import Budget
+from inverse_service.algebra.rational_functions import Budget, coefficients_of
 from inverse_service.certificate.formulas import MAX_MEMBERS, Ended, check_shape, require
 
 
@@ -86,12 +86,7 @@ def _pseudo_division(rest: fmpq_mpoly, divisor: Divisor, budget: Budget) -> tupl
 
 def coefficient(polynomial: fmpq_mpoly, index: int, power: int) -> fmpq_mpoly:
     """The coefficient of that power of a generator, a polynomial in the others."""
-    table = {
-        tuple(0 if k == index else e for k, e in enumerate(exponents)): value
-        for exponents, value in polynomial.to_dict().items()
-        if exponents[index] == power
-    }
-    return polynomial.context().from_dict(table)
+    return coefficients_of(polynomial, [index]).get((power,), polynomial * 0)
 
 
 def content(polynomial: fmpq_mpoly, unknowns: Iterable[int]) -> fmpq_mpoly:

@@ -11,12 +11,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from fractions import Fraction
+from functools import reduce
 from itertools import count
 
-from flint import fmpq, fmpq_mpoly
-
 from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.rational_functions import Quotient, TooLarge
+from inverse_service.algebra.rational_functions import Quotient, TooLarge, coefficients_of
 from inverse_service.algebra.real_point import RealTable, is_defined, real_sign
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import end, left, now
@@ -271,29 +270,14 @@ def _has_slope(tree: Expression, slope: Expression, x: Symbol, table: RealTable)
 def _parts(ring: ExactRing, element: Quotient) -> list[Quotient]:
     """The parts of a sum that hold different products of functions and roots: one that is rational comes apart."""
     special = [index for index, tree in ring.trees.items() if not isinstance(tree, Symbol | Velocity)]
-    tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
-    for exponents, coefficient in element.numerator.terms():
-        key = tuple(int(exponents[index]) for index in special)
-        tables.setdefault(key, {})[tuple(int(e) for e in exponents)] = coefficient
-    owner = element.field
-    return [owner.quotient(owner.context.from_dict(table), element.exponents) for table in tables.values()]
+    return list(element.parts(special).values())
 
 
 def _without_constants(ring: ExactRing, element: Quotient) -> tuple[Quotient, Quotient]:
     """(c, rest) with element = c rest, c the greatest constant factor of the numerator."""
     varying = sorted({index for table in ring.images for index in table})
-    coefficients: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
-    for exponents, coefficient in element.numerator.terms():
-        key = tuple(int(exponents[index]) for index in varying)
-        rest = tuple(0 if index in varying else int(e) for index, e in enumerate(exponents))
-        coefficients.setdefault(key, {})[rest] = coefficient
-    owner = element.field
-    common: fmpq_mpoly = owner.context.constant(0)
-    for table in coefficients.values():
-        common = common.gcd(owner.context.from_dict(table))
-    if len(coefficients) == 1:
-        common = owner.context.from_dict(next(iter(coefficients.values())))
-    constant = Quotient(owner, common, ())
+    constants = coefficients_of(element.numerator, varying).values()
+    constant = Quotient(element.field, reduce(lambda a, b: a.gcd(b), constants), ())
     return constant, element / constant
 
 

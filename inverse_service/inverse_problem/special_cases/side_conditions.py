@@ -18,7 +18,7 @@ from flint import fmpq, fmpq_mpoly
 
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, polynomial_tree
-from inverse_service.algebra.rational_functions import Budget, Quotient
+from inverse_service.algebra.rational_functions import Budget, Quotient, coefficients_of
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
@@ -176,13 +176,8 @@ class Reader:
 
     def _functional(self, polynomial: fmpq_mpoly) -> list[Ideal]:
         """One for each common factor of the coefficients, and one for all that is left of them."""
-        kept = [index in self.jets or index in self.kept for index in range(len(polynomial.degrees()))]
-        tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
-        for exponents, value in polynomial.terms():
-            rest = tuple(0 if own else int(e) for own, e in zip(kept, exponents, strict=True))
-            own = tuple(int(e) if own else 0 for own, e in zip(kept, exponents, strict=True))
-            tables.setdefault(rest, {})[own] = value
-        parts = [self.ring.field.context.from_dict(table) for table in tables.values()]
+        others = [k for k in range(len(polynomial.degrees())) if k not in self.jets and k not in self.kept]
+        parts = list(coefficients_of(polynomial, others).values())
         common = functools.reduce(lambda a, b: a.gcd(b), parts)
         found = [self._of_parts([factor]) for factor in factors(common)]
         left = [part / common for part in parts]

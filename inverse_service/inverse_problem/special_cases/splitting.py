@@ -145,21 +145,13 @@ def _solved_linear(equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Se
 
 def _updated(old: Fraction, index: int, value: Fraction) -> Fraction:
     """A value found before, with the new one put in."""
-    tops, bottoms = (coefficients_in(part, index) for part in (old.numerator, old.denominator))
-    degree = max(len(tops), len(bottoms)) - 1
-    numerator, denominator = (_of_degree(parts, degree, value, old.numerator * 0) for parts in (tops, bottoms))
+    parts = (old.numerator, old.denominator)
+    degree = max(part.degrees()[index] for part in parts)
+    numerator, denominator = (put_in(part, index, value, degree) for part in parts)
     if denominator.is_zero():
         return Fraction(numerator, denominator + 1)  # what is excluded vanishes there; the piece is dropped
     common = numerator.gcd(denominator)
     return Fraction(numerator / common, denominator / common)
-
-
-def _of_degree(parts: Sequence[fmpq_mpoly], degree: int, value: Fraction, zero: fmpq_mpoly) -> fmpq_mpoly:
-    """sum of parts[k] N^k D^(degree - k) for the value N/D."""
-    total = zero
-    for k, part in enumerate(parts):
-        total += part * value.numerator**k * value.denominator ** (degree - k)
-    return total
 
 
 def _updated_root(root: Root, index: int, value: Fraction) -> Root:

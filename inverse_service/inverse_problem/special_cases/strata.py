@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
 
-from inverse_service.algebra.rational_functions import as_fraction, factored
+from inverse_service.algebra.rational_functions import as_fraction, coefficients_of, factored
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, number, square_root, substitute
 
 
@@ -118,23 +118,16 @@ class Stratum:
 
 def coefficients_in(polynomial: fmpq_mpoly, index: int) -> list[fmpq_mpoly]:
     """Coefficients of 1, x, x^2, … for the generator x of this index."""
-    owner = polynomial.context()
-    tables: list[dict[tuple[int, ...], fmpq]] = []
-    for exponents, value in polynomial.terms():
-        plain = [int(e) for e in exponents]
-        degree, plain[index] = plain[index], 0
-        while len(tables) <= degree:
-            tables.append({})
-        tables[degree][tuple(plain)] = value
-    return [owner.from_dict(table) for table in tables]
+    found = coefficients_of(polynomial, [index])
+    return [found.get((degree,), polynomial * 0) for degree in range(max(found, default=(-1,))[0] + 1)]
 
 
-def put_in(polynomial: fmpq_mpoly, index: int, value: Fraction) -> fmpq_mpoly:
-    """The numerator of the polynomial with a fraction for one generator."""
+def put_in(polynomial: fmpq_mpoly, index: int, value: Fraction, power: int = 0) -> fmpq_mpoly:
+    """The numerator of the polynomial with N/D for one generator, over D^power at least."""
     parts = coefficients_in(polynomial, index)
-    total = polynomial * 0
+    total, most = polynomial * 0, max(power, len(parts) - 1)
     for degree, part in enumerate(parts):
-        total += part * value.numerator**degree * value.denominator ** (len(parts) - 1 - degree)
+        total += part * value.numerator**degree * value.denominator ** (most - degree)
     return total
 
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial
 
-from flint import fmpq, fmpq_mpoly, fmpz
+from flint import fmpq_mpoly, fmpz
 
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
-from inverse_service.algebra.rational_functions import Quotient, factored
+from inverse_service.algebra.rational_functions import Quotient, coefficients_of, factored
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.tree import (
     ONE,
@@ -99,11 +99,8 @@ def _by_power(polynomial: fmpq_mpoly, variable: Quotient) -> list[Quotient]:
     """The coefficients of a polynomial in the eigenvalue."""
     owner = variable.field
     place = next(k for k, degree in enumerate(variable.numerator.degrees()) if degree)
-    tables: list[dict[tuple[int, ...], fmpq]] = [{} for _ in range(int(polynomial.degrees()[place]) + 1)]
-    for exponents, coefficient in polynomial.terms():
-        rest = tuple(0 if k == place else int(e) for k, e in enumerate(exponents))
-        tables[int(exponents[place])][rest] = coefficient
-    return [owner.quotient(owner.reduce(owner.context.from_dict(table)), ()) for table in tables]
+    found, degree = coefficients_of(polynomial, [place]), int(polynomial.degrees()[place])
+    return [owner.quotient(owner.reduce(found.get((k,), polynomial * 0)), ()) for k in range(degree + 1)]
 
 
 @dataclass(frozen=True, slots=True)
