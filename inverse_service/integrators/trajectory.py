@@ -19,9 +19,9 @@ class Outcome:
     `kind` is "completed", "singular" (a quantity of the method vanished), "guard" (the implicit equations of a step are
     not safely solvable), "unresolved" (the motion turns too much in a step), "no_convergence" (Newton), "not_finite",
     "off_domain" (a formula has no value there), "failed" (a fault of ours) or "cancelled". Where a run stopped, `step`
-    and `time` say at which step (its result is not recorded), `quantity` and `value` what vanished or passed its limit,
-    `remedy` what to do about it. `note` says what was not checked, or why a guard did not count, `doubt` where a run to
-    the end is not the motion.
+    says how many steps were done, `time` where the last of them led, `quantity` and `value` what vanished or passed its
+    limit, `remedy` what to do about it. `note` says what was not checked, or why a guard did not count, `doubt` where a
+    run to the end is not the motion.
     """
 
     kind: str
@@ -71,3 +71,9 @@ class Trajectory:
             velocities=None if self.velocities is None else self.velocities[rows],
             series={name: column[rows] for name, column in self.series.items()},
         )
+
+    def ended(self, rows: Rows, outcome: Outcome) -> Trajectory:
+        """The run as far as these points, of which all that follow are no part of it; maxima are those recorded."""
+        part = self.part(rows)
+        maxima = {name: float(np.abs(column).max(initial=0.0)) for name, column in part.series.items()}
+        return replace(part, outcome=outcome, maxima=maxima)

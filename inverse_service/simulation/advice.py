@@ -159,7 +159,7 @@ def _price(scene: Scene, problem: Problem, requested: Requested, means: Means) -
         found = means.run(scene, problem)
         if isinstance(found, Unavailable):
             return found
-        done = scene.grid.steps if found.outcome.completed else max(0, (found.outcome.step or 0) - 1)
+        done = scene.grid.steps if found.outcome.completed else found.outcome.step
         if not done:
             return Unavailable("no step is made.")
         best = min(best, 1e9 * found.run_seconds / done)

@@ -75,7 +75,7 @@ def with_events(run: Observed, motion: Problem | Unavailable) -> tuple[Trajector
     end = min(ends)
     kept = ran.times < end
     outcome = Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end))
-    return replace(ran.part(kept), outcome=outcome), tuple(_until(one, end) for one in found)
+    return ran.ended(kept, outcome), tuple(_until(one, end) for one in found)
 
 
 def where_ended(found: tuple[Found, ...], outcome: Outcome) -> tuple[float, Array, Array] | None:

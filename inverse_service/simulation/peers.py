@@ -129,7 +129,7 @@ def _first_kink(problem: Problem, table: dict[Expression, Any], rows: int) -> tu
 def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
     if "time_limit" in code and good == len(steps):
         return Outcome("completed", int(steps[-1]), float(times[-1]))
-    place = min(good, len(steps) - 1)
+    place = max(good - 1, 0)
     at = int(steps[place]), float(times[place])
     if code.startswith("kink"):
         remedy = "a Taylor series has no kinks: use the method adaptive"

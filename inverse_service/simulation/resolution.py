@@ -76,7 +76,7 @@ def jump_of_energy(run: Observed) -> Outcome | None:
         return None
     step = int(places[0])
     change = float(changes[np.abs(changes[:, step]).argmax(), step])
-    return Outcome("unresolved", step + 1, float(at.times[step + 1]), _JUMPS.format(f"{share:.1g}"), change, RESOLVE)
+    return Outcome("unresolved", step, float(at.times[step]), _JUMPS.format(f"{share:.1g}"), change, RESOLVE)
 
 
 def energies_of(run: Observed) -> tuple[Array, Array] | None:

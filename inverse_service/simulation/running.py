@@ -203,10 +203,12 @@ def observed_run(
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
     observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
-    motion, hidden, looked = with_accelerations(scene, derived), None, ""
+    motion, looked = with_accelerations(scene, derived), ""
     if found.outcome.completed:
         with timed(seconds, "between steps"):
-            hidden, looked = _unseen(observed, derived, motion, stop)
+            unseen, looked = _unseen(observed, derived, motion, stop)
+            found = found if unseen is None else found.ended(found.times <= (unseen.time or 0.0), unseen)
+            observed = replace(observed, trajectory=found)
     if problem is not None and whole_grid(scene) != scene.grid:
         found = thinned(scene, found)
         observed = replace(observed, trajectory=found)
@@ -218,11 +220,8 @@ def observed_run(
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     numbers, series = observed_quantities(observed, seconds)
-    outcome = found.outcome
-    if outcome.completed and hidden and (outcome.time is None or (hidden.time or 0.0) < outcome.time):
-        outcome = hidden
-    numbers |= {"between_points": looked} if problem is not None and outcome.completed else {}
-    return MethodRun(requested, outcome, found, numbers, series, seconds, known, events, observed)
+    numbers |= {"between_points": looked} if problem is not None and found.outcome.completed else {}
+    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed)
 
 
 def _motion(

@@ -269,7 +269,7 @@ def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
     if outcome.completed:
         return {"outcome": outcome.kind, "steps": scene.grid.steps if outcome.step is None else outcome.step, **note}
     parts = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}
-    return {"outcome": outcome.kind, "steps": max(0, (outcome.step or 1) - 1), "stopped": parts, **note}
+    return {"outcome": outcome.kind, "steps": outcome.step or 0, "stopped": parts, **note}
 
 
 def _points(scene: Scene, run: MethodRun, trajectory: Trajectory) -> dict[str, Any]:

@@ -1,0 +1,54 @@
+"""A run that ended early is told as far as it came, and no further."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from inverse_service.service.scenes.simulating import simulate
+
+ENDS = {
+    "falls in": "-log(x)",
+    "blows up": "x^4/4",
+    "a kink": "-sqrt(x^2)",
+    "a barrier": "-9*exp(-(10^6*(x - 0.305))^2)",
+}
+
+
+@pytest.mark.parametrize("potential", ENDS.values(), ids=ENDS)
+@pytest.mark.parametrize(
+    "method",
+    ["stormer-verlet", "variational", {"method": "variational", "form": "raw"}, {"method": "variational", "alpha": 0},
+     "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "heyoka"],
+)  # fmt: skip
+def test_the_steps_done_are_those_recorded(potential: str, method: Any) -> None:
+    """The steps, the time of the end, the last point and the final state of a run that was stopped belong together."""
+    scene = {"system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {potential}"}, "step": 0.01}
+    scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": -0.5}}, "observe": ["trajectory", "energy"]}
+    (found,) = simulate(scene | {"time": 20, "methods": [method]})["methods"]
+    if found["outcome"] == "completed":
+        assert found["steps"] == 2000
+        return
+    times = found["points"]["columns"]["t"]
+    assert found["steps"] == found["stopped"]["step"] == len(times) - 1
+    assert found["stopped"]["time"] == times[-1] == found["final"]["t"]
+
+
+def test_what_is_watched_ends_with_the_run() -> None:
+    """Forces that come after the event that ends a run are in none of its numbers."""
+    system = {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2 + y'^2 + z'^2)/2 - x^4",
+        "constraints": ["z' - y*x'"],
+    }
+    scene = {"system": system, "step": 0.05, "time": 3, "methods": [{"method": "nonholonomic", "alpha": 0}]}
+    scene |= {"initial": {"positions": {"x": 0, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}}, "observe": ["energy"]}
+    key, until = "max_discrete_energy_error", 0.5
+    (whole,), (ended,), (short,) = (
+        simulate(scene | more)["methods"]
+        for more in ({}, {"events": [{"when": f"t - {until + 0.01}", "do": "stop"}]}, {"time": until})
+    )
+    assert ended["steps"] == short["steps"] == 10
+    assert ended[key] == pytest.approx(short[key])
+    assert ended[key] < whole[key]
