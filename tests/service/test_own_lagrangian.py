@@ -30,6 +30,9 @@ def verdict(document: dict[str, Any], lagrangian: str) -> dict[str, Any]:
         ({"equations": "x'' = -x - x'/10"}, "exp(t/10)*(x'^2 - x^2)/2"),
         ({"equations": "x'' = -x'"}, "x'*log(x') - x"),
         ({"equations": "x'' = 0"}, "x'^4"),
+        ({"equations": "x'' = -x"}, "x'*atan(x'/x)/x - log(x'^2 + x^2)/2"),
+        ({"equations": "x'' = abs(x)"}, "x'^2/2 + x*abs(x)/2"),
+        ({"equations": "x'' = 1/x"}, "x'^2/2 + log(abs(x))"),
     ],
 )
 def test_a_right_lagrangian_is_confirmed_and_leaves_nothing(document: dict[str, Any], lagrangian: str) -> None:
@@ -43,6 +46,26 @@ def test_a_wrong_sign_is_shown_with_the_equations_that_l_has() -> None:
     assert found["verdict"] == "invalid"
     assert found["residual"]["x"]["text"] == "-2*k*x"
     assert found["equations"]["x"]["text"] == "k*x"
+
+
+@pytest.mark.parametrize(
+    ("equations", "lagrangian", "there"),
+    [
+        ("x'' = abs(x)", "x'^2/2 + x^2/2", "x < 0"),
+        ("x'' = x", "x'^2/2 + x*abs(x)/2", "x < 0"),
+        ("x'' = abs(a)*x", "x'^2/2 + a*x^2/2", "a < 0"),
+        ("x'' = asin(sin(x))", "x'^2/2 + x^2/2", "x > pi/2 and x < 3*pi/2"),
+        ("x'' = abs(x)*y' - y^2; y'' = -abs(x)*x' - 2*x*y", "(x'^2 + y'^2 + x^2*y')/2 - x*y^2", "x < 0"),
+    ],
+)
+def test_a_lagrangian_that_is_right_on_one_branch_only_is_wrong_and_says_where(
+    equations: str, lagrangian: str, there: str
+) -> None:
+    found = verdict({"equations": equations, "parameters": ["a"]}, lagrangian)
+    assert found["verdict"] == "invalid"
+    right, wrong = found["reasons"]
+    assert right.endswith("its Hessian is regular.")
+    assert wrong.startswith(f"Where {there}: The Euler-Lagrange equation of x does not hold")
 
 
 def test_a_singular_lagrangian_is_none_even_where_its_equations_hold() -> None:
