@@ -35,6 +35,7 @@ ELSEWHERE = (
     "{} leads elsewhere: from t = {:.6g} on {} is off by more than a tenth of its range, at most by about {:.3g}. "
     "Where the motion itself is wanted, take a smaller step or tolerance."
 )
+GOES_ON = ("completed", "cancelled")
 ENDS_EARLY = "With {} the run ends at t = {:.6g}, {}."
 
 
@@ -86,18 +87,21 @@ def estimated(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | U
     """{estimated_error, estimated_error_share, estimated_until, doubt}: the greatest error of a position, and the
     greatest share of the range of a coordinate; until when, where that is not the end; sentences where they are large.
 
-    `repeat` runs a method of a scene, whatever the guard is.
+    `repeat` runs a method of a scene; where the guard ends it early, it is run without.
     """
-    requested, at, doubts = run.requested, run.trajectory, [_change_of_energy(run)]
+    at, doubts, again = run.trajectory, [_change_of_energy(run)], finer(run.requested, run.scene.grid)
     numbers: dict[str, Any] = {}
-    again = finer(requested, run.scene.grid)
-    found = repeat(replace(run.scene, grid=again.grid), again.requested)
-    if isinstance(found, Trajectory) and (count := min(len(found.times), len(at.times))) > 1:
+    scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
+    found = repeat(scene, again.requested)
+    if isinstance(found, Trajectory) and found.outcome.kind not in GOES_ON and choice is not None:
+        found = repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
+    if isinstance(found, Trajectory):
+        count = min(len(found.times), len(at.times))
         errors, shares = errors_of(at.positions[:count], found.positions[:count], again.part)
         numbers = {"estimated_error": greatest(errors), "estimated_error_share": greatest(shares)}
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
         doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how)))
-        early = count < len(at.times) and found.outcome.kind not in ("completed", "cancelled")
+        early = count < len(at.times) and found.outcome.kind not in GOES_ON
         if early and not doubts[-1]:
             doubts.append(ENDS_EARLY.format(again.how, found.times[-1], found.outcome.kind.replace("_", " ")))
     if isinstance(run.truth, Truth) and not any(doubts[1:]):

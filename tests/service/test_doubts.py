@@ -68,6 +68,18 @@ def test_the_error_of_each_run_is_estimated(method: Any) -> None:
     assert "estimated_until" not in found
 
 
+@pytest.mark.parametrize("method", ["variational", "nonholonomic"])
+def test_an_error_is_estimated_where_the_guard_ends_the_run_with_half_the_step(method: str) -> None:
+    """A force that is felt a step too early from rest: four steps of h/2 lead far from where shorter ones do."""
+    system = {"coordinates": ["x"], "lagrangian": "0.33*x'^2 + 1.11*x*cos(0.72*t)"}
+    scene = {"system": system, "step": 0.1, "time": 200, "methods": [{"method": method, "alpha": 1}]}
+    scene |= {"initial": {"positions": {"x": -0.507}, "velocities": {"x": -0.09}}, "observe": ["error"]}
+    (found,) = simulate(scene)["methods"]
+    assert found["estimated_error"] == pytest.approx(found["max_error"], rel=0.05)
+    assert found["doubt"].startswith("With half the step the method leads elsewhere")
+    assert "doubt" in simulate(scene | {"observe": ["trajectory"]})["methods"][0]
+
+
 def test_of_a_long_run_it_says_until_when() -> None:
     scene = orbit(0.3, step=1e-3, steps=2_000_000, record_every=1000, methods=["stormer-verlet"]) | {"time": None}
     (found,) = simulate(scene)["methods"]
