@@ -24,7 +24,15 @@ from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.callables import Formulas, walls
 from inverse_service.simulation.derivation import USES_FREE, Derived, Find, derive, problem_of
 from inverse_service.simulation.initial import is_degenerate
-from inverse_service.simulation.scene_data import Observation, Problem, Requested, Scene, Stop, Unavailable
+from inverse_service.simulation.scene_data import (
+    FreeLagrangian,
+    Observation,
+    Problem,
+    Requested,
+    Scene,
+    Stop,
+    Unavailable,
+)
 from inverse_service.simulation.schemes import program_of
 
 STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed
@@ -32,13 +40,13 @@ SHARE = 10.0  # real parts compared with imaginary ones
 
 
 def advice(
-    scene: Scene, accelerations: tuple[Expression, ...] | None, free: Expression | None = None
+    scene: Scene, accelerations: tuple[Expression, ...] | None, free: FreeLagrangian | None = None
 ) -> dict[str, Any] | None:
     """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these.
 
     `free` is a Lagrangian that was found for a system given by its equations. None where L is degenerate.
     """
-    lagrangian = free if scene.lagrangian is None else scene.lagrangian
+    lagrangian = free.lagrangian if scene.lagrangian is None and free is not None else scene.lagrangian
     decays = scene.lagrangian is None or scene.forces
     if accelerations is not None and decays and is_stiff(scene, accelerations):
         return method_advice.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
@@ -49,8 +57,8 @@ def advice(
     if scene.constraints:
         return method_advice.for_constraints(lagrangian, scene.constraints, scene.coordinates)
     moving: set[Expression] = set(map(Symbol, scene.coordinates))
-    ends = [to_text(wall) for wall in dict.fromkeys(walls(lagrangian, moving))] if free is not None else []
-    return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
+    ends = () if free is None else dict.fromkeys((*walls(lagrangian, moving), *free.domain))
+    return method_advice.for_lagrangian(lagrangian, scene.coordinates, list(map(to_text, ends)))
 
 
 def sentence_of(taken: dict[str, Any] | None) -> str:

@@ -107,7 +107,8 @@ def _propagated(
 
 
 def _power_of_2(size: float) -> float:
-    return float(2.0 ** np.floor(np.log2(size)))
+    """The greatest one up to the size, whose square is a number too."""
+    return float(2.0 ** np.clip(np.floor(np.log2(size)), -500, 500))
 
 
 def _table(problem: Problem, rows: Array, values: Mapping[str, float], times: Array) -> dict[Expression, Any]:

@@ -95,6 +95,14 @@ def test_a_result_of_solve_says_what_to_simulate_it_with(document: dict[str, Any
     assert words in advice["reason"]
 
 
+@pytest.mark.parametrize(("force", "wall"), [("-x - x'/abs(x')/10", "x'"), ("-sign(x)", "x"), ("-abs(x)", "x")])
+def test_advice_says_where_the_lagrangian_of_a_branch_ends(force: str, wall: str) -> None:
+    """Dry friction on one side has an L that promises a constant energy, to the first turn."""
+    system = {"coordinates": ["x"], "equations": {"x": force}}
+    found = simulate(scene(system, ["adaptive"], observe=["energy"]))
+    assert f"It ends where {wall} changes its sign" in found["advice"]["reason"]
+
+
 def test_no_method_is_advised_for_a_degenerate_lagrangian() -> None:
     system = {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 - x^2/2 - x*y"}
     initial = {"positions": {"x": 1, "y": 1}, "velocities": {"x": 0, "y": 0}}

@@ -52,3 +52,13 @@ def test_what_is_watched_ends_with_the_run() -> None:
     assert ended["steps"] == short["steps"] == 10
     assert ended[key] == pytest.approx(short[key])
     assert ended[key] < whole[key]
+
+
+@pytest.mark.parametrize("step", [1e300, 1e-300])
+@pytest.mark.parametrize("method", ["stormer-verlet", "variational", "runge-kutta", "adaptive", "stiff", "heyoka"])
+def test_no_step_is_too_large_or_small_for_a_typed_end(step: float, method: str) -> None:
+    scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": step, "steps": 4}
+    scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": [method]}
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] not in ("failed", "unavailable")
+    assert (found["outcome"] == "completed") <= (step < 1)

@@ -179,7 +179,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
 def advice_of(scene: Scene, derived: Derived) -> dict[str, Any] | None:
     """The method that fits the scene, as far as what was derived tells."""
     free = derived.free.get(None)
-    known = free.lagrangian if isinstance(free, FreeLagrangian) and scene.accelerations is not None else None
+    known = free if isinstance(free, FreeLagrangian) and scene.accelerations is not None else None
     return advice(scene, derived.accelerations if isinstance(derived.accelerations, tuple) else None, known)
 
 
