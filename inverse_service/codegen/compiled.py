@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from inverse_service.codegen.adaptive_kernel import AdaptiveKernel
 from inverse_service.codegen.kernel import Kernel
 from inverse_service.codegen.llvm_writer import LlvmWriter
-from inverse_service.codegen.program import Layout, Program, Solve, changing, layout_of
+from inverse_service.codegen.program import Layout, Program, Solve, layout_of
 from inverse_service.integrators.trajectory import Array
 from inverse_service.machine_code import code_store
 from inverse_service.machine_code.loading import engine_of, processor_name, target_machine
@@ -121,7 +121,6 @@ class Card:
     """What a run needs to know of a kernel without its formulas."""
 
     layout: Layout
-    changing: tuple[str, ...]
     unknowns: tuple[str, ...]
     solves: tuple[tuple[str, ...], ...]
     watches: tuple[tuple[str, str, str], ...]
@@ -204,7 +203,6 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
 def card_of(program: Program, lanes: int = 1) -> Card:
     return Card(
         layout=layout_of(program),
-        changing=changing(program),
         unknowns=program.unknowns,
         solves=tuple(block.unknowns for block in program.blocks if isinstance(block, Solve)),
         watches=tuple((watch.kind, watch.quantity, watch.remedy) for watch in program.watches),

@@ -21,14 +21,13 @@ Row = list[Quotient]
 
 @dataclass(frozen=True, slots=True)
 class ReducedRows:
-    """Rows with a leading 1 in the columns `pivots`; `sources[i]` is the given row that made row i.
+    """Rows with a leading 1 in the columns `pivots`.
 
     `dropped` are the given rows that became zero in the columns reduced, each as (row, what is left of it).
     """
 
     rows: tuple[tuple[Quotient, ...], ...]
     pivots: tuple[int, ...]
-    sources: tuple[int, ...]
     dropped: tuple[tuple[int, tuple[Quotient, ...]], ...]
 
 
@@ -45,7 +44,7 @@ def dot(zero: Quotient, left: Sequence[Quotient], right: Sequence[Quotient]) -> 
 def reduced_rows(rows: Sequence[Sequence[Quotient]], columns: Sequence[int]) -> ReducedRows:
     """Gauss-Jordan elimination in the given columns, in their order; other columns are carried along."""
     table = [(place, list(row)) for place, row in enumerate(rows)]
-    done: list[tuple[int, int, Row]] = []
+    done: list[tuple[int, Row]] = []
     for column in columns:
         candidates = [item for item in table if not item[1][column].is_zero]
         if not candidates:
@@ -55,12 +54,11 @@ def reduced_rows(rows: Sequence[Sequence[Quotient]], columns: Sequence[int]) -> 
         inverse = row[column].inverse()
         row = [entry * inverse for entry in row]
         table = [(place, _cleared(other, row, column)) for place, other in table]
-        done = [(pivot, place, _cleared(other, row, column)) for pivot, place, other in done]
-        done.append((column, source, row))
+        done = [(pivot, _cleared(other, row, column)) for pivot, other in done]
+        done.append((column, row))
     return ReducedRows(
-        tuple(tuple(row) for _, _, row in done),
-        tuple(pivot for pivot, _, _ in done),
-        tuple(place for _, place, _ in done),
+        tuple(tuple(row) for _, row in done),
+        tuple(pivot for pivot, _ in done),
         tuple((place, tuple(row)) for place, row in table),
     )
 

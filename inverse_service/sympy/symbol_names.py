@@ -116,9 +116,9 @@ def table_of_result(result: Mapping[str, Any], given: Mapping[str, Any] | None =
     )
 
 
-def names_for(objects: Iterable[Any], taken: Iterable[str] = ()) -> dict[Any, str]:
+def names_for(objects: Iterable[Any]) -> dict[Any, str]:
     """A name for each object: its own where a document can declare it, else one like it."""
-    used, found = set(taken), {}
+    used, found = set[str](), {}
     for each in objects:
         wanted = _wanted(_plain(each))
         name = next(word for word in (wanted, *(f"{wanted}_{k}" for k in range(2, 99))) if word not in used)

@@ -150,7 +150,7 @@ def test_the_kernel_is_orthogonal_to_the_rows() -> None:
 
 
 def test_the_unique_direction_of_a_natural_system_is_found() -> None:
-    found = unique_direction(analyse(catalogue_system("henon-heiles")))
+    found = unique_direction(analyse(catalogue_system("henon-heiles")), seed=1)
     assert found is not None
     assert [condition.name for condition in found.conditions] == ["Phi", "nabla Phi"]
 

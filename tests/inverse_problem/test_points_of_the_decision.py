@@ -13,8 +13,8 @@ from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
-from inverse_service.inverse_problem.decision.local_system import LocalSystem
 from inverse_service.linear_pde import involutive_form as settling
+from inverse_service.linear_pde.emission import LocalEquations
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.reading import read_system
 
@@ -44,17 +44,17 @@ def test_after_singular_points_others_are_taken_and_nothing_of_them_is_kept(monk
     assert settling._settle_once(run).history == settling._settle_once(run_of(6)).history
 
 
-def test_two_seeds_have_no_point_in_common() -> None:
-    card, asked = HelmholtzAt(analyse(OSCILLATORS), False), list[int]()
+def test_two_seeds_have_no_point_in_common(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, plain, used = list[int](), HelmholtzAt.at, list[int]()
 
-    def expander(with_time: bool, seed: int, order: int) -> LocalSystem:
+    def at(card: HelmholtzAt, seed: int, order: int) -> LocalEquations:
         asked.append(seed)
-        return card.expanded(seed, order)
+        return plain(card, seed, order)
 
-    used = []
+    monkeypatch.setattr(HelmholtzAt, "at", at)
     for seed in range(1, 5):
         asked.clear()
-        found = decide(OSCILLATORS, False, seed=seed, expander=expander)
+        found = decide(OSCILLATORS, False, seed=seed)
         assert {point["seed"] for point in found.points} == set(asked)
         assert len({point["prime"] for point in found.points}) == len(found.points) == 2
         used += list(set(asked))

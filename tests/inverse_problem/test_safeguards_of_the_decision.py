@@ -10,7 +10,6 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyse
 from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
-from inverse_service.inverse_problem.decision.local_system import LocalSystem
 from inverse_service.linear_pde import involution
 from inverse_service.linear_pde import involutive_form as settling
 from inverse_service.linear_pde.involutive_form import Finding, Limits
@@ -78,19 +77,6 @@ def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int) ->
     found = decide(OSCILLATORS, False, limits=Limits(unknowns=most))
     assert (found.verdict, found.order) == ("undetermined", order - 1)
     assert found.reason == f"order {order} of prolongation would need more than {most} unknowns"
-
-
-def test_another_way_to_expand_takes_the_place_of_the_trees() -> None:
-    asked: list[tuple[bool, int, int]] = []
-    card = HelmholtzAt(analyse(OSCILLATORS), False)
-
-    def expander(with_time: bool, seed: int, order: int) -> LocalSystem:
-        asked.append((with_time, seed, order))
-        return card.expanded(seed, order)
-
-    # It stands for the oscillators, whatever the trees say.
-    assert decide(ROTATION, False, expander=expander).verdict == "variational"
-    assert asked == [(False, 2, 1), (False, 2, 3), (False, 3, 3)]
 
 
 def test_only_a_positive_verdict_has_a_degree_and_a_symbol() -> None:

@@ -50,8 +50,6 @@ class Decision:
 
 
 Progress = Callable[[str], None]
-# X, N, Phi for (with_time, seed, order): another way to expand f than from its tree.
-Expander = Callable[[bool, int, int], LocalSystem]
 
 
 class HelmholtzAt:
@@ -59,19 +57,11 @@ class HelmholtzAt:
 
     others: tuple[Matrix, ...] = ()
 
-    __slots__ = (
-        "_among", "_analysis", "_expander", "_series", "_variables", "_velocities", "_with_time", "matrix", "unknowns"
-    )  # fmt: skip
+    __slots__ = ("_among", "_analysis", "_series", "_variables", "_velocities", "_with_time", "matrix", "unknowns")
 
-    def __init__(
-        self,
-        analysis: Analysis,
-        with_time: bool,
-        expander: Expander | None = None,
-        among: Among = (),
-    ) -> None:
+    def __init__(self, analysis: Analysis, with_time: bool, among: Among = ()) -> None:
         names, self._among = analysis.system.coordinates, among
-        self._analysis, self._with_time, self._expander = analysis, with_time, expander
+        self._analysis, self._with_time = analysis, with_time
         self._velocities = [Velocity(name) for name in names]
         self._variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, names), *self._velocities]
         n, size = len(names), len(self._variables)
@@ -95,8 +85,6 @@ class HelmholtzAt:
 
     def _of_all(self, seed: int, order: int) -> LocalEquations:
         """By compiled series; by sparse ones where those would be too large."""
-        if self._expander is not None:
-            return equations(self._expander(self._with_time, seed, order))
         try:
             prime, registers = self._series.at(seed, order)
         except TooLarge:
@@ -117,23 +105,21 @@ def decide(
     limits: Limits | None = None,
     progress: Progress | None = None,
     analysis: Analysis | None = None,
-    expander: Expander | None = None,
     among: Among = (),
 ) -> Decision:
     """Is there a regular L(q, v), or with `time_dependent` a regular L(t, q, v)?
 
     Two points over two primes must agree; `undetermined` with the reason otherwise, and where the
     atoms of f cannot be reduced or a limit is reached. f that contains t asks for L(t, q, v).
-    `expander` takes the place of the expansion of the trees of f, for systems that share work. `among`: only
-    Lagrangians of a kind are asked about.
+    `among`: only Lagrangians of a kind are asked about.
     """
     began = now()
     with_time = time_dependent or system.depends_on_time
     try:
         analysis = analysis or analyse(system)
-        found = None if among or expander else _of_one_coordinate(analysis, with_time, seed)
+        found = None if among else _of_one_coordinate(analysis, with_time, seed)
         if found is None:
-            card = HelmholtzAt(analysis, with_time, expander, among)
+            card = HelmholtzAt(analysis, with_time, among)
             found = settle(card, seed, limits or Limits(), progress or (lambda _: None))
     except IrreducibleAtoms as problem:
         return Decision("undetermined", with_time, 0, reason=problem.detail)

@@ -220,9 +220,9 @@ def smallest_sufficient_set(analysis: Analysis, seed: int = 1, depth: int = DEEP
     return None
 
 
-def unique_direction(analysis: Analysis, seed: int = 1, depth: int = DEEPEST) -> SufficientSet | None:
+def unique_direction(analysis: Analysis, seed: int) -> SufficientSet | None:
     """Conditions, cheap ones first, that fix g at a generic point up to one factor; None where there are none."""
-    for level in range(depth + 1):
+    for level in range(DEEPEST + 1):
         table = tensors_at(local_motion(analysis, seed, level + 2), level)
         kept: list[EquationName] = []
         for name in sorted(table.rows, key=lambda item: item.condition.order):

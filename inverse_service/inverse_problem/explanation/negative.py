@@ -121,7 +121,7 @@ def _in_numbers(
 def _by_elimination(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Explanation:
     solved = solve_conditions(analysis, chosen, seed, budget)
     steps = [opening(analysis.system, chosen), *solved.steps, _closing_step(solved)]
-    return Explanation(tuple(steps), _side_conditions(solved.exact.ring, solved.result))
+    return Explanation(tuple(steps))
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +182,7 @@ def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: 
     direction = direction_matrix(solved.result, n, ring.constant(1))
     found = contradiction(analysis, solved.exact, direction, with_time, seed)
     steps = [opening(analysis.system, chosen), *solved.steps, *factor_steps(ring, analysis.system, direction, found)]
-    return Explanation(tuple(steps), _side_conditions(ring, solved.result))
+    return Explanation(tuple(steps))
 
 
 def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, Symbol]:
@@ -242,11 +242,3 @@ def _det_vanishes(solved: SolvedConditions) -> Step:
     if sum(1 for line in rows for entry in line for _ in walk(entry)) > MOST_NODES_SHOWN:
         return said(f"With these values {end}", shown=[SINGULAR])
     return said("With these values ", row("g = ", matrix(rows)), f", and {end}", shown=[SINGULAR])
-
-
-def _side_conditions(ring: ExactRing, result: Elimination) -> tuple[Expression, ...]:
-    found: dict[Expression, None] = {}
-    for step in result.solved:
-        for divisor in (step.content, step.divisor):
-            found.update(dict.fromkeys(factor_trees(ring, divisor)))
-    return tuple(found)

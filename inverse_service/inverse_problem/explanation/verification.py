@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-from inverse_service.algebra.exact_ring import factor_trees, quotient_tree, sum_of
+from inverse_service.algebra.exact_ring import quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.deadline import now
 from inverse_service.expressions.collecting import collect
@@ -29,15 +29,13 @@ MOST_TERMS_SHOWN = 600
 Matrix = Sequence[Sequence[Quotient]]
 
 
-def explain_positive(
-    system: SecondOrderSystem, multiplier: Sequence[Sequence[Expression]], time_limit: float = TIME_LIMIT
-) -> Explanation:
+def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Expression]]) -> Explanation:
     """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to hold.
 
     `complete` is False where an identity was not recognised (too large, or atoms whose relations are
     not known here): then the steps say what is to be computed only.
     """
-    budget = Budget(TERM_LIMIT, now() + time_limit)
+    budget = Budget(TERM_LIMIT, now() + TIME_LIMIT)
     try:
         if len(system.coordinates) > LARGEST_N:
             raise TooLarge("too many coordinates to write everything out")
@@ -88,7 +86,7 @@ def _worked_out(exact: MotionInRing, g: Matrix) -> Explanation:
         said(row("g Phi = ", _matrix(exact, lowered)), " is symmetric."),
         said(row("det g = ", quotient_tree(exact.ring, size)), " is not zero identically: `g` is a multiplier."),
     )
-    return Explanation(steps, tuple(factor_trees(exact.ring, size)))
+    return Explanation(steps)
 
 
 def _product(exact: MotionInRing, left: Matrix, right: Matrix) -> list[list[Quotient]]:

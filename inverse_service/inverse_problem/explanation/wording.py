@@ -117,14 +117,9 @@ SINGULAR = "det g = 0"
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """The steps, and the functions that were divided by and so must not vanish.
-
-    `complete` says whether the steps carry the whole argument; where not, they state conditions and
-    ranks.
-    """
+    """The steps; `complete` says whether they carry the whole argument. Where not, they state conditions and ranks."""
 
     steps: tuple[Step, ...]
-    side_conditions: tuple[Expression, ...] = ()
     complete: bool = True
 
 

@@ -71,16 +71,16 @@ def compiled(trees: Sequence[Expression], variables: Sequence[Expression]) -> Ca
     return lambda state: np.asarray(function(state), dtype=np.float64).ravel()
 
 
-def integrated(flow: Flow, start: State, steps: int = STEPS, step: float = STEP) -> list[State]:
+def integrated(flow: Flow, start: State) -> list[State]:
     """The states at 0, h, 2h, … by Runge-Kutta steps of order 4; ArithmeticError where the flow leaves its domain."""
     slope = compiled(flow.rates, flow.variables)
     states = [start]
-    for _ in range(steps):
+    for _ in range(STEPS):
         state = states[-1]
         first = slope(state)
-        second = slope(state + step / 2 * first)
-        third = slope(state + step / 2 * second)
-        states.append(state + step / 6 * (first + 2 * second + 2 * third + slope(state + step * third)))
+        second = slope(state + STEP / 2 * first)
+        third = slope(state + STEP / 2 * second)
+        states.append(state + STEP / 6 * (first + 2 * second + 2 * third + slope(state + STEP * third)))
         if not (np.abs(states[-1]) < _LARGE).all():
             raise OverflowError("the motion leaves every bound")
     return states

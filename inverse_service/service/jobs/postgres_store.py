@@ -49,19 +49,14 @@ MOST_NOTICES = 50
 
 
 class Changes:
-    """Calls listeners with the ids of jobs that changed, here or in another front end."""
+    """Tells of the ids of jobs that changed in another front end, and the others of those that changed here."""
 
-    def __init__(self, address: str) -> None:
-        self._address = address
+    def __init__(self, address: str, tell: Callable[[Iterable[str]], None]) -> None:
+        self._address, self._tell = address, tell
         self._origin = uuid.uuid4().hex
-        self._listeners: list[Callable[[str], None]] = []
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="store-changes", daemon=True)
         self._thread.start()
-
-    def on_change(self, listener: Callable[[str], None]) -> None:
-        """Call it from now on; an empty id says that something changed."""
-        self._listeners.append(listener)
 
     def announce(self, connection: Connection, ids: Iterable[str]) -> None:
         """Tell the others, when the transaction is committed."""
@@ -69,12 +64,6 @@ class Changes:
         if told:
             notices = [f"{self._origin}:{id}" for id in (told if len(told) <= MOST_NOTICES else [""])]
             connection.execute("SELECT pg_notify(%s, notice) FROM unnest(%s::text[]) AS notice", (CHANNEL, notices))
-
-    def tell(self, ids: Iterable[str]) -> None:
-        """Call the listeners of this process."""
-        for id in ids:
-            for listener in self._listeners:
-                listener(id)
 
     def close(self) -> None:
         """Stop listening."""
@@ -92,12 +81,12 @@ class Changes:
 
     def _hear(self, connection: Connection) -> None:
         connection.execute(f"LISTEN {CHANNEL}")
-        self.tell([""])  # whatever changed while nobody listened
+        self._tell([""])  # whatever changed while nobody listened
         while not self._stopping.is_set():
             for notice in connection.notifies(timeout=LOOK):
                 origin, _, id = notice.payload.partition(":")
                 if origin != self._origin:
-                    self.tell([id])
+                    self._tell([id])
                 if self._stopping.is_set():
                     return
 
@@ -249,6 +238,7 @@ class PostgresStore(JobStore):
     exclusive = False
 
     def __init__(self, address: str) -> None:
+        super().__init__()
         try:
             self.address = address
             self._connections = Connections(address)
@@ -259,7 +249,7 @@ class PostgresStore(JobStore):
             name = type(error).__name__
             reason = str(error) if isinstance(error, WrongVersion) else f"wrong address or rights ({name})"
             raise InputError(f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}.") from None
-        self._changes = Changes(address)
+        self._changes = Changes(address, self.tell)
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
         rows = self._rows(PART, offset + 1, size, id)
@@ -272,9 +262,6 @@ class PostgresStore(JobStore):
         self._rows(f"{SELECT} FROM jobs LIMIT 0")
         # With a number of its own a transaction is written to the log of the server.
         self._connections.write(lambda c: c.execute("SELECT pg_current_xact_id()").rowcount)
-
-    def on_change(self, listener: Callable[[str], None]) -> None:
-        self._changes.on_change(listener)
 
     def close(self) -> None:
         self._changes.close()
@@ -291,7 +278,7 @@ class PostgresStore(JobStore):
             return value, ids
 
         value, ids = self._connections.write(announced, durable)
-        self._changes.tell(ids)
+        self.tell(ids)
         return value
 
     def _used_bytes(self) -> int:

@@ -223,6 +223,7 @@ class SqliteStore(JobStore):
     exclusive = True
 
     def __init__(self, path: Path, durable: bool = True, guest: bool = False) -> None:
+        super().__init__()
         self.address = str(path)
         self._lock = None if guest else SupervisorLock(path)
         try:
@@ -241,10 +242,6 @@ class SqliteStore(JobStore):
         self._local = threading.local()
         self._readers: list[sqlite3.Connection] = []
         self._guard = threading.Lock()
-        self._listeners: list[Callable[[str], None]] = []
-
-    def on_change(self, listener: Callable[[str], None]) -> None:
-        self._listeners.append(listener)
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
         row = self._reader().execute("SELECT rowid FROM bodies WHERE id = ?", (id,)).fetchone()
@@ -296,9 +293,7 @@ class SqliteStore(JobStore):
 
     def _write(self, change: Callable[[_Session], T], changed: Changed[T] | None = None, durable: bool = True) -> T:
         value = self._writer.write(lambda connection: change(_Session(connection)), durable)
-        for id in changed(value) if changed is not None else ():
-            for listener in self._listeners:
-                listener(id)
+        self.tell(changed(value) if changed is not None else ())
         return value
 
     def _used_bytes(self) -> int:

@@ -30,6 +30,9 @@ class JobStore(ABC):
     # Where `stored_answer` reads the same store from another process.
     address: str
 
+    def __init__(self) -> None:
+        self._listeners: list[Callable[[str], None]] = []
+
     @abstractmethod
     def _read(self, function: Callable[[Session], T]) -> T:
         """Look at the store."""
@@ -42,9 +45,15 @@ class JobStore(ABC):
     def _used_bytes(self) -> int:
         """Bytes that forgetting can make fewer."""
 
-    @abstractmethod
     def on_change(self, listener: Callable[[str], None]) -> None:
         """Call the listener with the id of each job whose status or events change in this process."""
+        self._listeners.append(listener)
+
+    def tell(self, ids: Iterable[str]) -> None:
+        """Call the listeners; an empty id says that something changed."""
+        for id in ids:
+            for listener in self._listeners:
+                listener(id)
 
     @abstractmethod
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
