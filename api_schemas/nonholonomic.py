@@ -87,6 +87,7 @@ class IntegrabilityPart(Document):
     growth: list[int]
     integrals: list[result.Formula]
     statement: str
+    parts: list[result.ExplanationPart] = Field(default_factory=list)
 
 
 class MeasurePart(Document):
@@ -96,6 +97,7 @@ class MeasurePart(Document):
     density: result.Formula | None = None
     in_velocities: result.Formula | None = None
     statement: str
+    parts: list[result.ExplanationPart] = Field(default_factory=list)
 
 
 class FirstIntegralPart(result.Formula):
@@ -109,6 +111,7 @@ class ClassPart(Document):
 
     member: bool
     statement: str
+    parts: list[result.ExplanationPart] = Field(default_factory=list)
     r1: str | None = None
     r2: str | None = None
     s: list[str] = Field(default_factory=list)
@@ -142,6 +145,7 @@ class StatementPart(Document):
 
     text: str
     verdict: Literal["holds", "fails", "not settled"]
+    parts: list[result.ExplanationPart] = Field(default_factory=list)
 
 
 class TrajectoryPart(Document):

@@ -127,7 +127,9 @@ def theory(text: str) -> Formula:
             latex.append(" ")
         else:
             latex.append(_LATEX_SIGNS.get(match["sign"], match["sign"]))
-            mathml.append(f"<mo>{escape(_SIGNS.get(match['sign'], match['sign']))}</mo>")
+            is_first = text[: match.start()].rstrip()[-1:] in ("=", "(", ",", "")
+            form = ' form="prefix"' if match["sign"] == "-" and is_first else ""
+            mathml.append(f"<mo{form}>{escape(_SIGNS.get(match['sign'], match['sign']))}</mo>")
     return Formula(text, "".join(latex), f"<mrow>{''.join(mathml)}</mrow>", tuple(dict.fromkeys(uses)))
 
 

@@ -99,7 +99,7 @@ Verdict = Literal["holds", "fails", "not settled"]
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One part of the claim and what the test said."""
+    """One part of the claim, formulas of the theory between grave accents, and what the test said."""
 
     text: str
     verdict: Verdict
@@ -207,7 +207,9 @@ class _Work:
             trees.append(substitute(differentiate(h, symbol), self.lifted) - Velocity(name))
             slope = differentiate(self.lagrangian, Symbol(name))
             trees.append(substitute(differentiate(h, Symbol(name)), self.lifted) + slope)
-        return self._tested("With p = dL/dv the canonical equations of H are the Euler-Lagrange equations of L.", trees)
+        return self._tested(
+            "With `p = dL/dv` the canonical equations of H are the Euler-Lagrange equations of L.", trees
+        )
 
     def image(self) -> Statement:
         """The images vanish on the image of the constraints and are independent there."""

@@ -191,9 +191,9 @@ def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
     yield from _rows(*((rf"\ddot{{{name}}}", found) for name, found in _lettered(motion["second_order"])))
     yield from _rows(*((rf"\dot{{{name}}}", found) for name, found in _lettered(motion["first_order"])))
     yield from _rows(*((rf"\lambda_{{{k}}}", found) for k, found in enumerate(motion["multipliers"], 1)))
-    yield from (escaped(part[name]["statement"]) for name in ("paper_class", "integrable"))
+    yield from (_sentence(part[name], "statement") for name in ("paper_class", "integrable"))
     yield from _rows(*((found, r"\text{constant}") for found in part["integrable"]["integrals"]))
-    yield escaped(part["measure_density"]["statement"])
+    yield _sentence(part["measure_density"], "statement")
     yield from _rows(("N", part["measure_density"]["density"]))
     yield from _rows(*((rf"\text{{{escaped(one['name'])}}}", one) for one in part["first_integrals"]))
     for one in part["associated"]:
@@ -240,11 +240,15 @@ def latex_proof(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         return
     yield r"\begin{enumerate}"
     for step in steps:
-        parts = step.get("parts") or [{"kind": "text", "text": step["text"]}]
-        sentence = "".join(_inline(part) for part in parts if part["kind"] in ("text", "formula"))
-        below = [display(part["latex"]) for part in parts if part["kind"] == "display"]
-        yield " ".join([f"\\item {sentence}", *below])
+        below = [display(part["latex"]) for part in step.get("parts", ()) if part["kind"] == "display"]
+        yield " ".join([f"\\item {_sentence(step, 'text')}", *below])
     yield r"\end{enumerate}"
+
+
+def _sentence(said: Mapping[str, Any], key: str) -> str:
+    """Its words and formulas; results of older versions have no parts."""
+    parts = [part for part in said.get("parts", ()) if part["kind"] in ("text", "formula")]
+    return "".join(_inline(part) for part in parts) or escaped(said[key])
 
 
 def _inline(part: Mapping[str, Any]) -> str:

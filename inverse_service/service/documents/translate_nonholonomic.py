@@ -10,9 +10,11 @@ from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.errors import DocumentRefused, Place
+from inverse_service.expressions.notation import row
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, walk
+from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
+from inverse_service.inverse_problem.explanation.wording import Piece, said
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison
@@ -115,9 +117,8 @@ def _integrability(report: nonholonomic_study.MotionReport) -> schemas.Integrabi
     found, count = report.integrability, len(report.motion.system.constraints)
     if found is None:
         text = "Whether constraints are integrable was not settled, their brackets are too large."
-        return schemas.IntegrabilityPart(
-            holonomic=False, integrable=0, count=count, growth=[], integrals=[], statement=text
-        )
+        nothing: dict[str, Any] = {"holonomic": False, "integrable": 0, "count": count, "growth": [], "integrals": []}
+        return schemas.IntegrabilityPart(**nothing, **_stated(text))
     if found.integrable == 0:
         text = "No combination of the constraints is integrable."
     elif found.holonomic:
@@ -126,7 +127,13 @@ def _integrability(report: nonholonomic_study.MotionReport) -> schemas.Integrabi
         )
     else:
         text = f"{found.integrable} of {count} constraints is integrable: a combination restricts positions."
-    return translate.part_of(schemas.IntegrabilityPart, found, statement=text)
+    return translate.part_of(schemas.IntegrabilityPart, found, **_stated(text))
+
+
+def _stated(*pieces: Piece, key: str = "statement") -> dict[str, Any]:
+    """A sentence (see `said`) as text and in parts."""
+    step = translate.step_part(said(*pieces))
+    return {key: step.text, "parts": step.parts}
 
 
 def to_any_associated(answer: MotionAnswer) -> schemas.AnyAssociatedPart:
@@ -181,8 +188,8 @@ def _belongs_to(found: MotionLagrangian) -> schemas.BelongsTo:
 
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
-    "does_not_exist": "No density N(q) makes a volume invariant: the equations for log N contradict each other.",
-    "not_found": "A density N(q) was not found in closed form; whether there is one was not settled.",
+    "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
+    "not_found": "A density `N(q)` was not found in closed form; whether there is one was not settled.",
 }
 
 
@@ -192,23 +199,27 @@ def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
         status=found.status,
         density=None if found.momenta is None else formula(found.momenta),
         in_velocities=None if found.velocities is None else formula(found.velocities),
-        statement=_MEASURE[found.status],
+        **_stated(_MEASURE[found.status]),
     )
 
 
 def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
     member = report.member
     if member is None:
-        return schemas.ClassPart(member=False, statement=f"The system is outside the paper's class: {report.reason}.")
+        return schemas.ClassPart(member=False, **_stated(f"The system is outside the paper's class: {report.reason}."))
     parts, names = member.geometry, member.geometry.system.coordinates
     dependent = [names[place] for place in member.frame.dependent]
-    text = f"The system is in the class s' = -A(r1) r2' with r1 = {names[member.r1]}, r2 = {names[member.r2]}"
-    if member.has_force:
-        text += ", with a potential" + ("" if member.force_fits else " that depends on more than r2")
+    force = "" if member.force_fits else " that depends on more than `r_2`"
     N = _in_time(lambda: formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2)))
     return schemas.ClassPart(
         member=True,
-        statement=text + ".",
+        **_stated(
+            "The system is in the class `s' = -A(r_1) r_2'` with ",
+            row("r_1 = ", Symbol(names[member.r1])),
+            ", ",
+            row("r_2 = ", Symbol(names[member.r2])),
+            f", with a potential{force}." if member.has_force else ".",
+        ),
         r1=names[member.r1],
         r2=names[member.r2],
         s=dependent,
@@ -255,7 +266,9 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
         hamiltonian=_hamiltonian(found),
         constraints=[formula(tree) for tree in found.images],
         checked=report.checked,
-        statements=[translate.part_of(schemas.StatementPart, each) for each in found.statements],
+        statements=[
+            schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text")) for each in found.statements
+        ],
         holds=found.holds,
         trajectory=None if found.comparison is None else _trajectory(found.comparison),
     )

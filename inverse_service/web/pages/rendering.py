@@ -28,6 +28,7 @@ from inverse_service.service.jobs.tasks import KINDS
 from inverse_service.web.clients import client_of, require_client
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.assets import address, style, style_hash
+from inverse_service.web.pages.steps import sentence_of
 from inverse_service.web.problems import Refusal
 
 THEMES = ("light", "dark")
@@ -143,7 +144,7 @@ def environment() -> Environment:
     )
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
     found.globals |= {"address": address, "style": style, "navigation": shown}
-    for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory, typesetting.sentence):
+    for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory, sentence_of):
         found.globals[typeset.__name__] = typeset
     found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: greek_letter(word[0]) or word[0], name)
     found.filters["guessed_words"] = guessed_words

@@ -70,14 +70,20 @@ def _named_matrix(left: str, rows: Sequence[Sequence[str]], names: Names) -> Mar
 
 
 def step_of(step: Mapping[str, Any], names: Names, matrices: list[Matrix]) -> Step:
-    """The sentence with its formulas set; results of older versions have no parts, and show words only."""
-    parts = step.get("parts") or [{"kind": "text", "text": step["text"]}]
-    sentence = Markup("").join(_part(part, names) for part in parts if part["kind"] in ("text", "formula"))
+    """The sentence with its formulas set, and what is shown below it."""
+    parts = step.get("parts", ())
+    sentence = sentence_of(step["text"], parts, names)
     below = [_part(part, names) for part in parts if part["kind"] == "display"]
     shown = Markup(" ").join(Markup('<span class="part">{}</span>').format(part) for part in below)
     uses = [use for part in parts for use in part.get("uses", ())]
     used = [matrix for matrix in matrices if matrix.key in uses]
     return Step(sentence, shown or None, used, any(tag in sentence for tag in UNBREAKABLE), terms_of(uses))
+
+
+def sentence_of(text: str, parts: Sequence[Mapping[str, Any]], names: Names) -> Markup:
+    """A sentence with its formulas set; results of older versions have no parts, and show words only."""
+    said = [part for part in parts if part["kind"] in ("text", "formula")] or [{"kind": "text", "text": text}]
+    return Markup("").join(_part(part, names) for part in said)
 
 
 def _part(part: Mapping[str, Any], names: Names) -> Markup:

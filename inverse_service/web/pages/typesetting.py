@@ -232,21 +232,3 @@ def matrix_mathml(rows: list[list[str]]) -> str:
     """A matrix in round brackets, its entries being MathML."""
     body = "".join(f"<mtr>{''.join(f'<mtd>{entry}</mtd>' for entry in row)}</mtr>" for row in rows)
     return f"<mrow><mo>(</mo><mtable>{body}</mtable><mo>)</mo></mrow>"
-
-
-# The paper's form of constraints, and its letters, as a statement spells them; the name after "=" is the system's.
-_LETTERS = re.compile(
-    r"(?P<form>s' = -A\(r1\) r2')|\b(?P<letter>r[12])\b(?P<is> = (?P<name>\w+))?|\bN\(q\)|\bp = dL/dv\b"
-)
-
-
-def sentence(statement: str, names: Names) -> Markup:
-    """A sentence with its formulas set as formulas."""
-    parts, last = [], 0
-    for found in _LETTERS.finditer(statement):
-        letters = re.sub(r"r([12])", r"r_\1", found["letter"] or found.group())
-        shown = of_theory(f"{letters} =" if found["is"] else letters)
-        named = formula(found["name"], names) if found["is"] else Markup()
-        parts += [escape(statement[last : found.start()]), shown, named]
-        last = found.end()
-    return Markup("").join([*parts, escape(statement[last:])])

@@ -11,22 +11,23 @@ from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.service.documents.documents import solve_system
+from inverse_service.service.documents.documents import solve_document, solve_system
 from inverse_service.web.pages import shown_results, steps, typesetting
 from inverse_service.web.pages.typesetting import low_fences
 
 NAMES = Names(("phi", "x"), ("R", "g_11", "g_12", "p_x"), {"A": ("x",)})
 
 
-def test_the_class_of_constraints_is_typeset() -> None:
+def test_the_class_of_constraints_is_typeset_from_its_parts() -> None:
     """The letters of the paper and the coordinates that stand for them; what is no formula is escaped."""
-    sentence = "The system is in the class s' = -A(r1) r2' with r1 = phi, r2 = x, and <b>."
-    shown = typesetting.sentence(sentence, NAMES)
-    assert (
-        text_of(f"<p>{shown}</p>")
-        == "The system is in the class s\u2032=\u2212A(r1)r2\u2032 with r1=\u03c6, r2=x, and <b>."
-    )
-    assert shown.count("<msub>") == 3
+    disk = {"lagrangian": "(x'^2 + phi'^2)/2 + y'^2/2", "constraints": "y' - x*phi'"}
+    part = solve_document(disk, SolveOptions(time_limit=60))["nonholonomic"]["paper_class"]
+    assert part["statement"] == "The system is in the class s' = -A(r_1) r_2' with r_1 = x, r_2 = phi."
+    shown = steps.sentence_of(part["statement"], [*part["parts"], {"kind": "text", "text": " <b>"}], NAMES)
+    read = text_of(f"<p>{shown}</p>")
+    assert read == "The system is in the class s\u2032=\u2212A(r1)r2\u2032 with r1=x, r2=\u03c6. <b>"
+    assert shown.count("<msub") == 4
+    assert steps.sentence_of("a < b", (), NAMES) == "a &lt; b"
 
 
 def text_of(mathml: str) -> str:
