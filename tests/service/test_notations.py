@@ -17,6 +17,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.checking import check_document, check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
+from inverse_service.service.documents.text_page import forward_text
 
 
 def read(equations: Any, **keys: Any) -> dict[str, str]:
@@ -228,6 +229,23 @@ def test_a_degenerate_lagrangian_has_no_equations_of_motion() -> None:
         solve_document({"lagrangian": "x*y' - y*x'"}, SolveOptions(time_limit=20))
     driven = solve_document({"lagrangian": "x'^2/2 - x*cos(t)"}, SolveOptions(time_limit=20))
     assert driven["conserved"] == []
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "hamiltonian", "domain"),
+    [
+        ("1/x'", "-2*sqrt(-p_x)", ["x' > 0", "p_x < 0"]),  # it is 2*sqrt(-p_x) where x' < 0
+        ("x'^3/3", "2*p_x^(3/2)/3", ["x' > 0", "p_x > 0"]),
+        ("abs(x')^3", "2*sqrt(3)*p_x^(3/2)/9", ["x' > 0", "p_x > 0"]),
+        ("-sqrt(1 - x'^2)", "sqrt(p_x^2 + 1)", []),
+    ],
+)
+def test_a_hamiltonian_says_on_which_branch_it_holds(lagrangian: str, hamiltonian: str, domain: list[str]) -> None:
+    found = solve_document({"lagrangian": lagrangian}, SolveOptions(time_limit=20))
+    assert (found["hamiltonian"]["text"], found["hamiltonian"]["domain"]) == (hamiltonian, domain)
+    lines = forward_text(found).splitlines()
+    place = lines.index(f"  H = {hamiltonian}") + 1
+    assert lines[place : place + len(domain)] == [f"      where {condition}" for condition in domain]
 
 
 SPELLINGS = [

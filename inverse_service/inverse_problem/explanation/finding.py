@@ -6,7 +6,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from inverse_service.algebra.real_point import own_requirements
 from inverse_service.errors import InputError
 from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import Formula, listed, row
@@ -196,7 +195,6 @@ def hamiltonian_of(
         return None
     if transform.implicit:
         transform = in_velocity_forms(lagrangian, transform, names)
-    where = () if transform.implicit else (*transform.conditions, *own_requirements([transform.hamiltonian]))
     return Hamiltonian(
         transform.hamiltonian,
         transform.momenta,
@@ -204,7 +202,7 @@ def hamiltonian_of(
         (),
         transform.symbols,
         transform.note,
-        tuple(dict.fromkeys(where)),
+        transform.positive,
     )
 
 

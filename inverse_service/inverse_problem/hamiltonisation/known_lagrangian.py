@@ -75,7 +75,13 @@ def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> A
     lagrangian = describe(analysis, chosen.lagrangian, chosen.source)
     transform = chosen.transform
     hamiltonian = Hamiltonian(
-        transform.hamiltonian, transform.momenta, False, chosen.images, transform.symbols, transform.note
+        transform.hamiltonian,
+        transform.momenta,
+        False,
+        chosen.images,
+        transform.symbols,
+        transform.note,
+        transform.positive,
     )
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (

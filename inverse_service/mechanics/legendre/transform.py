@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 
+from inverse_service.algebra.real_point import own_requirements
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
@@ -74,6 +75,11 @@ class LegendreTransform:
     note: str = ""
     chained: tuple[Expression, ...] = ()
     conditions: tuple[Expression, ...] = ()
+
+    @property
+    def positive(self) -> tuple[Expression, ...]:
+        """What is > 0, over (t, q, v, p), where H belongs to L: the conditions and what the formula of H needs."""
+        return () if self.implicit else tuple(dict.fromkeys((*self.conditions, *own_requirements([self.hamiltonian]))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -135,7 +135,10 @@ def _latex(text: str, system: dict[str, Any], letters: Iterable[str] = ()) -> st
 
 def forward_latex(result: dict[str, Any]) -> Iterator[str]:
     """The same as displayed formulas."""
-    yield from (display(f"{left} = {right}") for left, right in text_page.forward_rows(result, "latex"))
+    part = result["hamiltonian"]
+    for left, right in text_page.forward_rows(result, "latex"):
+        yield display(f"{left} = {right}")
+        yield from _where_regular(part, result["system"], part["momenta"]) if left == "H" else ()
 
 
 def special_cases_latex(part: dict[str, Any]) -> Iterator[str]:

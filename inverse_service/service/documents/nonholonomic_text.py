@@ -25,7 +25,7 @@ def any_associated_lines(part: dict[str, Any] | None, explain: bool) -> list[str
     elif part["verdict_with_time"] == "variational":
         lines.append("  no Lagrangian in closed form was found" + "; --explain shows how one begins" * (not explain))
     if part["hamiltonian"] is not None:
-        lines.append(f"  H = {_short(part['hamiltonian']['text'])}")
+        lines += _hamiltonian(part["hamiltonian"])
     lines += [f"  image {_short(one['text'])} = 0" for one in part["image"]]
     if part["freedom"]:
         lines.append(f"  up to total derivatives, L along the constraints depends on {part['freedom']}")
@@ -86,7 +86,7 @@ def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
         yield f"Hamiltonized by the {one['associated']} system, {one['label']}:"
         yield f"  L = {_short(one['lagrangian']['text'])}"
         if one["hamiltonian"] is not None:
-            yield f"  H = {_short(one['hamiltonian']['text'])}"
+            yield from _hamiltonian(one["hamiltonian"])
         yield from (f"  constraint {_short(found['text'])} = 0" for found in one["constraints"])
         yield from (f"  {each['verdict']}: {each['text']}" for each in one["statements"])
         flow = one["trajectory"]
@@ -95,6 +95,11 @@ def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
                 f"  both flows over t = {flow['time']:g} from one start: positions differ by at most "
                 f"{flow['difference']:.1e}, constraints by {flow['constraint']:.1e}, H by {flow['energy']:.1e}"
             )
+
+
+def _hamiltonian(part: dict[str, Any]) -> list[str]:
+    where = (f"      where {condition}" for condition in part.get("domain", ()))
+    return [f"  H = {_short(part['text'])}", *where]
 
 
 def _short(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -309,9 +310,9 @@ def forward_text(result: dict[str, Any]) -> str:
     """Equations, momenta, Hamiltonian, and what is conserved, one a line."""
     title = [result["system"]["name"]] if result["system"]["name"] else []
     guessed = [f"  {words}" for words in guessed_words(result)]
-    return (
-        "\n".join([*title, *guessed, *(f"  {left} = {right}" for left, right in forward_rows(result, "text"))]) + "\n"
-    )
+    where = [f"      where {condition}" for condition in result["hamiltonian"].get("domain", ())]
+    lines = ([f"  {left} = {right}", *(where if left == "H" else ())] for left, right in forward_rows(result, "text"))
+    return "\n".join([*title, *guessed, *itertools.chain(*lines)]) + "\n"
 
 
 def special_cases_lines(part: dict[str, Any]) -> Iterator[str]:

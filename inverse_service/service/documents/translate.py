@@ -234,6 +234,7 @@ def transform_part(found: LegendreTransform, constraints: Iterable[Expression] =
         implicit=found.implicit,
         reason=found.note if found.implicit else "",
         constraints=[to_text(tree) for tree in constraints],
+        domain=_inequalities(found.positive),
     )
 
 
