@@ -75,7 +75,11 @@ class InputError(InverseServiceError):
 
     def at(self, pointer: str) -> InputError:
         """The same error at a place further down in the document."""
-        return self.said(self.detail, self.plain, pointer + self.pointer)
+        return self.placed(pointer + self.pointer)
+
+    def placed(self, pointer: str) -> InputError:
+        """The same error at this place."""
+        return self.said(self.detail, self.plain, pointer)
 
     def said(self, detail: str, plain: str, pointer: str) -> InputError:
         """The same error in other words at this place."""

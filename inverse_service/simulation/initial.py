@@ -129,10 +129,11 @@ def initial_velocities(
 def _refuse_off(names: tuple[str, ...], better: Array, place: int, defect: float, count: int, member: int) -> None:
     hint = ", ".join(f"{name} {value:.9g}" for name, value in zip(names, better, strict=True))
     whose = f"member {member}: " if count > 1 else ""
+    what = f"{whose}the velocities violate constraint {place + 1} by {defect:.3g}: leave out those that the constraints"
     raise InputError(
-        f"{whose}the velocities violate constraint {place + 1} by {defect:.3g}: leave out those that the constraints "
-        f'determine, or write "project": true in "initial" to use the nearest that fit ({hint}).',
+        f'{what} determine, or write "project": true in "initial" to use the nearest that fit ({hint}).',
         "/initial/velocities",
+        plain=f"{what} determine; the nearest that fit are ({hint}).",
     )
 
 

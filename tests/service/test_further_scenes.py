@@ -257,6 +257,10 @@ def test_velocities_of_a_member_that_break_the_constraints_are_refused() -> None
     with pytest.raises(InputError, match=r"member 1: the velocities violate constraint 1 by -0\.9") as refused:
         simulate(DISK | {"ensemble": {"initial": {"velocities": {"x": [0.5 * math.cos(0.3), -0.4223]}}}})
     assert refused.value.pointer == "/ensemble/initial/velocities"
+    assert '"project"' in refused.value.detail
+    plain = refused.value.places[0].plain  # what a form says, which has no such key
+    assert "the nearest that fit are (" in plain
+    assert '"' not in plain
 
 
 def test_many_starts_are_put_on_constraints_at_once() -> None:

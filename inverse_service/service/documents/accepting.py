@@ -142,7 +142,7 @@ def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer
     try:
         return with_values(read_formula(text, known), values)
     except InputError as error:
-        raise type(error)(error.detail, pointer, error.column) from None
+        raise error.placed(pointer) from None
 
 
 def _term(text: str, names: Names, schema: Asking, pointer: str) -> Expression:

@@ -103,7 +103,7 @@ def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: 
             return _one_by_one(starts, base, names, scene, values)
         return _together(given.initial, base, names, scene, values)
     except InputError as error:
-        raise type(error)(error.detail, error.pointer.replace("/initial", "/ensemble/initial", 1)) from None
+        raise error.placed(error.pointer.replace("/initial", "/ensemble/initial", 1)) from None
 
 
 def _columns(given: MemberColumns) -> list[list[str]]:
@@ -128,7 +128,7 @@ def _one_by_one(
             try:
                 found.append(read_initial(merged, names, scene.lagrangian, scene.constraints, own))
             except InputError as error:
-                raise type(error)(error.detail, error.pointer.replace("/initial", f"/initial/{place}", 1)) from None
+                raise error.placed(error.pointer.replace("/initial", f"/initial/{place}", 1)) from None
     return Members(np.array([q for q, _ in found]), np.array([v for _, v in found]), values)
 
 

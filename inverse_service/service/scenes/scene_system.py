@@ -41,7 +41,7 @@ def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
         try:
             tree = read_formula(text, Names(names.coordinates, names.parameters))
         except InputError as error:
-            raise type(error)(error.detail, pointer, error.column) from None
+            raise error.placed(pointer) from None
         foreign = [n for n in trees.walk(tree) if isinstance(n, trees.Velocity) or _is_other(n, arguments, names)]
         if foreign:
             raise InputError(f"{name} depends on {', '.join(arguments)} only: write it in these.", pointer)
@@ -245,7 +245,7 @@ def formula(text: str, names: Names, pointer: str) -> trees.Expression:
     try:
         tree = read_formula(text, names)
     except InputError as error:
-        raise type(error)(error.detail, pointer, error.column) from None
+        raise error.placed(pointer) from None
     found = next((node for node in trees.walk(tree) if isinstance(node, trees.Acceleration)), None)
     if found is not None:
         raise InputError(

@@ -37,13 +37,14 @@ x'' = kx
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line of the table; `verdict` is that of the result, or "failed"."""
+    """One line of the table; `verdict` is that of the result, or "failed"; without `lagrangian` there is a `reason`."""
 
     number: int
     name: str
     verdict: str
-    text: str
-    checked: str
+    lagrangian: str = ""
+    reason: str = ""
+    checked: str = ""
 
 
 @router.get("/batch")
@@ -92,7 +93,7 @@ def _csv(answers: list[BatchAnswer]) -> str:
     writer.writerow(("line", "name", "verdict", "lagrangian or reason", "checked"))
     for row in sorted(map(row_of, answers), key=lambda row: row.number):
         # A leading sign makes a formula of a cell in a spreadsheet.
-        cells = (row.name, row.verdict, row.text.removeprefix("L = "), row.checked)
+        cells = (row.name, row.verdict, row.lagrangian or row.reason, row.checked)
         writer.writerow((row.number, *(f"'{cell}" if cell[:1] in ("=", "+", "-", "@") else cell for cell in cells)))
     return text.getvalue()
 
@@ -154,13 +155,12 @@ async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 
 def row_of(answer: BatchAnswer) -> Row:
     """An answer as a line of the table; a large one is not read for it."""
     if answer.status == "successful" and answer.body is None:
-        return Row(answer.number, str(json.loads(answer.identifier)), "done", "", "")
+        return Row(answer.number, str(json.loads(answer.identifier)), "done")
     found = json.loads(answer_line(answer))
     name = "\u2013" if found["id"] is None else str(found["id"])
     if "error" in found:
-        return Row(answer.number, name, "failed", found["detail"], "")
+        return Row(answer.number, name, "failed", reason=found["detail"])
     first = first_answer(found)
-    lagrangian = first.get("lagrangian")
-    text = f"L = {lagrangian['text']}" if lagrangian else found.get("reason", "")
-    # Results of other kinds have no verdict.
-    return Row(answer.number, name, found.get("verdict") or "done", text, proof_of(first) or "")
+    lagrangian = (first.get("lagrangian") or {}).get("text", "")
+    verdict = found.get("verdict") or "done"  # results of other kinds have none
+    return Row(answer.number, name, verdict, lagrangian, found.get("reason", ""), proof_of(first) or "")

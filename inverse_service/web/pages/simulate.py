@@ -56,21 +56,12 @@ async def run(request: Request) -> Response:
     try:
         scene = scenes.changed_scene(base, scenes.scene_document(filled, base["system"]))
     except InputError as error:
-        return simulate_page(filled, _of_the_form(reading_back.problem_of_error(error, {})), 422)
+        return simulate_page(filled, reading_back.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
     answer = await call(request, "POST", CALLS[kind], scene, {"Prefer": "respond-async"})
     if answer.is_problem:
-        return simulate_page(filled, _of_the_form(reading_back.problem_of(answer.value, {})), answer.status)
+        return simulate_page(filled, reading_back.problem_of(answer.value, {}), answer.status)
     return RedirectResponse(result_address(answer), 303)
-
-
-def _of_the_form(problem: reading_back.Problem) -> reading_back.Problem:
-    """The problem without what documents alone can say."""
-    said = ', or write "project": true in "initial" to use the nearest that fit ('
-    places = [
-        replace(place, detail=place.detail.replace(said, "; the nearest that fit are (")) for place in problem.places
-    ]
-    return replace(problem, places=places)
 
 
 @router.post("/simulate/preview")
