@@ -99,7 +99,11 @@ class SimulatedMethod(Document):
     steps: int
     reason: str | None = None
     note: str | None = None
+    doubt: str | None = None
     stopped: StoppedPart | None = None
+    estimated_error: float | None = None
+    estimated_error_share: float | None = None
+    estimated_until: float | None = None
     energy_start: float | None = None
     max_energy_error: float | None = None
     final_energy_error: float | None = None

@@ -1,6 +1,7 @@
 """Which method to take for a scene, seen from its formulas, and what each effect and observed quantity adds to a step.
 
-step_ns      time of a step of the whole scene, best of several runs over the first steps of the scene
+step_ns      time of a step of the whole scene, best of several runs over the first steps of the scene, less that of a
+             run of one step: to call a kernel takes longer than many steps
 operations   floating-point instructions and calls in the text of its kernel, which no load changes
 of a part    the difference to the same scene without it; no time where that is below the noise
 """
@@ -89,6 +90,8 @@ IN_KERNEL = ("energy", "constraints", "momenta", "velocities")
 MOST_STEPS = 20_000
 REPEATS, LEAST_REPEATS = 15, 3
 ENOUGH = 0.03  # seconds of running for one measurement
+NO_STEP = "no step is made."
+TOO_SHORT = "The run is too short for its steps to be timed: take more of them."
 NOT_IN_STEPS = "The cost of parts is measured for methods that step with a kernel."
 TOGETHER = "The free Lagrangian belongs to all effects together: they cannot be taken out of it one by one."
 _OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
@@ -125,7 +128,9 @@ def part_costs(scene: Scene, requested: Requested, derived: Derived, means: Mean
     if isinstance(whole, Unavailable):
         return {"note": whole.reason}
     document: dict[str, Any] = {"step_ns": whole.step, "operations": whole.operations, "steps": short.grid.steps}
-    if scene.constraints and requested.method in USES_FREE and scene.without:
+    if np.isnan(whole.step):
+        document["note"] = TOO_SHORT
+    elif scene.constraints and requested.method in USES_FREE and scene.without:
         document["note"] = TOGETHER
     parts = []
     for name, kind, variant in _variants(short, requested):
@@ -160,19 +165,30 @@ def _part(scene: Scene, variant: Scene, requested: Requested, whole: Price, mean
 
 
 def _price(scene: Scene, problem: Problem, requested: Requested, means: Means) -> Price | Unavailable:
-    best, spent = float("inf"), 0.0
+    """No number for a step where all of them take no longer than to begin."""
+    begun = _best(replace(scene, grid=replace(scene.grid, steps=1)), problem, means)
+    if isinstance(begun, Unavailable):
+        return begun
+    whole = _best(scene, problem, means)
+    if isinstance(whole, Unavailable):
+        return whole
+    seconds, steps = whole[0] - begun[0], whole[1] - 1
+    step = 1e9 * seconds / steps if seconds > begun[0] and steps > 0 else np.nan
+    return Price(step, operations(*means.observe(scene, problem), requested))
+
+
+def _best(scene: Scene, problem: Problem, means: Means) -> tuple[float, int] | Unavailable:
+    """(seconds of the fastest of several runs, steps that they make)."""
+    best, spent, done = float("inf"), 0.0, 0
     for turn in range(REPEATS):
         if (turn >= LEAST_REPEATS and spent > ENOUGH) or (turn and means.stop()):
             break
         found = means.run(scene, problem)
         if isinstance(found, Unavailable):
             return found
-        done = scene.grid.steps if found.outcome.completed else found.outcome.step
-        if not done:
-            return Unavailable("no step is made.")
-        best = min(best, 1e9 * found.run_seconds / done)
-        spent += found.run_seconds
-    return Price(best, operations(*means.observe(scene, problem), requested))
+        done = scene.grid.steps if found.outcome.completed else found.outcome.step or 0
+        best, spent = min(best, found.run_seconds), spent + found.run_seconds
+    return (best, done) if done else Unavailable(NO_STEP)
 
 
 def operations(problem: Problem, observation: Observation, requested: Requested) -> int:

@@ -18,11 +18,12 @@ from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.observing import greatest
 from inverse_service.simulation.quantities import Observed
 from inverse_service.simulation.resolution import TOO_LARGE, energies_of
-from inverse_service.simulation.scene_data import OWN_STEPS, POINT_METHODS, Grid, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import OWN_STEPS, Grid, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
 from inverse_service.simulation.watches import SMALLEST
 
 MOST_STEPS = 1_000_000
+ORDERS = {"reference": 12, "adaptive": 8, "stiff": 4, "heyoka": None}
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
 VARIES = (
     "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy; at the start "
@@ -57,19 +58,18 @@ def finer(requested: Requested, grid: Grid) -> Finer:
     steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
     half = replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every)
     if choice.method not in OWN_STEPS:
-        return Finer(requested, half, HALF, 1 - 0.5 ** order_of(requested))
+        return Finer(requested, half, HALF, 1 - 0.5 ** (order_of(requested) or 1))
     tighter = TIGHTER * choice.tolerance >= TIGHTEST
     other = replace(choice, tolerance=choice.tolerance * TIGHTER if tighter else choice.tolerance / TIGHTER)
     return Finer(replace(requested, choice=other), half, STRICTER if tighter else LOOSER, 1.0)
 
 
-def order_of(requested: Requested) -> int:
-    """The least order in h of the positions that a method with given steps has."""
+def order_of(requested: Requested) -> int | None:
+    """The order in h of the positions of a run, or of the steps that a method chooses itself; None where it varies."""
     choice = requested.choice
-    assert choice is not None
-    if choice.method in POINT_METHODS:
-        return 12 if choice.method == "reference" else choice.order
-    is_symmetric = choice.alpha == 0.5 or choice.symmetrised
+    if choice is None or choice.method in ORDERS:
+        return None if choice is None else ORDERS[choice.method]
+    is_symmetric = choice.method == "runge_kutta" or choice.alpha == 0.5 or choice.symmetrised
     return choice.order if is_symmetric and requested.convention == "momenta" else 1
 
 

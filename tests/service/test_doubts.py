@@ -80,6 +80,22 @@ def test_an_error_is_estimated_where_the_guard_ends_the_run_with_half_the_step(m
     assert "doubt" in simulate(scene | {"observe": ["trajectory"]})["methods"][0]
 
 
+def test_the_order_of_a_method_is_told() -> None:
+    """By the positions: 1 where a step is not symmetric, and where it begins with the discrete velocity."""
+    orders: list[tuple[Any, int | None]] = [
+        ("variational", 2), ({"method": "variational", "alpha": 0}, 1),
+        ({"method": "variational", "alpha": 1, "symmetrised": True}, 2), ({"method": "variational", "order": 6}, 6),
+        ({"method": "variational", "start": "discrete_constraint"}, 1), ("stormer-verlet", 2), ("nonholonomic", 2),
+        ("runge-kutta", 4), ({"method": "runge-kutta", "order": 5}, 5), ("reference", 12), ("adaptive", 8),
+        ("stiff", 4), ("heyoka", None), ("exact", None),
+    ]  # fmt: skip
+    found = simulate(orbit(0.3, step=0.05, time=10, methods=[method for method, _ in orders]))["methods"]
+    assert [method["order"] for method in found] == [order for _, order in orders]
+    (half,) = simulate(orbit(0.3, step=0.005, time=10, methods=[orders[4][0]], observe=["error"]))["methods"]
+    (whole,) = simulate(orbit(0.3, step=0.01, time=10, methods=[orders[4][0]], observe=["error"]))["methods"]
+    assert whole["max_error"] / half["max_error"] == pytest.approx(2, rel=0.1)
+
+
 def test_of_a_long_run_it_says_until_when() -> None:
     scene = orbit(0.3, step=1e-3, steps=2_000_000, record_every=1000, methods=["stormer-verlet"]) | {"time": None}
     (found,) = simulate(scene)["methods"]

@@ -76,7 +76,7 @@ def _panel(
 def _title(method: Mapping[str, Any]) -> str:
     parts = [method["method"], *([f"{ALPHA} = {method['alpha']}"] if method["alpha"] is not None else [])]
     order = method["order"]
-    return ", ".join([*parts, *([f"order {order}"] if order not in (None, 2) else [])])
+    return ", ".join([*parts, *([f"order {order}"] if order not in (None, 1, 2) else [])])
 
 
 def _below(method: Mapping[str, Any], path: Array, centre: Array, half: float) -> str:

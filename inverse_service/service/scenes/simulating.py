@@ -21,6 +21,7 @@ from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.simulation.advice import advice
 from inverse_service.simulation.derivation import Derived, derive
+from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.quantities import last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
@@ -254,7 +255,7 @@ def _requested(requested: Requested) -> dict[str, Any]:
         "method": requested.method.replace("_", "-"),
         "alpha": requested.alpha,
         "symmetrised": bool(choice and choice.symmetrised),
-        "order": choice.order if choice is not None and requested.method not in ("reference", "heyoka") else None,
+        "order": order_of(requested),
         "form": choice.form if choice is not None and requested.method == "variational" else None,
         "start": requested.convention if requested.alpha is not None else None,
     }
