@@ -303,17 +303,17 @@ def _time_name(time: Any, names: Mapping[Any, str]) -> str:
 
 
 def _formal(function: Any, applied: set[Any], given: _Given, names: Mapping[Any, str]) -> tuple[str, ...]:
-    """The names of the arguments of an arbitrary function: the coordinates it is applied to, or t."""
+    """The names of the arguments of an arbitrary function: the coordinates, and t, that it is applied to."""
     calls = [each.args for each in applied if each.func == function]
     size = len(calls[0])
     if any(len(call) != size for call in calls):
         raise InputError(f"the function {function} has different numbers of arguments: give it one.", "/functions")
-    if all(call == (given.time,) for call in calls):
-        return (names[given.time],)
-    plain = next((call for call in calls if set(call) <= set(given.coordinates) and len(set(call)) == size), None)
-    chosen = plain or given.coordinates[:size]
+    moving = (*given.coordinates, given.time)
+    plain = next((call for call in calls if set(call) <= set(moving) and len(set(call)) == size), None)
+    chosen = plain or moving[:size]
     if len(chosen) < size:
-        raise InputError(f"the function {function} has more arguments than there are coordinates.", "/functions")
+        detail = f"the function {function} has more arguments than there are coordinates, and the time."
+        raise InputError(detail, "/functions")
     return tuple(names[each] for each in chosen)
 
 

@@ -85,6 +85,16 @@ def test_8_an_arbitrary_potential() -> None:
     assert len(found.hamiltonian.equations()) == 4
 
 
+def test_a_potential_may_depend_on_the_time() -> None:
+    V = sp.Function("V")
+    for potential in (V(x, t), V(t, x), V(x, 2 * t)):
+        found = solve({x: -potential.diff(x)})
+        assert sp.simplify(found.lagrangian - x.diff(t) ** 2 / 2 + potential) == 0
+        assert found.verify().euler_lagrange == (0,)
+    with pytest.raises(InputError, match="more arguments"):
+        document({x: V(x, t, x**2)})
+
+
 def test_9_numbers_from_the_answer() -> None:
     found = solve([r.diff(t, 2) - r * phi.diff(t) ** 2 + k / r**2, phi.diff(t, 2) + 2 * r.diff(t) * phi.diff(t) / r])
     f = sp.lambdify([r, phi, r.diff(t), phi.diff(t), k], found.lagrangian)
