@@ -20,7 +20,13 @@ from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
 from inverse_service.simulation.estimates import errors_of, finer
 from inverse_service.simulation.impulses import Ways
-from inverse_service.simulation.observing import energy, point_velocities, why_energy_varies
+from inverse_service.simulation.observing import (
+    energy,
+    point_kinetic,
+    point_velocities,
+    why_energy_varies,
+    without_noise,
+)
 from inverse_service.simulation.resolution import TOO_LARGE
 from inverse_service.simulation.scene_data import (
     EXACT,
@@ -199,8 +205,9 @@ def _observed(
         except NoValue:
             continue
     numbers: dict[str, Array] = {}
-    if "energy" in series and why_energy_varies(scene) is None:
-        start = series["energy"][:, :1]
+    if "energy" in series and velocities is not None and why_energy_varies(scene) is None:
+        begin = many.positions[:, 0], velocities[:, 0], np.full(shape[0], many.times[0])
+        start = without_noise(series["energy"][:, 0], point_kinetic(scene, *begin, values))[:, None]
         with np.errstate(all="ignore"):
             errors = np.abs(series["energy"] - start) / np.where(start == 0, 1.0, np.abs(start))
         numbers["max_energy_error"] = np.where(many.completed, errors.max(axis=1), np.nan)

@@ -54,6 +54,7 @@ MOVING_CONSTRAINTS = (
     "no error to tell."
 )
 ENERGY_START = "energy_of_the_start"
+ROUND_OFF = 1e-14
 
 
 def greatest(values: Array) -> float | None:
@@ -74,11 +75,16 @@ def lagrangian_of_energy(scene: Scene) -> Expression | None:
 
 
 def start_energy(scene: Scene) -> float | None:
-    """E_0 of the initial data; None for a system without a Lagrangian."""
+    """E_0 of the initial data, 0 where it is round-off; None for a system without a Lagrangian."""
     if lagrangian_of_energy(scene) is None:
         return None
-    at = np.array([scene.grid.begin])
-    return float(point_energy(scene, scene.positions[None], scene.velocities[None], at)[0])
+    start = scene, scene.positions[None], scene.velocities[None], np.array([scene.grid.begin])
+    return float(without_noise(point_energy(*start), point_kinetic(*start))[0])
+
+
+def without_noise(energies: Array, kinetic: Array) -> Array:
+    """The energies, 0 where they are what the round-off of their parts leaves, as for a parabolic orbit."""
+    return np.where(np.abs(energies) <= ROUND_OFF * kinetic, 0.0, energies)
 
 
 def observables(scene: Scene) -> tuple[Observable, ...]:

@@ -79,3 +79,18 @@ def test_an_energy_that_is_not_kept_is_drawn_as_it_is_and_not_as_an_error() -> N
     figure, caption = drawn
     assert [axes.get_ylabel() for axes in figure.axes] == ["E, no constant of the motion"]
     assert caption == ""
+
+
+@pytest.mark.parametrize("radius", [0.7, 1.3, 3.7])
+def test_an_energy_of_round_off_is_no_measure(radius: float) -> None:
+    """Of a parabolic orbit E = v^2/2 - 1/r = 0, of which rounding leaves -2e-16 at r = 1.3."""
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"}
+    speed = (2 / radius) ** 0.5
+    initial = {"positions": {"x": radius, "y": 0}, "velocities": {"x": 0, "y": speed}}
+    scene = {"system": system, "initial": initial, "step": 0.05, "time": 20, "observe": ["energy"]}
+    (found,) = simulate(scene | {"methods": ["runge-kutta"]})["methods"]
+    assert (found["energy_start"], found["energy_error_is"][:8]) == (0, "absolute")
+    assert found["max_energy_error"] < 1e-6
+    members = {"initial": {"velocities": {"y": [speed, 1.1 * speed]}}}
+    (many,) = simulate(scene | {"methods": ["runge-kutta"], "ensemble": members})["methods"]
+    assert max(many["members_columns"]["max_energy_error"]) < 1e-5
