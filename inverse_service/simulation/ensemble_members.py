@@ -87,7 +87,8 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
-    doubt = "" if many.cancelled else _elsewhere(scene, problem, requested, many, values, momenta)
+    estimates, doubt = ({}, "") if many.cancelled else _estimated(scene, problem, requested, many, values, momenta)
+    numbers |= estimates
     outcome = Outcome("cancelled" if many.cancelled else _kind(many), scene.grid.steps, doubt=doubt)
     return EnsembleRun(requested, outcome, many, velocities, series, numbers, seconds, between)
 
@@ -99,11 +100,12 @@ def _kind(many: Many) -> str:
     return Counter(many.outcome(member).kind for member in range(len(many.positions))).most_common(1)[0][0]
 
 
-def _elsewhere(
+def _estimated(
     scene: Scene, problem: Problem, requested: Requested, many: Many, values: Mapping[str, float | Array],
     momenta: Array | None,
-) -> str:  # fmt: skip
-    """How many members lead elsewhere with half the step, or a smaller tolerance, of as many as MOST_SHARPER allows."""
+) -> tuple[dict[str, Array], str]:  # fmt: skip
+    """({estimated_error: (N,)}, how many members lead elsewhere with half the step, or a smaller tolerance), of as many
+    as MOST_SHARPER allows; nan of the others and of those that did not get to the end."""
     members, count, again = scene.ensemble, len(many.positions), finer(requested, scene.grid)
     choice, most = again.requested.choice, max(1, MOST_SHARPER // max(again.grid.steps, 1))
     assert members is not None
@@ -111,11 +113,13 @@ def _elsewhere(
     rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
     own, begun = _part(values, momenta, rows)
     found = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], again.grid, own, begun)
-    points = found.positions.shape[1]
-    shares = errors_of(many.positions[rows, :points], found.positions, again.part)[1]
+    points, estimates = found.positions.shape[1], np.full(count, np.nan)
+    errors, shares = errors_of(many.positions[rows, :points], found.positions, again.part)
+    estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
     far = (shares > TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
     looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} looked at, of {count:,},"
-    return ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
+    doubt = ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
+    return {"estimated_error": estimates}, doubt
 
 
 def _part(

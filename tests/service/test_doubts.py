@@ -125,6 +125,11 @@ def test_members_of_an_ensemble_are_compared() -> None:
     assert rough["doubt"].startswith("1 of 2 members lead elsewhere with half the step")
     assert rough["doubt"].endswith("member 0.")
     assert "doubt" not in good
+    for k, speed in enumerate(members["initial"]["velocities"]["y"]):
+        alone = scene | {"initial": {"positions": {"x": 0.5, "y": 0}, "velocities": {"x": 0, "y": speed}}}
+        del alone["ensemble"]
+        for member, method in zip((rough, good), simulate(alone)["methods"], strict=True):
+            assert member["members_columns"]["estimated_error"][k] == pytest.approx(method["estimated_error"], rel=1e-3)
 
 
 def test_command_and_page_show_it_beside_the_outcome() -> None:
