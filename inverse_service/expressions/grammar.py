@@ -147,7 +147,10 @@ class FormulaParser(OperandParser):
             raise refusal("a prime occurs", ahead.column, instead)
         if not self._stream.take_operator("^"):
             return base
-        found = raised(base, self._exponent(), ahead.column)
+        exponent, slash = self._exponent(), self._stream.ahead
+        if self._stream.look(-1).text == "1" and slash.is_operator("/") and self._stream.look(1).kind == "number":
+            raise refusal("where the power ends is not clear", slash.column, "write x^(1/2) for a root, or x/2")
+        found = raised(base, exponent, ahead.column)
         if isinstance(base, Velocity | Acceleration) or base in [Symbol(name) for name in self._names.coordinates]:
             self._skip_time_argument()  # x^2(t) is the square of x(t)
         return found
