@@ -45,6 +45,7 @@ class Language:
     several: str
     closing: str
     argument: str = "{}"
+    comment: str = "// {}"
 
 
 # Names that mean something in Mathematica or Maple; an underscore there is a pattern.
@@ -79,9 +80,16 @@ def _rust(expression: Any) -> str:
     return str(printer.doprint(printer._rewrite_known_functions(expression)))
 
 
+class _MaximaPrinter(StrPrinter):  # type: ignore[misc]
+    """SymPy's own text, in which |x| has Maxima's name."""
+
+    def _print_Abs(self, expr: Any) -> str:
+        return f"abs({self._print(expr.args[0])})"
+
+
 def _maxima(expression: Any) -> str:
     named = {sympy.pi: sympy.Symbol("%pi"), sympy.E: sympy.Symbol("%e")}
-    return str(StrPrinter().doprint(expression.subs(named))).replace("**", "^")
+    return str(_MaximaPrinter().doprint(expression.subs(named))).replace("**", "^")
 
 
 class _FortranPrinter(FCodePrinter):  # type: ignore[misc]
@@ -130,20 +138,21 @@ _JAVASCRIPT = ("function {name}({arguments}) {{", "  const {} = {};", "  return 
 LANGUAGES: dict[str, Language] = {
     "python": Language(
         sympy.pycode, "import math\n\n", "def {name}({arguments}):", "    {} = {}", "    return {}",
-        "    return [{values}]", "",
+        "    return [{values}]", "", comment="# {}",
     ),
-    "julia": Language(sympy.julia_code, "", *_JULIA),
-    "matlab": Language(sympy.octave_code, "", *_MATLAB),
-    "octave": Language(sympy.octave_code, "", *_MATLAB),
-    "mathematica": Language(sympy.mathematica_code, "", *_MATHEMATICA),
-    "maple": Language(sympy.maple_code, "", *_MAPLE),
-    "maxima": Language(_maxima, "", *_MAXIMA),
+    "julia": Language(sympy.julia_code, "", *_JULIA, comment="# {}"),
+    "matlab": Language(sympy.octave_code, "", *_MATLAB, comment="% {}"),
+    "octave": Language(sympy.octave_code, "", *_MATLAB, comment="% {}"),
+    "mathematica": Language(sympy.mathematica_code, "", *_MATHEMATICA, comment="(* {} *)"),
+    "maple": Language(sympy.maple_code, "", *_MAPLE, comment="# {}"),
+    "maxima": Language(_maxima, "", *_MAXIMA, comment="/* {} */"),
     "c": Language(ccode, "#include <math.h>\n\n", *_C),
     "cpp": Language(cxxcode, "#include <cmath>\n\n", *_C),
     "rust": Language(_rust, "", *_RUST),
     "javascript": Language(sympy.jscode, "", *_JAVASCRIPT),
     "fortran": Language(
-        _fortran, "", _FORTRAN, "  {} = {}", "  out(1) = {}", "  out({place1}) = {value}", "end subroutine"
+        _fortran, "", _FORTRAN, "  {} = {}", "  out(1) = {}", "  out({place1}) = {value}", "end subroutine",
+        comment="! {}",
     ),
 }  # fmt: skip
 
@@ -185,6 +194,12 @@ def arguments_of(answer: Answer, what: str) -> list[Any]:
     return [table.time, *table.coordinates.values(), *speeds, *table.parameters.values()]
 
 
+def conditions_of(answer: Answer, what: str) -> tuple[str, ...]:
+    """Where this quantity is what its name says; the accelerations are everywhere."""
+    further = (answer.get("hamiltonian") or {}).get("domain", ()) if what == "hamiltonian" else ()
+    return () if what == "accelerations" else tuple(dict.fromkeys((*answer._where, *further)))
+
+
 def lambdified(quantity: Any, arguments: Sequence[Any], modules: Any) -> Callable[..., Any]:
     """A numerical function; ValueError where there is nothing to make it from."""
     if quantity is None:
@@ -210,7 +225,8 @@ def _function(answer: Answer, what: str, language: Language) -> str:
         size=len(values),
         declared=f"  double precision :: {', '.join(local)}" if local else "",
     ).rstrip("\n")
-    lines = [_continued(opening) if language.printed is _fortran else opening]
+    lines = [language.comment.format(f"where {condition}") for condition in conditions_of(answer, what)]
+    lines += [_continued(opening) if language.printed is _fortran else opening]
     lines += [language.assignment.format(symbol, language.printed(part)) for symbol, part in shared]
     return "\n".join(
         [*lines, *_returned([language.printed(each) for each in written], language), language.closing]
@@ -262,7 +278,8 @@ def _plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> 
 def _with_plain(expression: Any, plain: dict[Any, Any]) -> Any:
     for each, symbol in sorted(plain.items(), key=lambda item: _rank(item[0])):
         expression = expression.subs(each, symbol)
-    return expression
+    # Printers write integers into the cases of a step, or do not know it; at 0 it has no value here either.
+    return expression.replace(sympy.Heaviside, lambda u, *_: (1 + u / sympy.Abs(u)) / 2)
 
 
 def _rank(found: Any) -> int:
@@ -310,11 +327,13 @@ def _sympy_program(answer: Answer) -> str:
     ]
     if answer.lagrangian is not None and calls:
         q = ", ".join(text(each) for each in calls)
+        lines += [f"# where {condition}" for condition in conditions_of(answer, "lagrangian")]
         lines += [f"L = {text(answer.lagrangian)}", f"q, time = [{q}], {renamed[table.time]}"]
         lines += ["residual = [(L.diff(x.diff(time)).diff(time) - L.diff(x)).doit().subs(motion) for x in q]"]
         lines += ["print([simplify(each.doit()) for each in residual])  # zero along the motion"]
     if answer.hamiltonian is not None:
         lines += [f'{p} = Symbol("{p}")' for p in answer.hamiltonian.momenta]
+        lines += [f"# where {condition}" for condition in conditions_of(answer, "hamiltonian")]
         lines += [f"H = {text(answer.hamiltonian.expr)}"]
     return "\n".join(lines) + "\n"
 

@@ -84,8 +84,14 @@ class Answer(dict[str, Any]):
         raise TypeError("an answer is yes, no or open, so it is no truth value: use is_variational or verdict")
 
     def __repr__(self) -> str:
-        found = self.get("lagrangian")
-        return f"{type(self).__name__}({self.verdict}{', L = ' + found['text'] if found else ''})"
+        found, where = self.get("lagrangian"), f" where {', '.join(self._where)}" if self._where else ""
+        return f"{type(self).__name__}({self.verdict}{', L = ' + found['text'] if found else ''}{where})"
+
+    @property
+    def _where(self) -> tuple[str, ...]:
+        """The conditions of the answer and of its L."""
+        conditions = (*self.get("domain", ()), *(self.get("lagrangian") or {}).get("domain", ()))
+        return tuple(dict.fromkeys(conditions))
 
     @cached_property
     def _table(self) -> Table:
@@ -129,11 +135,10 @@ class Answer(dict[str, Any]):
 
     @cached_property
     def domain(self) -> tuple[Any, ...]:
-        """The conditions under which L is one, as relations."""
+        """The conditions under which the answer holds and L is one, as relations."""
         from inverse_service.sympy.symbol_names import relation
 
-        found = self.get("lagrangian") or {}
-        return tuple(relation(text, self._table) for text in found.get("domain", ()))
+        return tuple(relation(text, self._table) for text in self._where)
 
     @cached_property
     def hamiltonian(self) -> Hamiltonian | None:
@@ -208,7 +213,27 @@ class Answer(dict[str, Any]):
 
 
 class Result(Answer):
-    """A whole result; `result["verdict"]` and all other keys of the document go on."""
+    """A whole result; `result["verdict"]` and all other keys of the document go on.
+
+    Where the equations are another formula on either side of a zero (|x|, Heaviside(x), sqrt(x^2)) the attributes of
+    an answer are those of the first of the `branches`.
+    """
+
+    def __repr__(self) -> str:
+        others = len(self.branches) - 1
+        return super().__repr__()[:-1] + (f"; {others} more in branches)" if others else ")")
+
+    @cached_property
+    def branches(self) -> tuple[Answer, ...]:
+        """The answer on each connected set on which the equations are one formula; one where that is everywhere."""
+        found = self.get("branches") or ()
+        return tuple(Answer(part, self._table, self._system) for part in found) or (self,)
+
+    @property
+    def is_variational(self) -> bool | None:
+        """True or False where that holds on all branches, None where it was not settled or they differ."""
+        verdicts = {VARIATIONAL.get(branch.verdict) for branch in self.branches}
+        return verdicts.pop() if len(verdicts) == 1 else None
 
     @property
     def verdict_with_time(self) -> str | None:
@@ -260,12 +285,18 @@ class Result(Answer):
         return text
 
     def to_latex(self) -> str:
-        """Equations, L and H as aligned formulas."""
+        """Equations, and L and H of each branch with their conditions, as aligned formulas."""
         return "\\begin{align*}\n" + " \\\\\n".join(self._rows()) + "\n\\end{align*}\n"
 
     def _rows(self) -> list[str]:
+        from inverse_service.service.documents.latex_page import conditions_latex
+
         rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
-        return rows + [f"{letter} &= {self[key]['latex']}" for letter, key in _LETTERS if self.get(key)]
+        for branch in self.branches:
+            formulas = [f"{letter} &= {branch[key]['latex']}" for letter, key in _LETTERS if branch.get(key)]
+            where = [rf"&\text{{where {conditions_latex(branch._where, self._system)}}}"] if branch._where else []
+            rows += [*formulas, *(where if formulas else [])]
+        return rows
 
     def to_code(self, language: str = "python") -> str:
         """The accelerations, L, H, momenta and multiplier as a program: "julia", "c", …, or "sympy"."""
@@ -281,12 +312,13 @@ class Result(Answer):
         return "$\\displaystyle\\begin{aligned}" + " \\\\ ".join(self._rows()) + "\\end{aligned}$"
 
     def _repr_html_(self) -> str:
-        parts = [f"<p><b>{html.escape(self.verdict.replace('_', ' ') or 'equations of motion')}</b></p>"]
-        for letter, key in _LETTERS:
-            if found := self.get(key):
-                parts.append(f"<p>$\\displaystyle {letter} = {html.escape(found['latex'])}$</p>")
-        where = (self.get("lagrangian") or {}).get("domain", ())
-        parts += [f"<p>where {html.escape(', '.join(where))}</p>"] if where else []
+        parts = []
+        for branch in self.branches:
+            parts.append(f"<p><b>{html.escape(branch.verdict.replace('_', ' ') or 'equations of motion')}</b></p>")
+            for letter, key in _LETTERS:
+                if found := branch.get(key):
+                    parts.append(f"<p>$\\displaystyle {letter} = {html.escape(found['latex'])}$</p>")
+            parts += [f"<p>where {html.escape(', '.join(branch._where))}</p>"] if branch._where else []
         steps = "".join(f"<li>{html.escape(step.text)}</li>" for step in self.proof)
         parts += [f"<details><summary>Proof</summary><ol>{steps}</ol></details>"] if steps else []
         return "".join(parts)

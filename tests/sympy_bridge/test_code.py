@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import sympy as sp
@@ -248,3 +249,33 @@ def test_a_thousand_random_formulas_have_the_value_that_sympy_gives(language: st
     if shutil.which(TOOLS[language]) is None:
         pytest.skip(f"no {language}")
     languages_agree(language, formulas(MANY, 2), tmp_path)
+
+
+@pytest.mark.parametrize("language", [*LANGUAGES, "sympy"])
+def test_a_program_says_where_its_lagrangian_is_one(language: str) -> None:
+    text = inverse_service.solve("x'' = -x*Heaviside(x)").to_code(language)
+    assert text.count("where x > 0") == (2 if language == "sympy" else 4)
+    assert language == "sympy" or "eaviside" not in text
+    assert "Abs(" not in text
+
+
+def test_a_step_is_computed_as_what_it_is_on_either_side() -> None:
+    space: dict[str, Any] = {}
+    exec(inverse_service.solve("x'' = -3*x*Heaviside(x)").to_code("python"), space)
+    assert [space["accelerations"](0, x, 0) for x in (-2.0, 2.0)] == [0.0, -6.0]
+
+
+def test_branches_are_answers_of_their_own() -> None:
+    mixed = inverse_service.solve({"equations": "x'' = Heaviside(x)*(x^2 + y^2); y'' = 0"})
+    verdicts = {str(branch.domain): branch.is_variational for branch in mixed.branches}
+    assert verdicts == {"(x(t) > 0,)": False, "(x(t) < 0,)": True}
+    assert mixed.is_variational is None
+    assert repr(mixed).endswith("; 1 more in branches)")
+    both = inverse_service.solve("x'' = -Heaviside(x)")
+    assert both.is_variational is True
+    x = sp.Function("x")(t)
+    assert [sp.expand(branch.lagrangian - x.diff(t) ** 2 / 2) for branch in both.branches] == [-x, 0]
+    assert both.to_latex().count(r"\text{where") == 2
+    assert "where x &lt; 0" in both._repr_html_()
+    (only,) = inverse_service.solve("x'' = -x").branches
+    assert only.is_variational is True

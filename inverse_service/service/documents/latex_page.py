@@ -59,14 +59,15 @@ def _cases(result: dict[str, Any]) -> Iterator[str]:
     if len(branches) > 1:
         yield rf"{len(branches)} cases: \begin{{itemize}}"
         for branch in branches:
-            yield rf"\item {_conditions(branch['domain'], result['system'])}: {text_page.spaced(branch['verdict'])}"
+            where = conditions_latex(branch["domain"], result["system"])
+            yield rf"\item {where}: {text_page.spaced(branch['verdict'])}"
         yield r"\end{itemize}"
 
 
 def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: dict[str, Any] | None) -> Iterator[str]:
     """The verdict, L and H with the sets where they hold, the momenta and the constraints among them."""
     if answer.get("domain"):
-        yield f"At generic points of the connected set where {_conditions(answer['domain'], system)}:"
+        yield f"At generic points of the connected set where {conditions_latex(answer['domain'], system)}:"
     yield escaped(f"{text_page.verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
     if answer["checked"] is not None:
         yield f"Independent check: {answer['checked']}."
@@ -110,23 +111,23 @@ def _where_regular(
     part: Mapping[str, Any], system: dict[str, Any] | None, letters: Iterable[str] = ()
 ) -> Iterator[str]:
     if part.get("domain"):
-        yield f"where {_conditions(part['domain'], system, letters)}."
+        yield f"where {conditions_latex(part['domain'], system, letters)}."
     yield from (f"Regular {escaped(part['regular'])}." for _ in text_page.regular_where(part))
 
 
-def _conditions(conditions: Sequence[str], system: dict[str, Any] | None, letters: Iterable[str] = ()) -> str:
+def conditions_latex(conditions: Sequence[str], system: Mapping[str, Any] | None, letters: Iterable[str] = ()) -> str:
     """Conditions such as "x != 0" as formulas in a sentence."""
     if system is None:
         return escaped(", ".join(conditions))
     return ", ".join(_formula(_condition(condition, system, letters)) for condition in conditions)
 
 
-def _condition(condition: str, system: dict[str, Any], letters: Iterable[str]) -> str:
+def _condition(condition: str, system: Mapping[str, Any], letters: Iterable[str]) -> str:
     pieces = enumerate(_RELATION.split(condition))
     return "".join(SIGNS.get(one, f" {one} ") if k % 2 else _latex(one, system, letters) for k, one in pieces)
 
 
-def _latex(text: str, system: dict[str, Any], letters: Iterable[str] = ()) -> str:
+def _latex(text: str, system: Mapping[str, Any], letters: Iterable[str] = ()) -> str:
     functions = {name: tuple(arguments) for name, arguments in system["functions"].items()}
     return to_latex(
         read_formula(text, Names(tuple(system["coordinates"]), (*system["parameters"], *letters), functions))
