@@ -18,7 +18,7 @@ from inverse_service.simulation.array_values import NoValue, array_value, table_
 from inverse_service.simulation.between_steps import hidden_in_members
 from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
-from inverse_service.simulation.estimates import errors_of, finer
+from inverse_service.simulation.estimates import angles, errors_of, finer
 from inverse_service.simulation.impulses import Ways
 from inverse_service.simulation.observing import (
     energy,
@@ -114,7 +114,7 @@ def _estimated(
     own, begun = _part(values, momenta, rows)
     found = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], again.grid, own, begun)
     points, estimates = found.positions.shape[1], np.full(count, np.nan)
-    errors, shares = errors_of(many.positions[rows, :points], found.positions, again.part)
+    errors, shares = errors_of(many.positions[rows, :points], found.positions, angles(scene), again.part)
     estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
     far = (shares > TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
     looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} looked at, of {count:,},"

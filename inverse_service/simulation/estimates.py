@@ -1,9 +1,8 @@
 """How far a run to the end is from the motion: an estimate of its error, and sentences where that is large.
 
 The method is run again with half the step h. With an error C h^p both are apart by (1 - 2^-p) of that of the run; a
-method with steps of its own gets a tenth of its tolerance too, or where that is below round-off ten times as much,
-which is apart from it by more than its error. What both runs do alike is not seen by this: the energy, a constant, and
-the true motion, where that is known, are looked at too.
+method with steps of its own gets a tenth of its tolerance too, where that is above round-off. What both runs do alike
+is not seen by this: the energy, a constant, and the true motion, where that is known, are looked at too.
 """
 
 from __future__ import annotations
@@ -13,7 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import Apply, Expression, Number, Symbol, children
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.observing import greatest
 from inverse_service.simulation.quantities import Observed
@@ -23,6 +25,7 @@ from inverse_service.simulation.truth import Truth, places_of
 from inverse_service.simulation.watches import SMALLEST
 
 MOST_STEPS = 1_000_000
+PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 ORDERS = {"reference": 12, "adaptive": 8, "stiff": 4, "heyoka": None}
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
 VARIES = (
@@ -30,7 +33,7 @@ VARIES = (
     "its size is {:.3g}."
 )
 HALF = "half the step"
-STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
+STRICTER = f"{HALF} and a tenth of the tolerance"
 AGAIN, TRUE = "With {} the method", "The true motion"
 ELSEWHERE = (
     "{} leads elsewhere: from t = {:.6g} on {} is off by more than a tenth of its range, at most by about {:.3g}. "
@@ -59,9 +62,9 @@ def finer(requested: Requested, grid: Grid) -> Finer:
     half = replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every)
     if choice.method not in OWN_STEPS:
         return Finer(requested, half, HALF, 1 - 0.5 ** (order_of(requested) or 1))
-    tighter = TIGHTER * choice.tolerance >= TIGHTEST
-    other = replace(choice, tolerance=choice.tolerance * TIGHTER if tighter else choice.tolerance / TIGHTER)
-    return Finer(replace(requested, choice=other), half, STRICTER if tighter else LOOSER, 1.0)
+    if TIGHTER * choice.tolerance < TIGHTEST:
+        return Finer(requested, half, HALF, 1.0)
+    return Finer(replace(requested, choice=replace(choice, tolerance=TIGHTER * choice.tolerance)), half, STRICTER, 1.0)
 
 
 def order_of(requested: Requested) -> int | None:
@@ -73,14 +76,37 @@ def order_of(requested: Requested) -> int | None:
     return choice.order if is_symmetric and requested.convention == "momenta" else 1
 
 
-def errors_of(positions: Array, nearer: Array, part: float = 1.0) -> tuple[Array, Array]:
+def errors_of(
+    positions: Array, nearer: Array, turns: NDArray[np.bool_], part: float = 1.0
+) -> tuple[Array, Array]:  # fmt: skip
     """Both (..., m, n): by how much positions are off, by round-off at least, and which share of the range of the
-    coordinate that is, of at least LEAST_RANGE of the widest one."""
+    coordinate that is, of at least LEAST_RANGE of the widest one, and of one of the angles `turns` at most a turn."""
     ranges = np.nanmax(nearer, axis=-2, keepdims=True) - np.nanmin(nearer, axis=-2, keepdims=True)
+    ranges = np.where(turns, np.minimum(ranges, 2 * np.pi), ranges)
     noise = ROUND_OFF * np.abs(positions)
     least = np.maximum(LEAST_RANGE * ranges.max(axis=-1, keepdims=True), 100 * noise)
     errors = np.maximum(np.abs(positions - nearer) / part, noise)
     return errors, errors / np.maximum(np.maximum(ranges, least), SMALLEST)
+
+
+def angles(scene: Scene) -> NDArray[np.bool_]:
+    """Which coordinates are angles, (n,): they stand in sines and cosines of whole multiples of them only."""
+    trees = [scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces]
+    return np.array([_is_angle([tree for tree in trees if tree is not None], Symbol(x)) for x in scene.coordinates])
+
+
+def _is_angle(stack: list[Expression], name: Symbol) -> bool:
+    turns = False
+    while stack:
+        node = stack.pop()
+        slope = differentiate(node.argument, name) if isinstance(node, Apply) and node.function in PERIODIC else None
+        if node == name:
+            return False
+        if isinstance(slope, Number) and slope.value.denominator == 1:
+            turns = turns or slope.value != 0
+        else:
+            stack.extend(children(node))
+    return turns
 
 
 def estimated(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unavailable]) -> dict[str, Any]:
@@ -91,13 +117,14 @@ def estimated(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | U
     """
     at, doubts, again = run.trajectory, [_change_of_energy(run)], finer(run.requested, run.scene.grid)
     numbers: dict[str, Any] = {}
+    turns = angles(run.scene)
     scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
     found = repeat(scene, again.requested)
     if isinstance(found, Trajectory) and found.outcome.kind not in GOES_ON and choice is not None:
         found = repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
     if isinstance(found, Trajectory):
         count = min(len(found.times), len(at.times))
-        errors, shares = errors_of(at.positions[:count], found.positions[:count], again.part)
+        errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         numbers = {"estimated_error": greatest(errors), "estimated_error_share": greatest(shares)}
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
         doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how)))
@@ -106,7 +133,7 @@ def estimated(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | U
             doubts.append(ENDS_EARLY.format(again.how, found.times[-1], found.outcome.kind.replace("_", " ")))
     if isinstance(run.truth, Truth) and not any(doubts[1:]):
         doubts.append(
-            _elsewhere(run, *errors_of(at.positions, run.truth.positions[places_of(run.truth, at.times)]), TRUE)
+            _elsewhere(run, *errors_of(at.positions, run.truth.positions[places_of(run.truth, at.times)], turns), TRUE)
         )
     return numbers | {"doubt": " ".join(filter(None, doubts))}
 

@@ -66,7 +66,7 @@ def run_heyoka(
         raise InputError("heyoka starts from velocities: give velocities instead of momenta.")
     steps, times = grid.recorded, grid.times
     state = np.array([*start.positions, *start.velocities], dtype=float)
-    code, rows, seconds = _propagated(problem, state, times, values, tolerance, stop)
+    code, rows, seconds = _propagated(problem, state, times, values, tolerance, abs(grid.step), stop)
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
     kinked = _first_kink(problem, _table(problem, rows[:good], values, times[:good]), good) if good else None
     if kinked:
@@ -80,7 +80,7 @@ def run_heyoka(
 
 
 def _propagated(
-    problem: Problem, state: Array, times: Array, values: Mapping[str, float], tolerance: float,
+    problem: Problem, state: Array, times: Array, values: Mapping[str, float], tolerance: float, longest: float,
     stop: Callable[[], bool] | None,
 ) -> tuple[str, Array, tuple[float, float]]:  # fmt: skip
     """(how it ended, states at the times, seconds to compile and to run)."""
@@ -99,7 +99,7 @@ def _propagated(
         integrator.time = times[0] / clock
         compiled = time.perf_counter()
         # No longer than the grid: a far step has no term of a force that is narrow and still ahead.
-        limits: dict[str, Any] = {"max_steps": MOST_STEPS, "max_delta_t": step / clock}
+        limits: dict[str, Any] = {"max_steps": MOST_STEPS, "max_delta_t": longest / clock}
         if stop is not None:
             limits["callback"] = lambda _: not stop()
         code, *_, rows = integrator.propagate_grid(times / clock, **limits)

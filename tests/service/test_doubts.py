@@ -96,6 +96,17 @@ def test_the_order_of_a_method_is_told() -> None:
     assert whole["max_error"] / half["max_error"] == pytest.approx(2, rel=0.1)
 
 
+@pytest.mark.parametrize(("potential", "angle"), [("cos(x)", True), ("cos(2*x) - sin(x)", True), ("cos(x/2)", False)])
+def test_an_angle_that_is_off_by_a_turn_is_lost(potential: str, angle: bool) -> None:
+    """A pendulum that turns more than once in each step: it is off by a turn of a thousand."""
+    scene = {"system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {potential}"}, "step": 0.1, "time": 100}
+    scene |= {"initial": {"positions": {"x": 0}, "velocities": {"x": 100}}, "methods": ["stormer-verlet", "adaptive"]}
+    rough, good = simulate(scene | {"observe": ["error"]})["methods"]
+    assert rough["max_error"] > 1
+    assert ("doubt" in rough) == angle
+    assert "doubt" not in good
+
+
 def test_of_a_long_run_it_says_until_when() -> None:
     scene = orbit(0.3, step=1e-3, steps=2_000_000, record_every=1000, methods=["stormer-verlet"]) | {"time": None}
     (found,) = simulate(scene)["methods"]
