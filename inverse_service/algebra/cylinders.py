@@ -17,6 +17,7 @@ from flint import fmpq, fmpq_mpoly
 
 from inverse_service.algebra.generators import Generators, factors, used_generators
 from inverse_service.algebra.real_point import RealTable, real_sign
+from inverse_service.algebra.semidefinite import rank_if_semidefinite
 from inverse_service.algebra.tower import Tower
 from inverse_service.expressions.tree import PI, Apply, Arbitrary, Expression, Power, Symbol, Velocity, walk
 
@@ -51,7 +52,7 @@ class SignedRing:
 
     def is_positive(self, polynomial: fmpq_mpoly) -> bool:
         """Whether it is positive everywhere: a definite square, or all terms positive and one of them a constant."""
-        if rank_if_semidefinite(polynomial) == len(used_generators(polynomial)) + 1:
+        if _rank_of_square(polynomial) == len(used_generators(polynomial)) + 1:
             return True
         return self._has_even_terms(polynomial, frozenset()) and any(
             not any(e for k, e in enumerate(exponents) if e and not self._is_positive_generator(k))
@@ -83,7 +84,7 @@ class SignedRing:
             self.is_variable(k) or self._is_positive_generator(k) for k in used_generators(polynomial)
         ):
             return None
-        if self._has_even_terms(polynomial, frozenset()) or rank_if_semidefinite(polynomial):
+        if self._has_even_terms(polynomial, frozenset()) or _rank_of_square(polynomial):
             return []
         if not self._has_even_terms(polynomial, self.constants):
             return None
@@ -92,7 +93,7 @@ class SignedRing:
         return [self.ring.context.gen(k) * real_sign(self.ring.trees[k], self.table) for k in named]
 
 
-def rank_if_semidefinite(polynomial: fmpq_mpoly) -> int:
+def _rank_of_square(polynomial: fmpq_mpoly) -> int:
     """The rank of the homogeneous form of a polynomial of degree 2 that is nowhere negative; 0 for any other."""
     names = used_generators(polynomial)
     if polynomial.total_degree() != 2:
@@ -105,16 +106,7 @@ def rank_if_semidefinite(polynomial: fmpq_mpoly) -> int:
         value = Fraction(int(coefficient.p), int(coefficient.q)) / 2
         matrix[i][j] += value
         matrix[j][i] += value
-    rank = 0
-    for k in range(size):
-        if matrix[k][k] < 0 or (matrix[k][k] == 0 and any(matrix[k][k:])):
-            return 0
-        for i in range(k + 1, size):
-            if matrix[k][k]:
-                ratio = matrix[i][k] / matrix[k][k]
-                matrix[i] = [a - ratio * b for a, b in zip(matrix[i], matrix[k], strict=True)]
-        rank += matrix[k][k] > 0
-    return rank
+    return rank_if_semidefinite(matrix) or 0
 
 
 # A polynomial with more terms is not eliminated.
@@ -183,7 +175,7 @@ class _Elimination:
         if len(conditions) > 1 or conditions[0].total_degree() != 2:
             return None
         lifted = conditions[0] + self.cell.ring.constant(_FAR)
-        is_ellipsoid = len(names) > 1 and rank_if_semidefinite(lifted) == len(names) + 1
+        is_ellipsoid = len(names) > 1 and _rank_of_square(lifted) == len(names) + 1
         return [] if is_ellipsoid else None
 
     def _projected(self, conditions: Sequence[fmpq_mpoly], names: Sequence[int]) -> list[fmpq_mpoly] | None:

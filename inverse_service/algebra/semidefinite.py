@@ -39,26 +39,27 @@ def definite_or_orthogonal(space: Sequence[Matrix], size: int) -> tuple[Matrix |
             for weights, orthogonal in _central_path(basis):
                 member = np.tensordot(weights, basis, 1)
                 for w in _rounded(member, space, size) if np.linalg.eigvalsh(member)[0] > 0 else ():
-                    if is_semidefinite(w, definite=True):
+                    if rank_if_semidefinite(w) == size:
                         return w, None
                 for y in _on_faces(orthogonal, space, size):
-                    if any(map(any, y)) and is_semidefinite(y):
+                    if rank_if_semidefinite(y):
                         return None, y
     except np.linalg.LinAlgError:
         pass
     return None, None
 
 
-def is_semidefinite(matrix: Matrix, definite: bool = False) -> bool:
+def rank_if_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> int | None:
     """By symmetric elimination: no pivot is negative, and where one is zero its whole row is."""
-    rows = [list(row) for row in matrix]
+    rows, rank = [list(row) for row in matrix], 0
     for k, row in enumerate(rows):
-        if row[k] < 0 or (not row[k] and (definite or any(row[k:]))):
-            return False
+        if row[k] < 0 or (not row[k] and any(row[k:])):
+            return None
+        rank += row[k] > 0
         for other in rows[k + 1 :] if row[k] else ():
             factor = other[k] / row[k]
             other[:] = [a - factor * b for a, b in zip(other, row, strict=True)]
-    return True
+    return rank
 
 
 def _central_path(basis: Floats) -> Iterator[tuple[Floats, Floats]]:

@@ -118,3 +118,8 @@ class Solution:
     with_time: Answer | None
     conditions: Conditions | None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def main(self) -> Answer | None:
+        """Of L(q, q'), of L(t, q, q') where f contains t."""
+        return self.with_time if self.system.depends_on_time else self.autonomous

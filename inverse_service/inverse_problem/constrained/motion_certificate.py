@@ -6,22 +6,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import mpmath
-
 from inverse_service.algebra.components import component
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.real_point import find_real_point, is_defined, requirements
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, substitute
 from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, variables_of
-from inverse_service.inverse_problem.decision.certify import FORMAT, MOST_CONDITIONS
+from inverse_service.inverse_problem.decision.certify import head_of, near_of
 from inverse_service.inverse_problem.kinds.bivectors import last_of
 from inverse_service.inverse_problem.kinds.constrained import Shape
 from inverse_service.linear_pde.involutive_form import Finding
 
-_DIGITS = 20
 _SEED = 3
 
 
@@ -74,18 +70,13 @@ def _bivectors(analysed: AnalysedMotion, with_time: bool) -> dict[str, int]:
 def _head(
     analysed: AnalysedMotion, with_time: bool, claim: str, kind: str, more: Sequence[Expression] = ()
 ) -> dict[str, Any]:
-    head = {
-        "format": FORMAT,
-        "system": _system(analysed),
-        "question": "time_dependent" if with_time else "autonomous",
-        "claim": claim,
-        "kind": kind,
-    }
-    parts = {"near": _near(analysed), "conditions": _conditions(analysed, more)}
-    return head | {key: part for key, part in parts.items() if part}
+    motion = analysed.motion
+    symbols = map(Symbol, (*analysed.names, "t", *motion.parameters))
+    near = near_of(analysed.real_point, [*symbols, *map(Velocity, motion.free)])
+    return head_of(_system(analysed), with_time, claim, kind, near, _positive(analysed, more))
 
 
-def _conditions(analysed: AnalysedMotion, more: Sequence[Expression]) -> list[str]:
+def _positive(analysed: AnalysedMotion, more: Sequence[Expression]) -> Sequence[Expression]:
     """What cuts out the connected set of D on which the motion, and L on D, are one analytic function each."""
     motion, table = analysed.motion, analysed.real_point
     if table is None:
@@ -93,10 +84,9 @@ def _conditions(analysed: AnalysedMotion, more: Sequence[Expression]) -> list[st
     placed = (substitute(tree, motion.on_constraints) for tree in more)
     formulas = [*motion.dependent_velocities, *motion.free_accelerations, *placed]
     try:
-        positive = component(requirements(formulas, table), table, [Symbol(name) for name in motion.parameters])
+        return component(requirements(formulas, table), table, [Symbol(name) for name in motion.parameters])
     except IrreducibleAtoms:
         return []
-    return [*dict.fromkeys(map(inequality_text, positive))][:MOST_CONDITIONS]
 
 
 def _system(analysed: AnalysedMotion) -> dict[str, Any]:
@@ -109,12 +99,3 @@ def _system(analysed: AnalysedMotion) -> dict[str, Any]:
         "parameters": list(motion.parameters),
         "functions": {name: list(arguments) for name, arguments in motion.functions},
     }
-
-
-def _near(analysed: AnalysedMotion) -> dict[str, str]:
-    """A real point of the constraints that the verdict speaks of."""
-    table = analysed.real_point or {}
-    names: list[tuple[str, Symbol | Velocity]] = [(name, Symbol(name)) for name in analysed.names]
-    names += [("t", TIME), *((name, Symbol(name)) for name in analysed.motion.parameters)]
-    names += [(f"{name}'", Velocity(name)) for name in analysed.motion.free]
-    return {name: mpmath.nstr(table[key], _DIGITS) for name, key in names if key in table}

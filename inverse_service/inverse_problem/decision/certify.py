@@ -26,6 +26,7 @@ from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
+    TIME,
     ZERO,
     Apply,
     Expression,
@@ -58,7 +59,7 @@ _MOST_COORDINATES = 4
 _MOST_COEFFICIENTS = 5_000
 # Of a relation between a root of a number and those in it: digits compared, coefficients, steps of the search.
 _MANY_DIGITS, _LARGEST, _MOST_STEPS = 60, 1_000, 1_000
-MOST_CONDITIONS = 100  # that a certificate may have
+_MOST_CONDITIONS = 100  # that a certificate may have
 
 
 def of_lagrangian(
@@ -202,21 +203,34 @@ def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> di
         return {}
 
 
-def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
-    head = {
-        "format": FORMAT,
-        "system": _system(analysis.system),
-        "question": "time_dependent" if with_time else "autonomous",
-        "claim": claim,
-        "kind": kind,
-    }
-    system = analysis.system
-    parts = {
-        "near": _near(system, domain.point),
-        "conditions": [*dict.fromkeys(map(inequality_text, domain.positive))][:MOST_CONDITIONS],
-        "roots": [*_roots(system), *_signs(analysis, domain), *_nested(analysis)],
-    }
+def head_of(
+    system: dict[str, Any],
+    with_time: bool,
+    claim: str,
+    kind: str,
+    near: dict[str, str],
+    positive: Sequence[Expression],
+    roots: Sequence[dict[str, str]] = (),
+) -> dict[str, Any]:
+    """What all certificates begin with; `near` is a point of the domain, on which the trees of `positive` are > 0."""
+    question = "time_dependent" if with_time else "autonomous"
+    conditions = [*dict.fromkeys(map(inequality_text, positive))][:_MOST_CONDITIONS]
+    parts = {"near": near, "conditions": conditions, "roots": [*roots]}
+    head = {"format": FORMAT, "system": system, "question": question, "claim": claim, "kind": kind}
     return head | {key: part for key, part in parts.items() if part}
+
+
+def near_of(table: RealTable | None, names: Sequence[Symbol | Velocity]) -> dict[str, str]:
+    """The values of these at a real point, in digits."""
+    return {to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table} if table else {}
+
+
+def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+    system = analysis.system
+    places: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), TIME, *map(Velocity, system.coordinates)]
+    near = near_of(domain.point, [*places, *map(Symbol, system.parameters), *system.letters])
+    roots = [*_roots(system), *_signs(analysis, domain), *_nested(analysis)]
+    return head_of(_system(system), with_time, claim, kind, near, domain.positive, roots)
 
 
 def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
@@ -287,14 +301,3 @@ def _system(system: SecondOrderSystem) -> dict[str, Any]:
         "parameters": list(system.parameters),
         "functions": {name: list(arguments) for name, arguments in system.functions},
     }
-
-
-def _near(system: SecondOrderSystem, table: RealTable | None) -> dict[str, str]:
-    """A real point of the domain that the verdict speaks of."""
-    if table is None:
-        return {}
-    names: list[tuple[str, Symbol | Velocity]] = [(name, Symbol(name)) for name in (*system.coordinates, "t")]
-    names += [(f"{name}'", Velocity(name)) for name in system.coordinates]
-    names += [(name, Symbol(name)) for name in system.parameters]
-    names += [(letter.name, letter) for letter in system.letters]
-    return {name: mpmath.nstr(table[key], _DIGITS) for name, key in names if key in table}

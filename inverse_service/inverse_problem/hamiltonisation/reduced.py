@@ -147,6 +147,5 @@ def _decided(system: SecondOrderSystem, candidate: Expression | None, options: S
             assert found.autonomous is not None
             return Decided(found.system, found.autonomous)
     solution = solve(system, replace(options, time_limit=left(end)))
-    answer = solution.with_time if system.depends_on_time else solution.autonomous
-    assert answer is not None
-    return Decided(solution.system, answer)
+    assert solution.main is not None
+    return Decided(solution.system, solution.main)

@@ -12,15 +12,10 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
     Symbol,
     Velocity,
     add,
     substitute,
-    walk,
 )
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis
@@ -30,6 +25,7 @@ from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.inverse_problem.search.terms import EMPTY, Terms, TooManyTerms, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
+from inverse_service.mechanics.legendre.homogeneous import homogeneous_degree
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 FAMILY = "natural, with friction"
@@ -91,28 +87,11 @@ def _primitive(names: Sequence[str], push: Sequence[Expression]) -> Expression |
     except TooManyTerms:
         return None
     for key, value in whole.items():
-        degree = _degree(tree_of({key: value}))
+        degree = homogeneous_degree(tree_of({key: value}), names)
         if not degree:
             return None
         found[key] = value / degree
     return tree_of(found)
-
-
-def _degree(tree: Expression) -> Fraction | None:
-    """In the velocities, of which the tree is a homogeneous function; None where that is not seen."""
-    match tree:
-        case Velocity():
-            return Fraction(1)
-        case Sum(parts):
-            degrees = {*map(_degree, parts)}
-            return degrees.pop() if len(degrees) == 1 else None
-        case Product(parts):
-            found = [*map(_degree, parts)]
-            return None if None in found else sum((each for each in found if each is not None), Fraction(0))
-        case Power(base, Number(exponent)) if (degree := _degree(base)) is not None:
-            return degree * exponent
-        case _:
-            return None if any(isinstance(node, Velocity) for node in walk(tree)) else Fraction(0)
 
 
 def confirmed(

@@ -99,7 +99,7 @@ def answer_definite(solution: Solution, kind: LagrangianKind, given: Near, seed:
 
     Definite is positive definite for L or for -L.
     """
-    main = solution.with_time if solution.system.depends_on_time else solution.autonomous
+    main = solution.main
     if main is not None and main.verdict == "not_variational" and main.checked == "valid":
         return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
     try:

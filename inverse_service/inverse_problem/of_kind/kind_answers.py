@@ -41,7 +41,7 @@ def answer_kind(solution: Solution, kind: LagrangianKind, asked: SolveOptions, d
     A Lagrangian that was found already and is of the kind is a yes; else the conditions on all multipliers of the
     kind are decided.
     """
-    main = solution.with_time if solution.system.depends_on_time else solution.autonomous
+    main = solution.main
     if solution.system.depends_on_time and kind.name in _HOMOGENEOUS:
         return KindAnswer("undetermined", "f contains t: no homogeneous Lagrangian is looked for")
     if main is not None and main.verdict == "not_variational" and main.checked == "valid":

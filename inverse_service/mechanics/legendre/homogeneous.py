@@ -7,7 +7,7 @@ d L = p_v v + p_w w, H = (d - 1) (p_v + p_w u) v/d.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -32,7 +32,7 @@ class Ray:
 
 def rays(block: Block) -> Iterator[Ray]:
     """For each velocity as v; none where the block is not of this kind."""
-    degree = _degree(block.function, block.names) if len(block.names) == 2 else None
+    degree = homogeneous_degree(block.function, block.names) if len(block.names) == 2 else None
     if degree is None or degree in (0, 1):
         return
     for pivot, other in (block.names, block.names[::-1]):
@@ -63,19 +63,19 @@ def homogeneous_branches(block: Block, solve: Solver) -> Iterator[Branch]:
                 )
 
 
-def _degree(tree: Expression, names: tuple[str, ...]) -> Fraction | None:
+def homogeneous_degree(tree: Expression, names: Sequence[str]) -> Fraction | None:
     """The degree in these velocities, None where the tree is not homogeneous in them."""
     match tree:
         case Velocity(name) if name in names:
             return Fraction(1)
         case Sum(terms):
-            found = {_degree(term, names) for term in terms}
+            found = {homogeneous_degree(term, names) for term in terms}
             return found.pop() if len(found) == 1 else None
         case Product(factors):
-            degrees = [_degree(factor, names) for factor in factors]
+            degrees = [homogeneous_degree(factor, names) for factor in factors]
             return None if None in degrees else sum((d for d in degrees if d), Fraction(0))
         case Power(base, Number(exponent)):
-            inner = _degree(base, names)
+            inner = homogeneous_degree(base, names)
             return None if inner is None else inner * exponent
         case _:
             return None if velocities_in(tree, names) else Fraction(0)

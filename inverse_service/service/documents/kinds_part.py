@@ -121,8 +121,7 @@ def _rayleigh(solution: Solution, kind: LagrangianKind, asked: SolveOptions, dea
         analysis, given = analyse(solution.system), given_of(asked, solution.system)
         if kind.name == "rayleigh":
             return answer_rayleigh(analysis, given, natural, asked.seed, deadline)
-        main = solution.with_time if solution.system.depends_on_time else solution.autonomous
-        known = [one.expression for one in lagrangians_of(main)]
+        known = [one.expression for one in lagrangians_of(solution.main)]
         return answer_general(analysis, known, given, asked.seed, deadline)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
