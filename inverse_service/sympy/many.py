@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service.errors import InputError
-from inverse_service.service.documents.text_page import first_answer
+from inverse_service.service.documents.text_page import conditions_of, first_answer
 from inverse_service.sympy.result_objects import Result, result_of
 
 COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
@@ -73,14 +73,19 @@ def table_of(results: Iterable[Mapping[str, Any]]) -> Any:
 
 
 def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns that are compared first: verdicts, L, H, how many multipliers, seconds, size."""
+    """The columns that are compared first: verdicts, L, H, where they hold, how many multipliers, seconds, size.
+
+    All of them are of the first of the `branches`.
+    """
     if not isinstance(result, Mapping):
         raise InputError("A table needs results.")
     row = {key: result.get(key) for key in COLUMNS}
     if error := result.get("error"):
         row |= {"verdict": "error", "reason": error["detail"]}
+    first = first_answer(result)
     for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")):
-        row[letter] = (first_answer(result).get(key) or {}).get("text")
+        row[letter] = (first.get(key) or {}).get("text")
+    row |= {"where": ", ".join(conditions_of(first)), "branches": max(1, len(result.get("branches") or ()))}
     space, system = result.get("solution_space") or {}, result.get("system") or {}
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}

@@ -87,11 +87,12 @@ class Answer(dict[str, Any]):
         found, where = self.get("lagrangian"), f" where {', '.join(self._where)}" if self._where else ""
         return f"{type(self).__name__}({self.verdict}{', L = ' + found['text'] if found else ''}{where})"
 
-    @property
+    @cached_property
     def _where(self) -> tuple[str, ...]:
         """The conditions of the answer and of its L."""
-        conditions = (*self.get("domain", ()), *(self.get("lagrangian") or {}).get("domain", ()))
-        return tuple(dict.fromkeys(conditions))
+        from inverse_service.service.documents.text_page import conditions_of
+
+        return conditions_of(self)
 
     @cached_property
     def _table(self) -> Table:

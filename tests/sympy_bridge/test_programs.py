@@ -150,12 +150,14 @@ def test_the_tensors_alone() -> None:
 
 def test_many_systems_and_their_table() -> None:
     systems = [sp.Eq(x.diff(t, 2), -x), "x'' = -x - x'", "x'' = -kx", {"equations": {"x": "x^2 + y^2", "y": "0"}}]
+    systems += ["x'' = -Heaviside(x)"]
     found = list(solve_many(systems))
     assert found[0].lagrangian is not None
     assert found[2]["error"]["status"] == 422
-    rows = table([found[0], found[1], found[3]])
+    rows = table([found[0], found[1], found[3], found[4]])
     rows = rows if isinstance(rows, list) else rows.to_dict("records")
-    assert [row["verdict"] for row in rows] == ["variational", "variational", "not_variational"]
+    assert [row["verdict"] for row in rows] == ["variational", "variational", "not_variational", "variational"]
+    assert [(row["where"], row["branches"]) for row in rows] == [("", 1), ("", 1), ("", 1), ("x > 0", 2)]
     assert rows[1]["L"] == "exp(t)*(x'^2 - x^2)/2"
 
 

@@ -47,6 +47,18 @@ def test_each_line_is_answered_once_with_its_id(client: httpx.Client) -> None:
     assert (batch["status"], batch["total"], batch["counts"]) == ("successful", 30, {"successful": 30})
 
 
+def test_the_table_of_a_batch_says_where_a_lagrangian_is_one(client: httpx.Client) -> None:
+    lines = [{"equations": "x'' = -Heaviside(x)", "id": "step"}, system(1, id="spring")]
+    response = client.post("/v1/batches", json=lines)
+    results(client, response)
+    page = f"/batch/{response.headers['location'].rpartition('/')[2]}"
+    rows = client.get(f"{page}/results.csv").text.splitlines()
+    assert rows[0] == "line,name,verdict,lagrangian or reason,checked,where"
+    assert rows[1].endswith(",x > 0; 1 more case")
+    assert rows[2].endswith("valid,")
+    assert "where x &gt; 0; 1 more case" in client.get(page).text
+
+
 def test_bad_lines_are_problem_objects_and_the_rest_goes_on(client: httpx.Client) -> None:
     lines = [
         '{"id": 7, "coordinates"',

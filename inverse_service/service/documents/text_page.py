@@ -131,6 +131,12 @@ def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
     return answers_of(result, result)[0][0] if asked else result
 
 
+def conditions_of(answer: Mapping[str, Any]) -> tuple[str, ...]:
+    """Where the answer holds and its L is one."""
+    conditions = (*(answer.get("domain") or ()), *(answer.get("lagrangian") or {}).get("domain", ()))
+    return tuple(dict.fromkeys(conditions))
+
+
 def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:
     """The answers on a branch in a reader's order, each with whether it is on L(t, q, q').
 

@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.mechanics.document_names import GUESS
-from inverse_service.service.documents.text_page import first_answer
+from inverse_service.service.documents.text_page import conditions_of, first_answer
 from inverse_service.service.jobs.batch_output import answer_line
 from inverse_service.service.jobs.batches import BatchAnswer
 from inverse_service.web.asking import FACTORS
@@ -45,6 +45,7 @@ class Row:
     lagrangian: str = ""
     reason: str = ""
     checked: str = ""
+    where: str = ""
 
 
 @router.get("/batch")
@@ -90,10 +91,10 @@ async def as_table(request: Request, identifier: str) -> Response:
 def _csv(answers: list[BatchAnswer]) -> str:
     text = io.StringIO()
     writer = csv.writer(text)
-    writer.writerow(("line", "name", "verdict", "lagrangian or reason", "checked"))
+    writer.writerow(("line", "name", "verdict", "lagrangian or reason", "checked", "where"))
     for row in sorted(map(row_of, answers), key=lambda row: row.number):
         # A leading sign makes a formula of a cell in a spreadsheet.
-        cells = (row.name, row.verdict, row.lagrangian or row.reason, row.checked)
+        cells = (row.name, row.verdict, row.lagrangian or row.reason, row.checked, row.where)
         writer.writerow((row.number, *(f"'{cell}" if cell[:1] in ("=", "+", "-", "@") else cell for cell in cells)))
     return text.getvalue()
 
@@ -162,5 +163,8 @@ def row_of(answer: BatchAnswer) -> Row:
         return Row(answer.number, name, "failed", reason=found["detail"])
     first = first_answer(found)
     lagrangian = (first.get("lagrangian") or {}).get("text", "")
+    where = ", ".join(conditions_of(first))
+    others = len(found.get("branches") or ()) - 1
+    where += f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else ""
     verdict = found.get("verdict") or "done"  # results of other kinds have none
-    return Row(answer.number, name, verdict, lagrangian, found.get("reason", ""), proof_of(first) or "")
+    return Row(answer.number, name, verdict, lagrangian, found.get("reason", ""), proof_of(first) or "", where)

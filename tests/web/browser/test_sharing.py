@@ -158,7 +158,7 @@ def test_plain_equations_are_a_batch_and_its_table_is_csv(visit: Visit) -> None:
     visit.page.get_by_role("button", name="Decide all of them").click()
     expect(visit.page.locator("main")).to_contain_text("3 of 3")
     table = visit.page.request.get(visit.page.url + "/results.csv").text().splitlines()
-    assert table[0] == "line,name,verdict,lagrangian or reason,checked"
+    assert table[0] == "line,name,verdict,lagrangian or reason,checked,where"
     assert [row.split(",")[0] for row in table[1:]] == ["1", "2", "3"]
     assert "variational,exp(c*t)*(x'^2 - x^2)/2," in table[1]
     assert "not_variational" in table[2]
