@@ -170,6 +170,13 @@ def test_where_a_motion_is_defined_is_part_of_its_proof(potential: str) -> None:
     assert check(dict(result))["verdict"] == "valid"
 
 
+def test_a_yes_on_one_side_says_on_which() -> None:
+    """The particle is free where x > 0 only; on the other side no Lagrangian has its motion."""
+    found = solve({"lagrangian": "(x'^2 + y'^2 + z'^2)/2 - abs(x) + x", "constraints": "z' = y*x'"})["any_associated"]
+    assert found["certificate"]["conditions"] == ["x > 0"]
+    assert found["statement"].endswith("by the second associated system, where x > 0.")
+
+
 def test_a_constraint_with_the_time_is_answered_where_brackets_are_taken_along_a_solution() -> None:
     """In a process of its own, as this once wrote where nothing was its own."""
     moving = {

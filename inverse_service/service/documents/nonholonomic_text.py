@@ -18,14 +18,14 @@ def any_associated_lines(part: dict[str, Any] | None, explain: bool) -> list[str
     found = part["lagrangian"]
     if found is not None:
         lines += [
-            f"  L = {_short(found['text'])}",
+            *_with_domain("L", found),
             f"  on the constraints l = {_short(found['on_constraints']['text'])}",
         ]
         lines += [f"  lambda_{k} = {_short(one['text'])}" for k, one in enumerate(found["transverse_momenta"], 1)]
     elif part["verdict_with_time"] == "variational":
         lines.append("  no Lagrangian in closed form was found" + "; --explain shows how one begins" * (not explain))
     if part["hamiltonian"] is not None:
-        lines += _hamiltonian(part["hamiltonian"])
+        lines += _with_domain("H", part["hamiltonian"])
     lines += [f"  image {_short(one['text'])} = 0" for one in part["image"]]
     if part["freedom"]:
         lines.append(f"  up to total derivatives, L along the constraints depends on {part['freedom']}")
@@ -86,7 +86,7 @@ def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
         yield f"Hamiltonized by the {one['associated']} system, {one['label']}:"
         yield f"  L = {_short(one['lagrangian']['text'])}"
         if one["hamiltonian"] is not None:
-            yield from _hamiltonian(one["hamiltonian"])
+            yield from _with_domain("H", one["hamiltonian"])
         yield from (f"  constraint {_short(found['text'])} = 0" for found in one["constraints"])
         yield from (f"  {each['verdict']}: {each['text']}" for each in one["statements"])
         flow = one["trajectory"]
@@ -97,9 +97,9 @@ def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
             )
 
 
-def _hamiltonian(part: dict[str, Any]) -> list[str]:
+def _with_domain(letter: str, part: dict[str, Any]) -> list[str]:
     where = (f"      where {condition}" for condition in part.get("domain", ()))
-    return [f"  H = {_short(part['text'])}", *where]
+    return [f"  {letter} = {_short(part['text'])}", *where]
 
 
 def _short(text: str) -> str:

@@ -156,15 +156,15 @@ def to_any_associated(answer: MotionAnswer) -> schemas.AnyAssociatedPart:
 
 
 def _statement(answer: MotionAnswer) -> str:
-    """The answer about the motion in one sentence."""
+    """The answer about the motion in one sentence, with the set that its proof speaks of."""
+    conditions = answer.certificates[0].get("conditions") if answer.certificates else None
+    where = f", where {' and '.join(conditions)}" if conditions else ""
     if "variational" in (answer.verdict, answer.verdict_with_time):
         kind = "" if answer.lagrangian is None else answer.lagrangian.kind
         by = f"the {kind} associated system" if kind not in ("", "own") else "an associated system"
         time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
-        return f"This motion can be given a Hamiltonian, by {by}{time}."
+        return f"This motion can be given a Hamiltonian, by {by}{time}{where}."
     if answer.verdict == answer.verdict_with_time == "not_variational":
-        conditions = answer.certificates[0].get("conditions") if answer.certificates else None
-        where = f", where {' and '.join(conditions)}" if conditions else ""
         return f"This motion cannot be given a Hamiltonian, by any associated system{where}."
     if answer.verdict == "not_variational":
         no = "This motion cannot be given a Hamiltonian by any L(q, q')"
