@@ -204,6 +204,11 @@ def _written(parts: Sequence[str], names: Names) -> str:
     return "*".join(parts)
 
 
+def escaped(key: str) -> str:
+    """A key as a part of a JSON pointer (RFC 6901)."""
+    return key.replace("~", "~0").replace("/", "~1")
+
+
 def declared_name(text: str, pointer: str, what: str = "name") -> str:
     r"""The name in ASCII (Greek letters and \theta, r_{1} as words); InputError if it cannot be declared."""
     name = _ascii(text)

@@ -6,7 +6,8 @@ Lists of equations are split as tokens: where one ends, and its two sides.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from inverse_service.errors import InputError
@@ -16,7 +17,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.notations import in_our_words
 from inverse_service.expressions.tokenizer import tokenize
 from inverse_service.expressions.tokens import Token, refusal, refuse_decimal_commas, shorten
-from inverse_service.expressions.tree import ZERO, Expression, subtract
+from inverse_service.expressions.tree import ZERO, Acceleration, Expression, subtract, walk
 from inverse_service.expressions.vocabulary import FUNCTIONS
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
@@ -32,6 +33,25 @@ def is_latex(formula: str) -> bool:
 def read_formula(formula: str, names: Names) -> Expression:
     """The formula as a tree; InputError or LimitError with the column."""
     return _side([token for token in read_tokens(formula, names) if token.kind != "newline"], len(formula) + 1, names)
+
+
+@contextmanager
+def placed_at(pointer: str) -> Iterator[None]:
+    """Errors of what is read inside are at this place of the document."""
+    try:
+        yield
+    except InputError as error:
+        raise error.placed(pointer) from None
+
+
+def without_accelerations(tree: Expression, what: str, pointer: str) -> Expression:
+    """The tree, where it is of coordinates and velocities; else InputError."""
+    found = next((node for node in walk(tree) if isinstance(node, Acceleration)), None)
+    if found is not None:
+        raise InputError(
+            f"{what} contains the acceleration {found.coordinate}'': use coordinates and velocities.", pointer
+        )
+    return tree
 
 
 def read_condition(condition: str, names: Names) -> Expression:

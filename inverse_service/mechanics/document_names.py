@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names, check_clashes, declared_name, refuse_two_spellings
+from inverse_service.expressions.names import Names, check_clashes, declared_name, escaped, refuse_two_spellings
 from inverse_service.expressions.reader import read_formula, read_tokens
 from inverse_service.expressions.tokens import LIMITS, joined, shorten
 from inverse_service.expressions.tree import (
@@ -39,7 +39,7 @@ def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -
         return {}
     values = {}
     for name, value in parameters.items():
-        pointer = "/parameters/" + name.replace("~", "~0").replace("/", "~1")
+        pointer = f"/parameters/{escaped(name)}"
         if value is not None:
             values[declared_name(name, pointer, "parameter")] = _constant(value, pointer)
     return values
@@ -193,11 +193,6 @@ def _ordered(used: Mapping[str, set[str]]) -> list[str]:
 def _names_in(text: str, names: Names) -> set[str]:
     """The names that stand in a formula."""
     return {names.spelling(token.text) for token in read_tokens(text, names) if token.kind == "name"}
-
-
-def escaped(key: str) -> str:
-    """A key as a part of a JSON pointer (RFC 6901)."""
-    return key.replace("~", "~0").replace("/", "~1")
 
 
 def document_names(

@@ -12,9 +12,10 @@ from inverse_service.expressions.names import (
     GREEK_NAMES,
     Names,
     declared_name,
+    escaped,
     looks_like_a_coordinate,
 )
-from inverse_service.expressions.reader import read_tokens
+from inverse_service.expressions.reader import placed_at, read_tokens
 from inverse_service.expressions.tokens import Token, closing, joined, refusal, shorten, split_at_commas
 from inverse_service.expressions.vocabulary import (
     DERIVATIVE_NAMES,
@@ -30,12 +31,10 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
     """
     found: dict[str, None] = {}
     for pointer, text in texts.items():
-        try:
+        with placed_at(pointer):
             tokens = read_tokens(text, declared)
             if order == 2:
                 _refuse_products(tokens, declared)
-        except InputError as error:
-            raise error.at(pointer) from None
         names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
         found.update(dict.fromkeys(declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
@@ -78,7 +77,7 @@ def key_coordinate(key: str, names: Names, pointer: str) -> str:
 
 def key_name(key: str, names: Names) -> str:
     """The name that a key of `equations` holds, with or without two derivatives."""
-    pointer = "/equations/" + key.replace("~", "~0").replace("/", "~1")
+    pointer = f"/equations/{escaped(key)}"
     if names.role(key):
         return key
     try:

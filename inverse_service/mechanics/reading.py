@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.names import Names, check_clashes
-from inverse_service.expressions.reader import read_equation, read_formula, read_tokens, split_equations
+from inverse_service.expressions.names import Names, check_clashes, escaped
+from inverse_service.expressions.reader import placed_at, read_equation, read_formula, read_tokens, split_equations
 from inverse_service.expressions.tokens import LIMITS, refusal
 from inverse_service.expressions.tree import (
     ONE,
@@ -29,7 +29,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.mechanics.document_names import Declared, Parameters, bounded, escaped, known_names
+from inverse_service.mechanics.document_names import Declared, Parameters, bounded, known_names
 from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
 from inverse_service.mechanics.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -268,14 +268,12 @@ def _read(equations: Equations, names: Names) -> list[_Equation]:
 
 
 def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
-    try:
+    with placed_at(pointer):
         groups = split_equations(_text(text), names)
         if len(groups) > LIMITS.coordinates:
             most = LIMITS.coordinates
             raise LimitError(f"there are {len(groups)} equations: the limit is {most}; write fewer.")
         return [(*read_equation(group, names), pointer) for group in groups]
-    except InputError as error:
-        raise error.at(pointer) from None
 
 
 def _text(value: object) -> str:
@@ -304,7 +302,7 @@ def _keyed_equations(equations: Mapping[str, str], names: Names) -> list[_Equati
 
 
 def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> Expression:
-    try:
+    with placed_at(pointer):
         text = _text(value)
         if not _EQUAL.search(text):
             tree = read_formula(text, names)
@@ -319,8 +317,6 @@ def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> Expr
         if left != Acceleration(coordinate):
             raise InputError(f"the left side is not {coordinate}'': write only the acceleration.", column=1)
         return right
-    except InputError as error:
-        raise error.at(pointer) from None
 
 
 def _accelerations(found: list[_Equation], coordinates: tuple[str, ...]) -> tuple[Expression, ...]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_equation, read_formula, split_equations
+from inverse_service.expressions.names import Names, escaped
+from inverse_service.expressions.reader import placed_at, read_equations, read_formula, without_accelerations
 from inverse_service.expressions.tokens import LIMITS
-from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Velocity, substitute, walk
+from inverse_service.expressions.tree import ZERO, Expression, Velocity, substitute, walk
 from inverse_service.mechanics.document_names import Declared, Parameters, known_names, parameter_values, with_values
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, motion_on
@@ -71,43 +71,36 @@ def read_motion(
     system = NonholonomicSystem(
         names.coordinates, ZERO, tuple(map(known.put_in, trees)), names.parameters, tuple(names.functions.items())
     )
-    read = {key: known.put_in(_acceleration(motion[name], known.names, name)) for key, name in free.items()}
+    read = {
+        key: known.put_in(_formula(motion[name], known.names, f"the acceleration of {name}", f"/motion/{name}"))
+        for key, name in free.items()
+    }
     return motion_on(system, read)
 
 
-def _acceleration(text: str, names: Names, name: str) -> Expression:
-    pointer = f"/motion/{name}"
-    try:
+def _formula(text: str, names: Names, what: str, pointer: str) -> Expression:
+    with placed_at(pointer):
         tree = substitute(read_formula(text, names), dict(names.definitions))
-    except InputError as error:
-        raise error.at(pointer) from None
-    _refuse_accelerations(tree, f"the acceleration of {name}", pointer)
-    return tree
+    return without_accelerations(tree, what, pointer)
 
 
 def read_lagrangian(text: str, names: Names) -> Expression:
     """L(t, q, q') of a text; InputError where an acceleration is in it, or no velocity."""
     pointer = "/lagrangian"
-    try:
-        tree = substitute(read_formula(text, names), dict(names.definitions))
-    except InputError as error:
-        raise error.at(pointer) from None
-    _refuse_accelerations(tree, "the Lagrangian", pointer)
+    tree = _formula(text, names, "the Lagrangian", pointer)
     if not any(isinstance(node, Velocity) for node in walk(tree)):
         raise InputError("the Lagrangian contains no velocity: write kinetic minus potential energy.", pointer)
     return tree
 
 
 def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> list[Expression]:
-    found = []
+    found: list[Expression] = []
     for pointer, text in _by_pointer(constraints).items():
-        try:
-            pairs = [read_equation(group, names) for group in split_equations(text, names)]
-        except InputError as error:
-            raise error.at(pointer) from None
+        with placed_at(pointer):
+            pairs = read_equations(text, names)
         for left, right in pairs:
-            found.append(substitute(left - right, dict(names.definitions)))
-            _refuse_accelerations(found[-1], f"constraint {len(found)}", pointer)
+            tree = substitute(left - right, dict(names.definitions))
+            found.append(without_accelerations(tree, f"constraint {len(found) + 1}", pointer))
     if not found:
         raise InputError(
             "there are no constraints: give at least one, or send the equations of motion as a system.", "/constraints"
@@ -121,14 +114,6 @@ def _by_pointer(constraints: Sequence[str] | str) -> dict[str, str]:
     if isinstance(constraints, str):
         return {"/constraints": constraints}
     return {f"/constraints/{place}": text for place, text in enumerate(constraints)}
-
-
-def _refuse_accelerations(tree: Expression, what: str, pointer: str) -> None:
-    found = next((node for node in walk(tree) if isinstance(node, Acceleration)), None)
-    if found is not None:
-        raise InputError(
-            f"{what} contains the acceleration {found.coordinate}'': use coordinates and velocities.", pointer
-        )
 
 
 def read_multiples(
@@ -147,7 +132,7 @@ def read_multiples(
     values = parameter_values(named)
     found: dict[str, Expression] = {}
     for key, text in multiples.items():
-        place = f"{pointer}/{key.replace('~', '~0').replace('/', '~1')}"
+        place = f"{pointer}/{escaped(key)}"
         name = names.spelling(key)
         if name not in system.coordinates:
             raise InputError(
@@ -155,11 +140,8 @@ def read_multiples(
                 f"{', '.join(system.coordinates)}.",
                 place,
             )
-        try:
+        with placed_at(place):
             tree = with_values(read_formula(text, names), values)
-        except InputError as error:
-            raise error.at(place) from None
-        _refuse_accelerations(tree, f"the multiple for {name}", place)
-        found[name] = tree
+        found[name] = without_accelerations(tree, f"the multiple for {name}", place)
     zero = read_formula("0", names)
     return tuple(found.get(name, zero) for name in system.coordinates)

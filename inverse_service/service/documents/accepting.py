@@ -12,9 +12,9 @@ from pydantic_core import ErrorDetails
 from api_schemas.base import Document
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
 from inverse_service.algebra.sign_cases import sign_cases
-from inverse_service.errors import DocumentRefused, InputError, LimitError, Place
+from inverse_service.errors import DocumentRefused, LimitError, Place
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.reader import placed_at, read_formula, without_accelerations
 from inverse_service.expressions.tree import Acceleration, Expression, walk
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
@@ -132,28 +132,17 @@ def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[Expression, ..
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
     named = Declared(parameters=schema.parameters).named_parameters()
     names = replace(system.names, parameters=tuple(dict.fromkeys((*system.parameters, *named))))
-    return tuple(_term(text, names, schema, f"/ansatz/{place}") for place, text in enumerate(schema.ansatz))
+    places = {f"/ansatz/{place}": text for place, text in enumerate(schema.ansatz)}
+    terms = ((formula_about(text, names, schema, pointer), pointer) for pointer, text in places.items())
+    return tuple(without_accelerations(term, "a term of a Lagrangian", pointer) for term, pointer in terms)
 
 
 def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer: str) -> Expression:
     """A formula about the system of a document, whose parameters with values are put in; InputError with pointer."""
     values = {} if schema is None else parameter_values(Declared(parameters=schema.parameters).named_parameters())
     known = replace(names, parameters=(*names.parameters, *values))
-    try:
+    with placed_at(pointer):
         return with_values(read_formula(text, known), values)
-    except InputError as error:
-        raise error.placed(pointer) from None
-
-
-def _term(text: str, names: Names, schema: Asking, pointer: str) -> Expression:
-    term = formula_about(text, names, schema, pointer)
-    found = next((node for node in walk(term) if isinstance(node, Acceleration)), None)
-    if found is not None:
-        raise InputError(
-            f"a term of a Lagrangian contains the acceleration {found.coordinate}'': use coordinates and velocities.",
-            pointer,
-        )
-    return term
 
 
 @dataclass(frozen=True, slots=True)

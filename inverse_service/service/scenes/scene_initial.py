@@ -26,11 +26,7 @@ def read_initial(
     values: Mapping[str, float],
 ) -> tuple[Array, Array]:
     """Positions and velocities, (n,) each, the velocities on the constraints."""
-    positions = _by_coordinate(given.positions, names, "/initial/positions")
-    missing = [name for name in names.coordinates if name not in positions]
-    if missing:
-        raise InputError(f"the initial position of {', '.join(missing)} is missing: add it.", "/initial/positions")
-    start = np.array([positions[name] for name in names.coordinates])
+    start = _of_all(given.positions, names, "position", "/initial/positions")
     if (given.velocities is None) == (given.momenta is None):
         raise InputError("give either 'velocities' or 'momenta' with the positions.", "/initial")
     if given.momenta is not None:
@@ -49,15 +45,19 @@ def _from_momenta(
     values: Mapping[str, float],
     start: Array,
 ) -> dict[str, float]:
-    momenta = _by_coordinate(given, names, "/initial/momenta")
-    missing = [name for name in names.coordinates if name not in momenta]
-    if missing:
-        raise InputError(f"the initial momentum of {', '.join(missing)} is missing: add it.", "/initial/momenta")
+    target = _of_all(given, names, "momentum", "/initial/momenta")
     if lagrangian is None:
         raise InputError("the system has no Lagrangian, so no momenta: give velocities.", "/initial/momenta")
-    target = np.array([momenta[name] for name in names.coordinates])
     velocities = velocities_from_momenta(names.coordinates, lagrangian, values, start, target)
     return dict(zip(names.coordinates, map(float, velocities), strict=True))
+
+
+def _of_all(given: Mapping[str, str], names: Names, what: str, pointer: str) -> Array:
+    found = _by_coordinate(given, names, pointer)
+    missing = ", ".join(name for name in names.coordinates if name not in found)
+    if missing:
+        raise InputError(f"the initial {what} of {missing} is missing: add it.", pointer)
+    return np.array([found[name] for name in names.coordinates])
 
 
 def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict[str, float]:

@@ -18,7 +18,7 @@ from inverse_service.expressions import tree as trees
 from inverse_service.expressions.derivative import Definitions
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.pieces import STEP
-from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.reader import placed_at, read_formula, without_accelerations
 from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
@@ -38,10 +38,8 @@ def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
             known = ", ".join(names.functions) or "none"
             raise InputError(f"'{key[:40]}' is not a function of this system: its functions are {known}.", pointer)
         arguments = names.functions[name]
-        try:
+        with placed_at(pointer):
             tree = read_formula(text, Names(names.coordinates, names.parameters))
-        except InputError as error:
-            raise error.placed(pointer) from None
         foreign = [n for n in trees.walk(tree) if isinstance(n, trees.Velocity) or _is_other(n, arguments, names)]
         if foreign:
             raise InputError(f"{name} depends on {', '.join(arguments)} only: write it in these.", pointer)
@@ -242,16 +240,8 @@ SOLVE_ONLY = frozenset(
 
 def formula(text: str, names: Names, pointer: str) -> trees.Expression:
     """A formula of coordinates and velocities; InputError at the pointer."""
-    try:
-        tree = read_formula(text, names)
-    except InputError as error:
-        raise error.placed(pointer) from None
-    found = next((node for node in trees.walk(tree) if isinstance(node, trees.Acceleration)), None)
-    if found is not None:
-        raise InputError(
-            f"the formula contains the acceleration {found.coordinate}'': use coordinates and velocities.", pointer
-        )
-    return tree
+    with placed_at(pointer):
+        return without_accelerations(read_formula(text, names), "the formula", "")
 
 
 def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, str]]:
