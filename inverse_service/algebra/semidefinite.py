@@ -139,16 +139,21 @@ def _rounded(near: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matri
         yield _matrix(entries, size)
 
 
+def echelon_of(rows: Sequence[Sequence[Fraction]], width: int) -> list[tuple[int, list[Fraction]]]:
+    """The reduced echelon form: (column of the pivot, row with 1 in it)."""
+    entries = [fmpq(*x.as_integer_ratio()) for row in rows for x in row]
+    reduced, rank = fmpq_mat(len(rows), width, entries).rref()
+    found = [[Fraction(int(x.p), int(x.q)) for x in row] for row in reduced.tolist()[:rank]]
+    return [(next(j for j, x in enumerate(row) if x), row) for row in found]
+
+
 def kernel(rows: Sequence[Sequence[Fraction]], width: int) -> list[list[Fraction]]:
     """A basis of {x : rows x = 0}."""
-    entries = [fmpq(x.numerator, x.denominator) for row in rows for x in row]
-    reduced, rank = fmpq_mat(len(rows), width, entries).rref()
-    table = [[Fraction(int(reduced[i, j].p), int(reduced[i, j].q)) for j in range(width)] for i in range(rank)]
-    pivots = [next(j for j, x in enumerate(row) if x) for row in table]
+    table = dict(echelon_of(rows, width))
     found = []
-    for free in (j for j in range(width) if j not in pivots):
+    for free in (j for j in range(width) if j not in table):
         vector = [Fraction(int(j == free)) for j in range(width)]
-        for pivot, row in zip(pivots, table, strict=True):
+        for pivot, row in table.items():
             vector[pivot] = -row[free]
         found.append(vector)
     return found

@@ -143,7 +143,7 @@ def hidden_in_members(
     scene: Scene,
     choice: MethodChoice,
     count: int,
-    paths: Callable[[NDArray[np.int64]], tuple[Array, Ways]],
+    paths: Paths,
     stop: Stop | None,
 ) -> tuple[dict[int, tuple[int, float]], str]:
     """{member: (step, impulse)} of an ensemble of `count`, and a sentence: some are looked at, and all where something
@@ -169,7 +169,7 @@ def hidden_in_members(
 def _of_members(
     scene: Scene,
     members: NDArray[np.int64],
-    paths: Callable[[NDArray[np.int64]], tuple[Array, Ways]],
+    paths: Paths,
     stop: Stop | None,
 ) -> dict[int, tuple[int, float]]:
     positions, ways = paths(members)

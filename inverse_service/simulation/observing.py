@@ -101,8 +101,7 @@ def observables(scene: Scene) -> tuple[Observable, ...]:
 def observation_of(scene: Scene) -> Observation:
     """What the integrator records for a scene."""
     # Momenta are the state itself: they cost a column, and velocities at the points follow from them.
-    momenta_used = True
-    return Observation(momenta=momenta_used, velocities="velocities" in scene.observe, observables=observables(scene))
+    return Observation(momenta=True, velocities="velocities" in scene.observe, observables=observables(scene))
 
 
 def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:

@@ -19,11 +19,10 @@ from fractions import Fraction
 from functools import partial
 from typing import Any, TypeVar, cast
 
-from flint import fmpq, fmpq_mat
-
 from inverse_service.algebra.modular import is_positive, reconstruct, safe_prime
 from inverse_service.algebra.point import Point, Variable, evaluate, number_value, variables_in
 from inverse_service.algebra.rules import AngleRule, ExponentialRule, replay
+from inverse_service.algebra.semidefinite import echelon_of
 from inverse_service.algebra.tower import atoms_in_order
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
@@ -118,8 +117,8 @@ def is_real(analysis: Analysis) -> bool:
             return False
         arguments.append(found)
     names = sorted({name for found in arguments for name in found}, key=repr)
-    flat = [fmpq(*found.get(name, Fraction(0)).as_integer_ratio()) for found in arguments for name in names]
-    return not flat or fmpq_mat(len(arguments), len(names), flat).rref()[1] == len(arguments)
+    rows = [[found.get(name, Fraction(0)) for name in names] for found in arguments]
+    return not names or len(echelon_of(rows, len(names))) == len(arguments)
 
 
 def _combination(expression: Expression) -> dict[Variable, Fraction] | None:

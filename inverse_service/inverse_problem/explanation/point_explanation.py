@@ -13,9 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
-from flint import fmpq, fmpq_mat
-
 from inverse_service.algebra.point import Variable
+from inverse_service.algebra.semidefinite import echelon_of
 from inverse_service.expressions.notation import Formula, matrix, of_tree, row, theory
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, add, number
@@ -66,10 +65,8 @@ def steps_in_numbers(
 def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     """The reduced echelon form, its pivots the last entries of the rows: (pivot column, row with 1 in the pivot)."""
     width = len(rows[0]) if rows else 0
-    entries = [fmpq(*entry.as_integer_ratio()) for line in rows for entry in reversed(line)]
-    reduced, rank = fmpq_mat(len(rows), width, entries).rref()
-    lines = [tuple(Fraction(int(x.p), int(x.q)) for x in reversed(line)) for line in reduced.tolist()[:rank]]
-    return sorted((max(k for k, entry in enumerate(line) if entry), line) for line in lines)
+    turned = echelon_of([line[::-1] for line in rows], width)
+    return sorted((width - 1 - pivot, tuple(line[::-1])) for pivot, line in turned)
 
 
 def point_step(

@@ -12,11 +12,10 @@ from fractions import Fraction
 from itertools import combinations
 from typing import Any
 
-from flint import fmpq, fmpq_mat
-
 from inverse_service.algebra.exact_atoms import exact_ring, factored
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.algebra.semidefinite import echelon_of
 from inverse_service.deadline import check
 from inverse_service.expressions.tree import (
     HALF,
@@ -53,15 +52,12 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
     """x with sum_k x_k columns[k] = right, later columns where earlier ones do not suffice; None if there is none."""
     sides = [*columns, right]
     rows = list(dict.fromkeys(key for side in sides for key in side))
-    entries = (side.get(key, Fraction(0)) for key in rows for side in sides)
-    table = fmpq_mat(len(rows), len(sides), [fmpq(a.numerator, a.denominator) for a in entries])
-    reduced, order = table.rref()
+    table = echelon_of([[side.get(key, Fraction(0)) for side in sides] for key in rows], len(sides))
     found = [Fraction(0)] * len(columns)
-    for i in range(order):
-        pivot = next(k for k in range(len(sides)) if reduced[i, k])
+    for pivot, row in table:
         if pivot == len(columns):
             return None
-        found[pivot] = Fraction(int(reduced[i, len(columns)].p), int(reduced[i, len(columns)].q))
+        found[pivot] = row[-1]
     return found
 
 
