@@ -94,7 +94,7 @@ def least_squares_circle(points: Array) -> Circle | None:
 
 
 def _corrected(points: Array, centre: Array) -> Array:
-    """Gauss-Newton on the centre, the radius being the mean distance; stops where it no longer gains."""
+    """Gauss-Newton on the center, the radius being the mean distance; stops where it no longer gains."""
     best = _cost(points, centre)
     for _ in range(MOST_CORRECTIONS):
         difference = points - centre

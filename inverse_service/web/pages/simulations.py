@@ -83,7 +83,7 @@ def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     found = [(key, heading) for key, heading in QUANTITIES if any(m.get(key) is not None for m in methods)]
     if any(method.get("circle") for method in methods):
         found += [("circle.radius_first", "radius, first circle"), ("circle.radius_last", "radius, last circle")]
-        found += [("circle.centre_drift", "drift of the centre")]
+        found += [("circle.centre_drift", "drift of the center")]
     return found
 
 
