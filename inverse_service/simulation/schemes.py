@@ -27,6 +27,7 @@ from inverse_service.simulation.watches import (
     range_watches,
     rank_watches,
     root_guards,
+    sign_watches,
     velocity_watches,
     with_clock,
 )
@@ -103,10 +104,9 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     point = dict(zip([*q, *p, MOMENT], [*between(q, d, alpha), *watched, moment_at(alpha)], strict=True))
     guards = root_guards(f, point) if choice.guard else []
     watches = [*velocity_watches(f, q, d, alpha), *domain_watches(f, point), *range_watches(f, alpha), *guards]
-    scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
     # The determinant of a mean of two places has zeros of its own, which the factors of L~ name better.
     guarded = choice.guard and len(parts_of(choice)) == 1
-    statements = plan(equations, [str(name) for name in unknowns], scales, guarded)
+    statements = _solved(f, equations, unknowns, guarded)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
@@ -116,16 +116,12 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program
     slope_q, slope_v = (f.gradient(f.free_lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
     slope_q = f.pushed(slope_q, moment_at(parts[0]))
     equations, pushes = raw_step(q, p, d, STEP, parts, slope_q, slope_v)
-    watches = [
-        Watch("sign", wall.formula.subs(discrete_point(f, q, d, part)), wall.text, "use the Hamiltonian form")
-        for part in parts
-        for wall in f.denominators
-    ]
+    points = [discrete_point(f, q, d, part) for part in parts]
+    watches = [one for at in points for one in sign_watches(f.denominators, at, "use the Hamiltonian form")]
     watches += range_watches(f, parts[0])
-    scales = {f"d{k}": f"q{k}" for k in range(f.size)}
     # Near A_beta = 0 the determinant itself has no limit; there the watches above are the guard.
     guarded = choice.guard and all(one.moves for one in f.denominators)
-    statements = plan(equations, [str(name) for name in d], scales, guarded)
+    statements = _solved(f, equations, d, guarded)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
@@ -137,12 +133,10 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     equations, pushes = lagrange_dalembert_step(
         q, p, d, m, STEP, parts_of(choice), slope_q, slope_v, f.forms_at, f.drifts_at
     )
-    scales = {f"d{k}": f"q{k}" for k in range(f.size)}
-    statements = plan(equations, [str(name) for name in (*d, *m)], scales, guarded=choice.guard)
-    point = discrete_point(f, q, d, alpha_of(choice))
-    walls = f.walls_of([f.problem.lagrangian])
-    watches = [Watch("sign", wall.formula.subs(point), wall.text, REGULAR_MOTION) for wall in walls]
-    return _program(f, choice, observation, statements, [*d, *pushes], watches if choice.guard else [])
+    statements = _solved(f, equations, [*d, *m], choice.guard)
+    walls = f.walls_of([f.problem.lagrangian]) if choice.guard else []
+    watches = sign_watches(walls, discrete_point(f, q, d, alpha_of(choice)), REGULAR_MOTION)
+    return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
 def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
@@ -163,8 +157,7 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Pro
         equations.append(STEP * symbol(f"p{k}") - STEP * impulse + (1 - alpha) * STEP**2 * force)
         pushes.append(STEP * force)
     equations += [d[k] - STEP * value.subs(pair) for k, value in f.dependent.items()]
-    scales = {f"d{k}": f"q{k}" for k in range(f.size)}
-    statements = plan(equations, [str(name) for name in d], scales, poles=True)
+    statements = _solved(f, equations, d, poles=True)
     watches = [*velocity_watches(f, q, d, alpha), *range_watches(f, alpha)]
     return _program(f, choice, observation, statements, [*d, *pushes], watches, base)
 
@@ -179,15 +172,19 @@ def _modified_in_full(f: Formulas, choice: MethodChoice, observation: Observatio
         sum((row[a][k] * d[k] for row in rows for k in range(f.size)), number(0)) / len(parts)
         for a in range(len(f.forms))
     ]
-    scales = {f"d{k}": f"q{k}" for k in range(f.size)}
-    statements = plan([*(free[k] for k in base), *held], [str(name) for name in d], scales)
-    watches = [
-        Watch("sign", denominator.formula.subs(discrete_point(f, q, d, part)), denominator.text, SMALLER_STEP)
-        for part in parts
-        for denominator in f.denominators
-    ]
+    statements = _solved(f, [*(free[k] for k in base), *held], d)
+    points = [discrete_point(f, q, d, part) for part in parts]
+    watches = [one for at in points for one in sign_watches(f.denominators, at, SMALLER_STEP)]
     watches += range_watches(f, parts[0])
     return _program(f, choice, observation, statements, [*d, *(kicks[k] for k in base)], watches, base)
+
+
+def _solved(
+    f: Formulas, equations: Sequence[Formula], unknowns: Sequence[Formula], guarded: bool = False, poles: bool = False
+) -> tuple[Statement, ...]:
+    """The statements of an implicit step, d being increments of q, e and g of p."""
+    scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
+    return plan(equations, [str(name) for name in unknowns], scales, guarded, poles)
 
 
 def _on_constraints(f: Formulas, formula: Formula) -> Formula:

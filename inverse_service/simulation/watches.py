@@ -7,7 +7,7 @@ parameters by their values; what cannot be read off is not claimed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import symengine
@@ -16,7 +16,7 @@ from inverse_service.codegen.planning import determinant
 from inverse_service.codegen.program import Iterate, Program, Watch
 from inverse_service.codegen.symengine_trees import ONE, STEP, Formula, contains, free_names, number, symbol
 from inverse_service.integrators.variational import between
-from inverse_service.simulation.callables import MOMENT, Formulas
+from inverse_service.simulation.callables import MOMENT, Denominator, Formulas
 
 SMALLER_STEP = "take a smaller step"
 GUARD_REMEDY = "take a smaller step or smaller free constants of the free Lagrangian"
@@ -68,20 +68,20 @@ def discrete_point(f: Formulas, q: Sequence[Formula], d: Sequence[Formula], alph
     return table
 
 
+def sign_watches(walls: Iterable[Denominator], point: Mapping[Formula, Formula], remedy: str) -> list[Watch]:
+    """The walls at a point of every step: none may pass 0."""
+    return [Watch("sign", wall.formula.subs(point), wall.text, remedy) for wall in walls]
+
+
 def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: Formula) -> list[Watch]:
     """Velocities that L~ divides by must not pass 0; where L~ divides by positions only, H~ is smooth."""
-    table = discrete_point(f, q, d, alpha)
-    return [
-        Watch("sign", denominator.formula.subs(table), denominator.text, where_it_ends(f))
-        for denominator in f.denominators
-        if denominator.moves
-    ]
+    moving = (denominator for denominator in f.denominators if denominator.moves)
+    return sign_watches(moving, discrete_point(f, q, d, alpha), where_it_ends(f))
 
 
 def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
     """H~ must stay where it is the Hamiltonian of L~: poles and ends of its own, and p = dL~/dv(q, H_p)."""
-    trees = [f.problem.free_hamiltonian]
-    watches = [Watch("sign", wall.formula.subs(point), wall.text, where_it_ends(f)) for wall in f.walls_of(trees)]
+    watches = sign_watches(f.walls_of([f.problem.free_hamiltonian]), point, where_it_ends(f))
     if f.momenta_may_fail:
         size = sum((p**2 for p in f.symbols("p")), ONE)
         defect = sum((one**2 for one in f.momenta_may_fail), number(0)) / size
@@ -146,10 +146,7 @@ def resolution_watches(
 
 def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
     """Poles, ends and kinks of the accelerations, watched at a point of q, v and t."""
-    return [
-        Watch("sign", wall.formula.subs(point), wall.text, REGULAR_MOTION)
-        for wall in f.walls_of(f.problem.accelerations or ())
-    ]
+    return sign_watches(f.walls_of(f.problem.accelerations or ()), point, REGULAR_MOTION)
 
 
 _POSITIVE = ("exp", "cosh")

@@ -102,14 +102,10 @@ def npz_bytes(columns: Mapping[str, Any], document: Any, label: str, provenance:
     return stream.getvalue(), metadata
 
 
+# Values that are not finite are reported as such in the numbers; numpy need not warn of them.
+@np.errstate(all="ignore")
 def run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
     """Read, derive and run; with the seconds of each stage."""
-    # Values that are not finite are reported as such in the numbers; numpy need not warn of them.
-    with np.errstate(all="ignore"):
-        return _run_document(document, progress, time_limit)
-
-
-def _run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
     begun = time.perf_counter()
     after = max(SHARE_AFTER * time_limit, min(LEAST_AFTER, LARGEST_SHARE * time_limit))
     # Work counts, not the clock: a busy machine gives up nothing that an idle one finds. An ensemble works in threads.

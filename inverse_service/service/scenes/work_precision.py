@@ -34,13 +34,9 @@ FEWEST_STEPS = 8
 PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
 
 
+@np.errstate(all="ignore")
 def work_precision(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
     """The work-precision document of a scene. Raises InputError for a scene that cannot be accepted."""
-    with np.errstate(all="ignore"):
-        return _work_precision(document, progress, time_limit)
-
-
-def _work_precision(document: Any, progress: Progress | None, time_limit: float) -> dict[str, Any]:
     begun = time.monotonic()
     schema = scene_schema(document)
     steps = _steps(schema)

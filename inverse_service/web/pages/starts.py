@@ -66,8 +66,7 @@ def with_good_start(
         return form
     watched += _walls(scene, found)
     q, v = _starts(len(scene.coordinates))
-    with np.errstate(all="ignore"):
-        lasted, evenness, _ = _lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
+    lasted, evenness, _ = _lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
     best = int(np.argmax(lasted + evenness))
     if not lasted[best]:
         return form
@@ -141,8 +140,7 @@ def sketch(name: str) -> str | None:
     if found is None:
         return None
     q, v = _starts(len(scene.coordinates))
-    with np.errstate(all="ignore"):
-        lasted, _, motion = _lasted(scene, (*found, *_walls(scene, found)), (), q, v, int(form.steps))
+    lasted, _, motion = _lasted(scene, (*found, *_walls(scene, found)), (), q, v, int(form.steps))
     longest = int(lasted.max())
     starts = [motion[:longest, :, k] for k in np.flatnonzero(lasted == longest)]
     plane = min((_least_alike(start) for start in starts), key=lambda found: found[0])[1]
@@ -175,6 +173,7 @@ def _texts(names: Sequence[str], values: Array) -> dict[str, str]:
     return {name: f"{value or 0:g}" for name, value in zip(names, values, strict=True)}
 
 
+@np.errstate(all="ignore")
 def _lasted(
     scene: Any, formulas: Sequence[Expression], hessian: Sequence[Expression], q: Array, v: Array, steps: int
 ) -> tuple[Array, Array, Array]:
