@@ -190,7 +190,8 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
             lines.append(f"{method['label']}: {method['reason']}")
         elif stopped:
             where = f"at step {stopped['step']}, t = {_number(stopped['time'])}"
-            what = f"{stopped['quantity']} = {_number(stopped['value'])}" if stopped["quantity"] else "the run ended"
+            value = "" if stopped["value"] is None else f" = {_number(stopped['value'])}"
+            what = f"{stopped['quantity']}{value}" if stopped["quantity"] else "the run ended"
             lines.append(f"{method['label']}: {what} {where}; {stopped['remedy'] or ''}".rstrip("; "))
         lines += [f"{method['label']}: {method[key]}" for key in ("note", "doubt") if method.get(key)]
     return lines

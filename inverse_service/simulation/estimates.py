@@ -33,7 +33,7 @@ VARIES = (
     "its size is {:.3g}."
 )
 HALF = "half the step"
-STRICTER = f"{HALF} and a tenth of the tolerance"
+STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
 AGAIN, TRUE = "With {} the method", "The true motion"
 ELSEWHERE = (
     "{} leads elsewhere: from t = {:.6g} on {} is off by more than a tenth of its range, at most by about {:.3g}. "
@@ -109,19 +109,34 @@ def _is_angle(stack: list[Expression], name: Symbol) -> bool:
     return turns
 
 
-def estimated(run: Observed, repeat: Callable[[Scene, Requested], Trajectory | Unavailable]) -> dict[str, Any]:
+Repeat = Callable[[Scene, Requested], Trajectory | Unavailable]
+
+
+def _again(run: Observed, repeat: Repeat) -> tuple[Finer, Trajectory | Unavailable]:
+    """The finer run: without the guard where that ends it early, and with ten times the tolerance where it is the same
+    to the last bit, as that of a Taylor series whose own steps are shorter than those of both grids."""
+    again = finer(run.requested, run.scene.grid)
+    scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
+    found = repeat(scene, again.requested)
+    if choice is None or isinstance(found, Unavailable):
+        return again, found
+    if found.outcome.kind not in GOES_ON:
+        return again, repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
+    if choice.method in OWN_STEPS and np.array_equal(found.positions, run.trajectory.positions):
+        other = replace(again.requested, choice=replace(choice, tolerance=choice.tolerance / TIGHTER))
+        return replace(again, how=LOOSER), repeat(scene, other)
+    return again, found
+
+
+def estimated(run: Observed, repeat: Repeat) -> dict[str, Any]:
     """{estimated_error, estimated_error_share, estimated_until, doubt}: the greatest error of a position, and the
     greatest share of the range of a coordinate; until when, where that is not the end; sentences where they are large.
 
-    `repeat` runs a method of a scene; where the guard ends it early, it is run without.
+    `repeat` runs a method of a scene.
     """
-    at, doubts, again = run.trajectory, [_change_of_energy(run)], finer(run.requested, run.scene.grid)
+    at, doubts, turns = run.trajectory, [_change_of_energy(run)], angles(run.scene)
     numbers: dict[str, Any] = {}
-    turns = angles(run.scene)
-    scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
-    found = repeat(scene, again.requested)
-    if isinstance(found, Trajectory) and found.outcome.kind not in GOES_ON and choice is not None:
-        found = repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
+    again, found = _again(run, repeat)
     if isinstance(found, Trajectory):
         count = min(len(found.times), len(at.times))
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)

@@ -162,7 +162,8 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
             first, last = (float(memory[layout.place(f"{which}_{place}")]) for which in ("first", "last"))
             if abs(last) < NEARLY_SINGULAR * abs(first):
                 return Stopped("singular", step, quantity, last, _REMEDY, place)
-        return Stopped("no_convergence", step, quantity, value, _NO_VALUE if math.isnan(value) else _REMEDY)
+        remedy = _NO_VALUE if math.isnan(value) else _REMEDY
+        return Stopped("no_convergence", step, quantity, value if place < len(card.solves) else math.nan, remedy)
     if code == NO_START:
         return Stopped("off_domain", 0, "the state at the start, which has no finite value", value, _UNDEFINED)
     if code == HIDDEN:
@@ -180,7 +181,7 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
 
 def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> str:
     if place >= len(card.solves):
-        return "the stage equations"
+        return "the stage equations, whose iteration does not converge"
     names = ", ".join(unknown_names.get(name, name) for name in card.solves[place])
     return f"determinant of the discrete equations for {names}"
 

@@ -111,6 +111,27 @@ def test_bad_scenes_end_with_two_and_a_sentence(call: Any, tmp_path: Path) -> No
     assert "at least 8" in err
 
 
+def test_a_run_that_is_to_be_doubted_is_told_and_done(call: Any, tmp_path: Path) -> None:
+    scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": 0.5, "time": 20}
+    scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["stormer-verlet"]}
+    code, out, _ = call("simulate", "-", "--no-figures", "--output", str(tmp_path), given=json.dumps(scene).encode())
+    assert code == 0
+    assert "estimated_error" in out.splitlines()[0]
+    assert "stormer-verlet: The energy, a constant of the motion" in out
+    assert "doubt" in json.loads((tmp_path / "summary.json").read_text())["methods"][0]
+
+
+def test_what_does_not_converge_has_no_value(call: Any, tmp_path: Path) -> None:
+    """The iteration of the stages of a pendulum on a spring, with h omega = 10."""
+    lagrangian = "(x'^2+y'^2)/2 - 10^6*(sqrt(x^2+y^2)-1)^2/2 - 9.81*y"
+    scene = {"system": {"coordinates": ["x", "y"], "lagrangian": lagrangian}, "step": 0.01, "steps": 9}
+    initial = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}
+    scene |= {"initial": initial, "methods": ["reference"]}
+    code, out, _ = call("simulate", "-", "--no-figures", "--output", str(tmp_path), given=json.dumps(scene).encode())
+    assert code == 1
+    assert "the stage equations, whose iteration does not converge at step 0" in out
+
+
 def test_no_method_that_gets_through_is_exit_one(call: Any) -> None:
     scene = short("disk", steps=5, terms={"spring": "-x^2"}, effects=["constraints", "spring"], methods=["exact"])
     code, out, _ = call("simulate", "-", given=scene)

@@ -107,6 +107,16 @@ def test_an_angle_that_is_off_by_a_turn_is_lost(potential: str, angle: bool) -> 
     assert "doubt" not in good
 
 
+@pytest.mark.parametrize("step", [0.1, 1, 4])
+def test_a_taylor_series_estimates_its_error_at_any_step(step: float) -> None:
+    """Its own steps are the same for grids that are coarser than they, and so is the run, to the last bit."""
+    pytest.importorskip("heyoka")
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
+    initial = {"positions": {"x": 0, "y": 0.1}, "velocities": {"x": 0.57, "y": 0}}
+    scene = {"system": system, "initial": initial, "step": step, "time": 2000, "methods": ["heyoka"]}
+    assert 1e-12 < simulate(scene)["methods"][0]["estimated_error"] < 1e-9
+
+
 def test_of_a_long_run_it_says_until_when() -> None:
     scene = orbit(0.3, step=1e-3, steps=2_000_000, record_every=1000, methods=["stormer-verlet"]) | {"time": None}
     (found,) = simulate(scene)["methods"]
