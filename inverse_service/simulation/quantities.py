@@ -119,12 +119,12 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
         columns = {key: column for key, column in trajectory.series.items() if key.startswith("constraint_")}
         return constraint_numbers(scene, trajectory) | _point_constraints(run), columns
     if name == "momenta" and problem is not None:
-        columns = {} if trajectory.momenta is None else _columns("p_", scene, trajectory.momenta)
+        columns = {} if trajectory.momenta is None else columns_of(scene, trajectory.momenta, "p_")
         return momentum_numbers(trajectory, conserved_momenta(scene, problem)), columns
     if name == "velocities" and (points := velocities_at_points(run)) is not None:
-        return {}, _columns("v_", scene, points)
+        return {}, columns_of(scene, points, "v_")
     if name == "velocities" and trajectory.velocities is not None:
-        return {}, _columns("discrete_v_", scene, trajectory.velocities)
+        return {}, columns_of(scene, trajectory.velocities, "discrete_v_")
     if name == "matching_circle":
         if scene.circle is None:
             return {"circle": None}, {}
@@ -217,5 +217,6 @@ def last_point(run: Observed) -> tuple[float, Array, Array | None]:
     return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
 
 
-def _columns(prefix: str, scene: Scene, table: Array) -> dict[str, Array]:
-    return {f"{prefix}{name}": table[:, k] for k, name in enumerate(scene.coordinates)}
+def columns_of(scene: Scene, table: Array, prefix: str = "") -> dict[str, Any]:
+    """What a table (m, n), or one row of it, holds of each coordinate."""
+    return {f"{prefix}{name}": table[..., k] for k, name in enumerate(scene.coordinates)}

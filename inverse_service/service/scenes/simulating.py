@@ -23,7 +23,7 @@ from inverse_service.simulation.advice import advice
 from inverse_service.simulation.derivation import Derived, derive
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, where_ended
-from inverse_service.simulation.quantities import last_point, velocities_at_points
+from inverse_service.simulation.quantities import columns_of, last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene_data import FreeLagrangian, Progress, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth
@@ -53,9 +53,7 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
     tables = {run.requested.label: table_of_run(scene, run) for run in found.runs if run.trajectory is not None}
     tables |= {run.requested.label: ensemble_arrays(scene, run) for run in found.members if run.many is not None}
     true = found.truth
-    truth = None
-    if isinstance(true, Truth):
-        truth = {name: true.positions[:, k] for k, name in enumerate(found.scene.coordinates)}
+    truth = columns_of(scene, true.positions) if isinstance(true, Truth) else None
     events = {run.requested.label: event_table(scene, run.events) for run in found.runs if run.events}
     return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth, "events": events}
 
@@ -139,7 +137,7 @@ def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
     velocities = None if run.observed is None else velocities_at_points(run.observed)
     for prefix, table in (("", trajectory.positions), ("v_", velocities), ("p_", trajectory.momenta)):
         if table is not None:
-            columns |= {f"{prefix}{name}": table[:, k] for k, name in enumerate(scene.coordinates)}
+            columns |= columns_of(scene, table, prefix)
     return columns | dict(run.series)
 
 
@@ -150,7 +148,10 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "format": FORMAT,
         "name": scene.name,
         "system": _system(scene),
-        "initial": _initial(scene),
+        "initial": {
+            "positions": columns_of(scene, scene.positions),
+            "velocities": columns_of(scene, scene.velocities),
+        },
         "units": dict(scene.units),
         "step": scene.grid.step,
         "steps": scene.grid.steps,
@@ -193,13 +194,6 @@ def _system(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _initial(scene: Scene) -> dict[str, Any]:
-    return {
-        "positions": dict(zip(scene.coordinates, scene.positions.tolist(), strict=True)),
-        "velocities": dict(zip(scene.coordinates, scene.velocities.tolist(), strict=True)),
-    }
-
-
 def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
     requested, trajectory = run.requested, run.trajectory
     document = {**_requested(requested), **_outcome(scene, run), **run.numbers}
@@ -220,9 +214,8 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
 
 def _event(scene: Scene, found: Found) -> dict[str, Any]:
     """Where an event was found: columns t, coordinates and velocities, at most MOST_EVENTS points."""
-    columns: dict[str, Any] = {"t": found.times[:MOST_EVENTS].tolist()}
-    for prefix, table in (("", found.positions), ("v_", found.velocities)):
-        columns |= {f"{prefix}{name}": table[:MOST_EVENTS, k].tolist() for k, name in enumerate(scene.coordinates)}
+    columns = {"t": found.times, **columns_of(scene, found.positions), **columns_of(scene, found.velocities, "v_")}
+    columns = {name: column[:MOST_EVENTS] for name, column in columns.items()}
     note = {"note": found.note} if found.note else {}
     return {"when": to_text(found.event.formula), "count": len(found.times), "columns": columns, **note}
 
@@ -239,8 +232,7 @@ def event_table(scene: Scene, events: tuple[Found, ...]) -> dict[str, Any]:
 
 def _final(scene: Scene, final: tuple[float, Any, Any]) -> dict[str, Any]:
     time_, positions, velocities = final
-    named = [None if row is None else dict(zip(scene.coordinates, row.tolist(), strict=True))
-             for row in (positions, velocities)]  # fmt: skip
+    named = [None if row is None else columns_of(scene, row) for row in (positions, velocities)]
     return {"t": time_, "positions": named[0], "velocities": named[1]}
 
 
@@ -274,11 +266,10 @@ def _points(scene: Scene, run: MethodRun, trajectory: Trajectory) -> dict[str, A
     every = max(1, -(-(len(trajectory.times) - 1) // (MOST_POINTS - 1)))
     if not run.series and "trajectory" not in scene.observe:
         return {}
-    columns: dict[str, Any] = {"t": trajectory.times[::every].tolist()}
-    if "trajectory" in scene.observe:
-        columns |= {name: trajectory.positions[::every, k].tolist() for k, name in enumerate(scene.coordinates)}
-    columns |= {name: np.asarray(column)[::every].tolist() for name, column in run.series.items()}
-    return {"points": {"every": every * scene.grid.record_every, "columns": columns}}
+    places = columns_of(scene, trajectory.positions) if "trajectory" in scene.observe else {}
+    columns = {"t": trajectory.times, **places, **run.series}
+    thinned = {name: np.asarray(column)[::every] for name, column in columns.items()}
+    return {"points": {"every": every * scene.grid.record_every, "columns": thinned}}
 
 
 def _truth(truth: Truth | Unavailable | None) -> dict[str, Any] | None:
@@ -297,6 +288,8 @@ def as_plain(value: Any) -> Any:
         return {str(key): as_plain(part) for key, part in value.items()}
     if isinstance(value, tuple | list):
         return [as_plain(part) for part in value]
+    if isinstance(value, np.ndarray):
+        return as_plain(value.tolist())
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not np.isfinite(value):
