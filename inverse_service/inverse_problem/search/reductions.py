@@ -11,7 +11,7 @@ where (sqrt k)'' E is not 0; else w'^2/2 is added.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -32,6 +32,7 @@ from inverse_service.expressions.tree import (
     ZERO,
     Apply,
     Expression,
+    Integral,
     Product,
     Symbol,
     Velocity,
@@ -39,15 +40,18 @@ from inverse_service.expressions.tree import (
     children,
     multiply,
     number,
+    rebuild,
     substitute,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.certify import walk_integrals
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.search.integrating import divergence_factor, hidden_damping, integrating_factor
 from inverse_service.inverse_problem.search.material import Material, coefficient
 from inverse_service.inverse_problem.search.motion_terms import split_velocities
 from inverse_service.inverse_problem.search.protocol import Smaller
+from inverse_service.inverse_problem.search.quadratures import fresh_names
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -96,7 +100,24 @@ def is_decoupled(material: Material) -> bool:
 def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
     """The blocks; the sum of their Lagrangians is one of the whole system."""
     blocks = tuple(decoupled_blocks(_cancelled(material)))
-    yield Smaller(blocks, material.motion.with_time, lambda found: [add(*(trees[0] for trees in found))])
+    system = material.analysis.system
+    yield Smaller(blocks, material.motion.with_time, lambda found: [_sum_of(system, [trees[0] for trees in found])])
+
+
+def _sum_of(system: SecondOrderSystem, trees: Sequence[Expression]) -> Expression:
+    """The sum of Lagrangians of blocks, each of which may have called an integral of its own F."""
+    fresh, used, found = fresh_names(system, *trees), set[str](), []
+    for tree in trees:
+        own = {node.name for node in walk_integrals(tree)}
+        names = {name: next(fresh) for name in sorted(own & used)}
+        used |= own
+        found.append(_renamed(tree, names) if names else tree)
+    return add(*found)
+
+
+def _renamed(tree: Expression, names: Mapping[str, str]) -> Expression:
+    named = replace(tree, name=names.get(tree.name, tree.name)) if isinstance(tree, Integral) else tree
+    return rebuild(named, lambda part: _renamed(part, names))
 
 
 def is_damped(material: Material) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inverse_service import solve
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.inverse_problem.decision import certify
@@ -38,3 +39,13 @@ def test_a_block_without_a_closed_form_leaves_the_system_without_one() -> None:
     equations = {"x": "(1 - x^2)*x' - x", "y": "-y"}
     analysis = analyse(read_system(list(equations), equations))
     assert search(analysis, False, 1, now() + 60, lambda _: None).found is None
+
+
+def test_blocks_with_the_same_force_have_integrals_by_names_of_their_own() -> None:
+    force = {name: f"-F({name}) - k*{name}" for name in "xyz"}
+    result = solve({"equations": force, "functions": {"F": ["x"]}, "parameters": ["k"]})
+    names = {slope["derivatives"][x]: name for name, slope in result["integrals"].items() for x in slope["derivatives"]}
+    assert set(names) == {"F(x)", "F(y)", "F(z)"}
+    assert len({*names.values()}) == 3
+    assert all(f"{names[f'F({x})']}({x})" in result["lagrangian"]["text"] for x in "xyz")
+    assert (result["checked"], result.check()["verdict"]) == ("valid", "valid")
