@@ -13,7 +13,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, substitute
 from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, variables_of
-from inverse_service.inverse_problem.decision.certify import head_of, near_of
+from inverse_service.inverse_problem.decision.certify import head_of, involution_data, near_of
 from inverse_service.inverse_problem.kinds.bivectors import last_of
 from inverse_service.inverse_problem.kinds.constrained import Shape
 from inverse_service.linear_pde.involutive_form import Finding
@@ -44,22 +44,8 @@ def of_finding(analysed: AnalysedMotion, found: Finding, with_time: bool) -> dic
             return head | {"along": found.along}
         rows = [[*row[:-1], list(row[-1])] for row in found.rows if isinstance(row[-1], tuple)]
         return head | _bivectors(analysed, with_time) | {"order": found.order, "rows": rows}
-    # The dimension stopped falling between order - 1 and order.
-    order, symbol = found.order - 1, found.symbol
-    return (
-        _head(analysed, with_time, "variational", "existence")
-        | _bivectors(analysed, with_time)
-        | {
-            "order": order,
-            "degree": found.degree,
-            "dimensions": list(found.history[order][: found.degree + 1]),
-            "symbol": {
-                "dimension": symbol.dimension,
-                "prolonged": symbol.prolonged,
-                "characters": list(symbol.characters),
-            },
-        }
-    )
+    head = _head(analysed, with_time, "variational", "existence")
+    return head | _bivectors(analysed, with_time) | involution_data(found, found.symbol)
 
 
 def _bivectors(analysed: AnalysedMotion, with_time: bool) -> dict[str, int]:

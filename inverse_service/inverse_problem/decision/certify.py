@@ -47,6 +47,8 @@ from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrat
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.deciding import Decision
     from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
+    from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
+    from inverse_service.linear_pde.involutive_form import Finding
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 FORMAT = "inverse-service/certificate/2"
@@ -169,22 +171,25 @@ def of_decision(
         return head | _among(kind) | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
-    # The dimension stopped falling between order - 1 and order.
-    order = decision.order - 1
     head = _head(analysis, domain_of(analysis), decision.with_time, "variational", "existence")
-    data = {
-        "order": order,
-        "degree": decision.degree,
-        "dimensions": list(decision.history[order][: decision.degree + 1]),
-        "symbol": {
-            "dimension": decision.symbol.dimension,
-            "prolonged": decision.symbol.prolonged,
-            "characters": list(decision.symbol.characters),
-        },
-    }
+    data = involution_data(decision, decision.symbol)
     if kind is not None:
         return head | _among(kind) | data
-    return head | data | _series(analysis, decision, series_order or order, seed)
+    return head | data | _series(analysis, decision, series_order or data["order"], seed)
+
+
+def involution_data(found: Decision | Finding, symbol: SymbolOfSystem) -> dict[str, Any]:
+    """What a yes without L rests on; the dimension stopped falling between order - 1 and order."""
+    return {
+        "order": found.order - 1,
+        "degree": found.degree,
+        "dimensions": list(found.history[found.order - 1][: found.degree + 1]),
+        "symbol": {
+            "dimension": symbol.dimension,
+            "prolonged": symbol.prolonged,
+            "characters": list(symbol.characters),
+        },
+    }
 
 
 def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> dict[str, Any]:
