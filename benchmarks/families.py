@@ -15,7 +15,7 @@ def _document(name: str, equations: list[str]) -> Document:
 
 
 def oscillator_chain(n: int) -> Document:
-    """Linear springs of different stiffness between neighbours: variational."""
+    """Linear springs of different stiffness between neighbors: variational."""
     equations = []
     for i in range(1, n + 1):
         left = f" + {i - 1}*x{i - 1}" if i > 1 else ""
@@ -25,7 +25,7 @@ def oscillator_chain(n: int) -> Document:
 
 
 def cubic_chain(n: int) -> Document:
-    """Springs with a cubic force between neighbours and walls (Fermi, Pasta, Ulam, Tsingou): variational."""
+    """Springs with a cubic force between neighbors and walls (Fermi, Pasta, Ulam, Tsingou): variational."""
 
     def stretch(i: int) -> str:
         left, right = (f"x{k}" if 1 <= k <= n else "0" for k in (i, i + 1))

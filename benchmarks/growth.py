@@ -12,7 +12,7 @@ from benchmarks.isolated import measure
 from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import Symbol, Velocity
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.linear_pde.emission import LocalEquations, advance, start
 
@@ -64,7 +64,7 @@ def _size_row(family: str, n: int, document: Document, limit: float) -> SizeRow:
 
 def against_order(document: Document, highest: int, limit: float, report: Report) -> list[OrderRow]:
     """Orders 0 to `highest` one after the other, whether or not a lower one decides; ends past `limit` seconds."""
-    analysis = analyse(read(document))
+    analysis = analyze(read(document))
     rows: list[OrderRow] = []
     for order in range(highest + 1):
         report(f"{document['name']}, order {order}")

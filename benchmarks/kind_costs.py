@@ -22,7 +22,7 @@ from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import number
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
 from inverse_service.inverse_problem.of_kind import kind_answers
@@ -55,7 +55,7 @@ class Checks:
 
 
 def plain(system: SecondOrderSystem, seed: int) -> None:
-    analysis = analyse(system)
+    analysis = analyze(system)
     found = decide(system, False, seed, analysis=analysis)
     if found.verdict != "undetermined":
         kind_answers.check_certificate(certify.of_decision(analysis, found))  # type: ignore[attr-defined]
@@ -65,7 +65,7 @@ def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
     """Answer about a kind, as if nothing else were known of the system; whether the answer is definite."""
     names, end = system.coordinates, now() + MOST_SECONDS
     if name.startswith("rayleigh"):
-        analysis = analyse(system)
+        analysis = analyze(system)
         found = (
             answer_rayleigh(analysis, (), lambda _: [], seed, end)
             if name == "rayleigh"

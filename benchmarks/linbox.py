@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.families import cubic_chain
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import HelmholtzAt
 from inverse_service.linear_pde.emission import LocalEquations, advance, rows_of_degree, start
 from inverse_service.linear_pde.unknowns import width_below
@@ -30,7 +30,7 @@ def local_equations(n: int, order: int) -> LocalEquations:
     """The conditions for the cubic chain at a random point."""
     document = cubic_chain(n)
     system = read_system(document["coordinates"], document["equations"])
-    return HelmholtzAt(analyse(system), with_time=False).at(2, order)
+    return HelmholtzAt(analyze(system), with_time=False).at(2, order)
 
 
 def ours(local: LocalEquations, order: int) -> tuple[int, float]:

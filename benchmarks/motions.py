@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.measured import conditions, put
-from inverse_service.inverse_problem.constrained.existence import analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
@@ -58,7 +58,7 @@ def measure(document: Mapping[str, Any], limit: float) -> Row:
     """Both, one after the other, each with a limit in processor seconds."""
     began = time.process_time()
     motion = equations_of_motion(to_nonholonomic(to_nonholonomic_schema(document)))
-    found = decide_motion(analyse_motion(motion), False, 1, time.thread_time() + limit, lambda _: None)
+    found = decide_motion(analyze_motion(motion), False, 1, time.thread_time() + limit, lambda _: None)
     decided = time.process_time()
     options = SolveOptions(time_limit=limit)
     answer = solve_nonholonomic({**document, "associated": "any"}, options)["any_associated"]

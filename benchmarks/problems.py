@@ -111,7 +111,7 @@ ROBOT = problem(
     parameters="k",
 )
 # Contact oscillators x' = -y z' in an asymmetric potential. K. Modin, O. Verdier, What makes nonholonomic integrators
-# work?, Numer. Math. 145 (2020) 405: long-time behaviour is good because motions are reversible, so one that is not
+# work?, Numer. Math. 145 (2020) 405: long-time behavior is good because motions are reversible, so one that is not
 # must be looked at. The systems are our own. Without terms linear in the velocities (q, v) -> (q, -v) turns time round
 # whatever the potential: the first is reversible. The magnetic term k z y' of the second changes its sign then; of the
 # reflections that keep the constraint, (x, z) -> -(x, z) and (x, y) -> -(x, y) would undo that, but x^3 breaks them.

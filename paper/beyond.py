@@ -21,7 +21,7 @@ def beyond(folder: Path, progress: Progress) -> tuple[Statement, ...]:
     progress("free constants")
     constants = _free_constants()
     progress("a million steps")
-    return (constants, _centre(), _third(folder), *inclined_edge(folder, progress))
+    return (constants, _center(), _third(folder), *inclined_edge(folder, progress))
 
 
 def _free_constants() -> Statement:
@@ -43,8 +43,8 @@ def _free_constants() -> Statement:
     )  # fmt: skip
 
 
-def _centre() -> Statement:
-    """The centre of the matching circle in a long run."""
+def _center() -> Statement:
+    """The center of the matching circle in a long run."""
     every = 20
     further = {"steps": LONG_STEPS, "record_every": every}
     base = {**WITHOUT_START, "name": "long run", "step": LONG_STEP, **further}
@@ -57,12 +57,12 @@ def _centre() -> Statement:
         rows.append((method["alpha"], circle["centre_drift"] / radius, circle["radius_change"]))
     cells = tuple((alpha, shown(drift), shown(change)) for alpha, drift, change in rows)
     return Statement(
-        "centre", "section 3.2, long runs",
+        "center", "section 3.2, long runs",
         "The variational path follows a circle.",
         finding(rows[0][1] > 1 and abs(rows[0][2]) < 0.05, "correction"),
-        f"In {LONG_STEPS} steps of {LONG_STEP} at alpha = 0 the radius holds, but the circle wanders: its centre moves "
+        f"In {LONG_STEPS} steps of {LONG_STEP} at alpha = 0 the radius holds, but the circle wanders: its center moves "
         "by many radii. At alpha = 1/2 it stays.", CODE,
-        (Table(("alpha", "centre drift / R", "R_last/R_first - 1"), cells),),
+        (Table(("alpha", "center drift / R", "R_last/R_first - 1"), cells),),
     )  # fmt: skip
 
 

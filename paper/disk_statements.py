@@ -121,7 +121,7 @@ def _modified(short: Run, long: Run, folder: Path) -> Statement:
         )
     return Statement(
         "disk-modified", "section 3.2, figure 5",
-        "The modified integrator has the circular behaviour of the variational one and conserves the constraints.",
+        "The modified integrator has the circular behavior of the variational one and conserves the constraints.",
         finding(change > 10 * circle and change < spiral / 5 and defect < 1e-12, "correction"),
         f"It keeps the constraints ({shown(defect)}) and no circle: over the length of the figure its radius changes "
         f"by {shown(100 * change)} %, that of the variational one by {shown(100 * circle)} %, that of the "
@@ -175,7 +175,7 @@ def _number(text: str) -> float:
     return float(top) / float(bottom or 1)
 
 
-HEAD = ("method", "alpha", "off the circle / R", "R_last/R_first - 1", "energy", "constraint", "phase", "centre drift")
+HEAD = ("method", "alpha", "off the circle / R", "R_last/R_first - 1", "energy", "constraint", "phase", "center drift")
 
 
 def _alphas(found: Run, folder: Path) -> Statement:

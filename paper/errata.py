@@ -9,7 +9,7 @@ from inverse_service import catalogue
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, number, subtract
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
@@ -99,7 +99,7 @@ def singular_matrices() -> Statement:
     """A word in the proof of Proposition 1."""
     good = True
     for name in ("nonholonomic-particle-first", "knife-edge-first", "vertically-rolling-disk-first"):
-        chosen = smallest_sufficient_set(analyse(_system(name)))
+        chosen = smallest_sufficient_set(analyze(_system(name)))
         good &= chosen is not None
     return Statement(
         "singular",

@@ -1,4 +1,4 @@
-"""The nonholonomic systems of the paper, and its formulas for them, built from the roles that were recognised."""
+"""The nonholonomic systems of the paper, and its formulas for them, built from the roles that were recognized."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib
 
 from inverse_service.service.figures.paths import path_figure
-from inverse_service.service.figures.style import SETTINGS, TRUE_COLOUR, look, new_figure, save, spread
+from inverse_service.service.figures.style import SETTINGS, TRUE_COLOR, look, new_figure, save, spread
 from inverse_service.service.figures.time_series import series_figure
 from paper.scenes import Run
 from paper.statement import Figure
@@ -43,12 +43,12 @@ def planes(runs: Sequence[Run], pairs: Sequence[tuple[str, str]], folder: Path, 
         grid = figure.subplots(rows, wide, squeeze=False).ravel()
         for axes, (run, (a, b)) in zip(grid, panels, strict=False):
             if run.truth is not None:
-                axes.plot(run.truth[a], run.truth[b], color=TRUE_COLOUR, linewidth=1.2, label="exact")
+                axes.plot(run.truth[a], run.truth[b], color=TRUE_COLOR, linewidth=1.2, label="exact")
             drawn = [m for m in run.result["methods"] if m["label"] in run.tables and m["method"] != "exact"]
             for place, method in enumerate(drawn):
                 table, style = run.tables[method["label"]], look(place, method["method"])
                 axes.plot(
-                    table[a], table[b], color=style.colour, linestyle=style.line, marker=style.marker, markersize=4,
+                    table[a], table[b], color=style.color, linestyle=style.line, marker=style.marker, markersize=4,
                     markevery=spread(len(table[a]), 12, 5 * place), fillstyle="none", label=method["method"],
                 )  # fmt: skip
             axes.set(xlabel=a, ylabel=b, title=f"{ALPHA} = {drawn[0]['alpha']}" if len(runs) > 1 else f"{a}{b}")

@@ -17,7 +17,7 @@ from inverse_service.expressions.tree import (
     subtract,
 )
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.reading import read_system
@@ -149,7 +149,7 @@ def _checked(system: Member, form: int) -> str:
 
 def check_lagrangian(system: SecondOrderSystem, tree: Expression) -> str:
     """The independent checker's verdict on a Lagrangian."""
-    certificate = certify.of_lagrangian(analyse(system), tree, with_time=False)
+    certificate = certify.of_lagrangian(analyze(system), tree, with_time=False)
     return check_certificate(certificate, time_limit=CHECK_SECONDS).verdict
 
 

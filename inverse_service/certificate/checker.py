@@ -243,7 +243,7 @@ class Question:
                 if len(traces) > distinct + SPARE:
                     break
                 try:
-                    traces.append(self.traced(self.expansion(Balls(self, center.neighbour(), None), 0)))
+                    traces.append(self.traced(self.expansion(Balls(self, center.neighbor(), None), 0)))
                 except (Undefined, Unsettled):
                     self.check_time()
             self.plan = Plan(traces, bits, self.check_time)

@@ -204,7 +204,7 @@ class Place:
             self.jets[key] = self.near(self.parent.jet(key)) if self.parent else fresh
         return self.jets[key]
 
-    def neighbour(self) -> Place:
+    def neighbor(self) -> Place:
         return Place(self.generator, {name: self.near(value) for name, value in self.values.items()}, self)
 
 

@@ -54,7 +54,7 @@ def digest_of(*parts: object) -> str:
 
 
 def object_code(ir: str, thorough: bool = False) -> bytes:
-    """The IR optimised and compiled for this processor.
+    """The IR optimized and compiled for this processor.
 
     Subexpressions are already shared, so a single trajectory needs little: LLVM's whole pipeline (`thorough`) takes 8
     to 13 ms more, to compile in 15 to 33 ms, and its steps are no shorter; those of ensembles are, by 0 to 40 %.
@@ -190,13 +190,13 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
     text = kernel_text(program, lanes)
     written = time.perf_counter()
     code = object_code(text, thorough=lanes > 1)
-    optimised = time.perf_counter()
+    optimized = time.perf_counter()
     card = card_of(program, lanes)
     code_store.write(digest, asdict(card), code)
     stored = time.perf_counter()
     machine = load(code)
-    stages = {"derive": derived - begin, "write": written - derived, "compile": optimised - written}
-    stages |= {"store": stored - optimised, "load": time.perf_counter() - stored}
+    stages = {"derive": derived - begin, "write": written - derived, "compile": optimized - written}
+    stages |= {"store": stored - optimized, "load": time.perf_counter() - stored}
     return Compiled(card, machine, stages)
 
 

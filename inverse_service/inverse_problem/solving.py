@@ -21,7 +21,7 @@ from inverse_service.inverse_problem.confirming import (
     telling,
 )
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import (
@@ -107,7 +107,7 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
         printed, left_out = printed_conditions(system)
     seconds = {"conditions": now() - began}
     try:
-        analysis = analyse(system)
+        analysis = analyze(system)
         domain = domain_of(analysis).positive
     except IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)

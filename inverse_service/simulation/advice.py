@@ -71,7 +71,7 @@ def sentence_of(taken: dict[str, Any] | None) -> str:
 
 
 def is_stiff(scene: Scene, accelerations: tuple[Expression, ...]) -> bool:
-    """Whether a real eigenvalue of the linearised motion at the start is fast compared with the length of the run."""
+    """Whether a real eigenvalue of the linearized motion at the start is fast compared with the length of the run."""
     n = len(scene.coordinates)
     table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
     names: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]

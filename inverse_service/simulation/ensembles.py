@@ -134,7 +134,7 @@ def _columns(
 
 
 def _start_momenta(f: Formulas, choice: MethodChoice, columns: Mapping[str, Array]) -> Array:
-    """dL/dv of the Lagrangian that the method discretises, (N, n)."""
+    """dL/dv of the Lagrangian that the method discretizes, (N, n)."""
     velocities = f.symbols("v")
     lagrangian = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
     given = {velocities[k]: value for k, value in f.dependent.items()} if choice.method != "nonholonomic" else {}

@@ -1,4 +1,4 @@
-"""Exact motions by quadrature, for systems recognised by their structure and not by their name.
+"""Exact motions by quadrature, for systems recognized by their structure and not by their name.
 
 Let L have constant coefficients, let the constraints omega_a(r) v = 0 depend on one coordinate r only,
 contain no r', and leave one direction to the n - 1 other coordinates. Then r'' = 0, and the others have

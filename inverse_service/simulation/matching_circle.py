@@ -27,9 +27,9 @@ SAME_CHORD = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """Centre (x, y) and radius in the unit of the coordinates; `misfit` is the root mean square of |p - c| - r."""
+    """Center (x, y) and radius in the unit of the coordinates; `misfit` is the root mean square of |p - c| - r."""
 
-    centre: tuple[float, float]
+    center: tuple[float, float]
     radius: float
     misfit: float = 0.0
 
@@ -48,8 +48,8 @@ class CircleDrift:
 
     @property
     def centre_drift(self) -> float:
-        """The distance of the two centres."""
-        return float(np.hypot(*np.subtract(self.last.centre, self.first.centre)))
+        """The distance of the two centers."""
+        return float(np.hypot(*np.subtract(self.last.center, self.first.center)))
 
 
 def circle_through(points: Array) -> Circle | None:
@@ -63,12 +63,12 @@ def circle_through(points: Array) -> Circle | None:
         return None
     squares = bx * bx + by * by, cx * cx + cy * cy
     shift = np.array([cy * squares[0] - by * squares[1], bx * squares[1] - cx * squares[0]]) / (2 * cross)
-    centre = first + shift
-    return Circle((float(centre[0]), float(centre[1])), float(np.hypot(*shift)))
+    center = first + shift
+    return Circle((float(center[0]), float(center[1])), float(np.hypot(*shift)))
 
 
 def least_squares_circle(points: Array) -> Circle | None:
-    """The circle that minimises sum (|p_k - c| - r)^2 over (m, 2) points; None for fewer than three, or a line.
+    """The circle that minimizes sum (|p_k - c| - r)^2 over (m, 2) points; None for fewer than three, or a line.
 
     Started from the algebraic fit sum (|p_k - c|^2 - r^2)^2, then Gauss-Newton.
     """
@@ -84,8 +84,8 @@ def least_squares_circle(points: Array) -> Circle | None:
     if np.linalg.svd(reduced, compute_uv=False)[-1] <= COLLINEAR * np.sqrt(len(points)):
         return None
     solution = np.linalg.lstsq(matrix, (reduced**2).sum(axis=1), rcond=None)[0]
-    centre = solution[:2] / 2
-    found = _corrected(reduced, centre)
+    center = solution[:2] / 2
+    found = _corrected(reduced, center)
     distances = np.hypot(*(reduced - found).T)
     radius = distances.mean()
     misfit = float(np.sqrt(((distances - radius) ** 2).mean()))
@@ -93,27 +93,27 @@ def least_squares_circle(points: Array) -> Circle | None:
     return Circle((float(absolute[0]), float(absolute[1])), float(scale * radius), scale * misfit)
 
 
-def _corrected(points: Array, centre: Array) -> Array:
+def _corrected(points: Array, center: Array) -> Array:
     """Gauss-Newton on the center, the radius being the mean distance; stops where it no longer gains."""
-    best = _cost(points, centre)
+    best = _cost(points, center)
     for _ in range(MOST_CORRECTIONS):
-        difference = points - centre
+        difference = points - center
         distances = np.hypot(*difference.T)
         if not distances.all():
             break
         directions = -difference / distances[:, None]
         slopes = directions - directions.mean(axis=0)
         step = np.linalg.lstsq(slopes, -(distances - distances.mean()), rcond=None)[0]
-        tried = centre + step
+        tried = center + step
         cost = _cost(points, tried)
         if not cost < best:
             break
-        centre, best = tried, cost
-    return centre
+        center, best = tried, cost
+    return center
 
 
-def _cost(points: Array, centre: Array) -> float:
-    distances = np.hypot(*(points - centre).T)
+def _cost(points: Array, center: Array) -> float:
+    distances = np.hypot(*(points - center).T)
     return float(((distances - distances.mean()) ** 2).sum())
 
 
@@ -189,7 +189,7 @@ def turned(points: Array) -> Array:
 
 def radial_distance(points: Array, circle: Circle) -> Array:
     """| |p_k - c| - r | / r for each of (m, 2) points, dimensionless."""
-    distances = np.hypot(*(np.asarray(points, dtype=float) - np.asarray(circle.centre)).T)
+    distances = np.hypot(*(np.asarray(points, dtype=float) - np.asarray(circle.center)).T)
     found: Array = np.abs(distances - circle.radius) / circle.radius
     return found
 
@@ -197,7 +197,7 @@ def radial_distance(points: Array, circle: Circle) -> Array:
 def phase_error(points: Array, exact: Array) -> Array:
     """The angle in radians by which the path runs ahead of the exact one, (m,) for (m, 2) points.
 
-    It is read off the directions of the chords, so that a centre that drifts and a radius that changes do not
+    It is read off the directions of the chords, so that a center that drifts and a radius that changes do not
     enter; row 0 is that of the first chord.
     """
     if len(points) < 2:

@@ -209,8 +209,8 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
         "radius_first": drift.first.radius,
         "radius_last": drift.last.radius,
         "radius_change": drift.last.radius / drift.first.radius - 1,
-        "centre_first": list(drift.first.centre),
-        "centre_last": list(drift.last.centre),
+        "centre_first": list(drift.first.center),
+        "centre_last": list(drift.last.center),
         "centre_drift": drift.centre_drift,
         "misfit": drift.first.misfit,
         "shape_misfit": _shape(points),
@@ -231,7 +231,7 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
 
 
 def _shape(points: Array) -> float | None:
-    """How far the whole path is from one circle of its own, over its radius: centre and radius do not enter."""
+    """How far the whole path is from one circle of its own, over its radius: center and radius do not enter."""
     whole = least_squares_circle(points)
     return None if whole is None else float(radial_distance(points, whole).max())
 
@@ -241,7 +241,7 @@ def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:
     last = len(points) - 1
     third = max(1, int(last / max(1.0, drift.revolutions) / 3)) if np.isfinite(drift.revolutions) else 1
     circle = circle_through(points[[0, third, 2 * third]])
-    return None if circle is None else {"radius": circle.radius, "centre": list(circle.centre)}
+    return None if circle is None else {"radius": circle.radius, "center": list(circle.center)}
 
 
 def phase_numbers(points: Array, exact: Array) -> tuple[dict[str, Any], Array]:

@@ -1,4 +1,4 @@
-"""Error against work for every method of a scene, measured by rules that favour none.
+"""Error against work for every method of a scene, measured by rules that favor none.
 
 Every method gets the same step sizes over the same length of time; heyoka, which chooses its steps itself, gets
 tolerances. Errors are taken at CHECKS common times against

@@ -102,7 +102,7 @@ def _balance(run: Observed, velocities: Array, points: Array, start: float) -> t
 
 
 def _integral(values: Array, times: Array) -> Array:
-    """The integral from the start, (m,), by the cubic through each point and its neighbours: order 4 in the spacing."""
+    """The integral from the start, (m,), by the cubic through each point and its neighbors: order 4 in the spacing."""
     if len(values) < 3:
         return np.concatenate([[0.0], np.cumsum(np.diff(times) * (values[1:] + values[:-1]) / 2)])
     steps, slopes = np.diff(times), np.gradient(values, times, edge_order=2)

@@ -16,7 +16,7 @@ from inverse_service.certificate.checker import check_certificate, check_result
 from inverse_service.certificate.constraints import Along, FlowExpansion
 from inverse_service.certificate.numbers import Balls
 from inverse_service.inverse_problem.constrained import motion_certificate
-from inverse_service.inverse_problem.constrained.existence import analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from tests.inverse_problem.constrained.motions import disk, motion_of
@@ -63,9 +63,9 @@ PARAMETER = "5/3"
 
 
 def certificate_of(document: Document) -> Document:
-    analysed = analyse_motion(motion_of(document))
+    analyzed = analyze_motion(motion_of(document))
     return motion_certificate.of_finding(
-        analysed, decide_motion(analysed, False, 1, float("inf"), lambda _: None), False
+        analyzed, decide_motion(analyzed, False, 1, float("inf"), lambda _: None), False
     )
 
 

@@ -69,7 +69,7 @@ def test_rows_are_remembered_as_idle_only_if_they_follow(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_random_solution_solves_every_row_and_not_its_neighbour(name: str) -> None:
+def test_a_random_solution_solves_every_row_and_not_its_neighbor(name: str) -> None:
     ring = expansion(name)
     columns = [key for degree in range(ORDER + 1) for key in ring.unknowns(degree)]
     elimination = eliminated(ring)

@@ -43,7 +43,7 @@ def test_bad_lines_become_error_lines_and_the_rest_goes_on(files: tuple[Path, Pa
         json.dumps({"id": "good", **SYSTEM}),
         "",
         "{not json",
-        json.dumps({"id": "unknown", **SYSTEM, "colour": "red"}),
+        json.dumps({"id": "unknown", **SYSTEM, "color": "red"}),
         json.dumps({"id": "good", **SYSTEM}),
         json.dumps(SYSTEM),
         json.dumps({"id": "name", "coordinates": ["x"], "equations": {"x": "-k*x"}}),

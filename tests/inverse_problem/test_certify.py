@@ -15,7 +15,7 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.mechanics.reading import read_system
 from tests.generator import random_right_sides, random_systems
@@ -25,7 +25,7 @@ def certificate(
     equations: dict[str, str], time_dependent: bool = False, parameters: tuple[str, ...] = ()
 ) -> dict[str, Any]:
     system = read_system(list(equations), equations, parameters)
-    analysis = analyse(system)
+    analysis = analyze(system)
     return certify.of_decision(analysis, decide(system, time_dependent, analysis=analysis))
 
 
@@ -114,13 +114,13 @@ def test_no_row_used_is_superfluous() -> None:
 
 @pytest.mark.parametrize(("lagrangian", "verdict"), [("x'*y'-x*y", "valid"), ("x'*y'+x*y", "invalid")])
 def test_a_lagrangian_is_its_own_certificate(lagrangian: str, verdict: str) -> None:
-    analysis = analyse(read_system(["x", "y"], {"x": "-x", "y": "-y"}))
+    analysis = analyze(read_system(["x", "y"], {"x": "-x", "y": "-y"}))
     tree = parse(lagrangian, Names(("x", "y"), ()))
     assert check_certificate(certify.of_lagrangian(analysis, tree, False), seed=3).verdict == verdict
 
 
 def test_an_undetermined_decision_has_no_certificate() -> None:
-    analysis = analyse(read_system(["x"], {"x": "-x"}))
+    analysis = analyze(read_system(["x"], {"x": "-x"}))
     with pytest.raises(ValueError, match="definite"):
         certify.of_decision(analysis, Decision("undetermined", False, 0))
 
@@ -134,7 +134,7 @@ def test_the_real_point_of_the_domain_is_written_down() -> None:
 def test_a_domain_that_is_a_box_leaves_room_about_its_point() -> None:
     """The first point that is met lies close to speed 1, where a box could have but a 64th of its size."""
     text = "-sqrt(1-(cos(A)*R'-R*sin(A)*A')^2)-sqrt(1-(sin(A)*R'+R*cos(A)*A')^2)+log(R*cos(A))"
-    analysis = analyse(read_system(["R", "A"], {"R": "0", "A": "0"}))
+    analysis = analyze(read_system(["R", "A"], {"R": "0", "A": "0"}))
     domain = certify.domain_of(analysis, parse(text, Names(("R", "A"), ())))
     assert domain.point is not None
     assert all(real_sign(tree, domain.point) > 0 for tree in domain.positive)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from inverse_service.deadline import OutOfTime, check, now, until, within
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.mechanics.reading import read_system
@@ -43,7 +43,7 @@ def test_a_search_in_vain_ends_soon_after_its_deadline() -> None:
         "z": "cos(w*x)*x'*y' + z'*w'*tan(y)",
         "w": "sqrt(1 + x^2)*x'*z' - w'*exp(-y*z)",
     }
-    analysis = analyse(read_system(list(equations), equations))
+    analysis = analyze(read_system(list(equations), equations))
     began = now()
     outcome = search(analysis, True, 1, began + 1.0, lambda _: None)
     assert outcome.found is None
@@ -76,12 +76,12 @@ def test_the_same_work_gives_the_same_outcome() -> None:
     outcomes = []
     for _ in range(2):
         reports: list[str] = []
-        analysis = analyse(system)  # which keeps what it has computed
+        analysis = analyze(system)  # which keeps what it has computed
         with within(6_000):
             outcomes.append((search(analysis, False, 1, now() + 60.0, reports.append), reports))
     assert outcomes[0] == outcomes[1]
     with within(150_000):
-        longer = search(analyse(system), False, 1, now() + 60.0, lambda _: None)
+        longer = search(analyze(system), False, 1, now() + 60.0, lambda _: None)
     assert len(longer.tried) > len(outcomes[0][0].tried)
 
 

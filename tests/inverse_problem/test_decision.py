@@ -20,7 +20,7 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, HelmholtzAt, decide
 from inverse_service.linear_pde.involutive_form import Limits, settle
 from inverse_service.mechanics.reading import read_system
@@ -39,7 +39,7 @@ def test_the_theorem_for_one_coordinate_says_what_prolongation_finds(force: str)
     for time_dependent in (False, True):
         found = decide(one, time_dependent)
         with_time = time_dependent or one.depends_on_time
-        card = HelmholtzAt(analyse(one), with_time)
+        card = HelmholtzAt(analyze(one), with_time)
         slow = settle(card, 1, Limits(), lambda _: None)
         assert slow.exists
         assert found.verdict == "variational"

@@ -13,7 +13,7 @@ import sympy
 
 from inverse_service import catalogue
 from inverse_service.algebra.modular import reconstruct, safe_prime
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.explanation.differential_numbers import differential_numbers, sufficient_rows
 from inverse_service.inverse_problem.explanation.differentiated_equations import rows_at, variables_of_question
 from inverse_service.inverse_problem.explanation.negative import explain_negative
@@ -26,7 +26,7 @@ SUM = re.compile(r"^In (.*) all derivatives of g cancel: (.*) = 0\.$")
 
 
 def analysis_of(equations: dict[str, str]) -> Analysis:
-    return analyse(read_system(list(equations), equations))
+    return analyze(read_system(list(equations), equations))
 
 
 def combination(text: str) -> Counter[str]:

@@ -78,7 +78,7 @@ PAIRS = (
         xy("-x*(x^2+y^2)^(-3/2)-x'", "-y/sqrt((x^2+y^2)^3)-y'"),
     ),
     Pair(
-        "two fixed centres",
+        "two fixed centers",
         "vv",
         xy("-(x-1)/((x-1)^2+y^2)^(3/2)-(x+1)/((x+1)^2+y^2)^(3/2)", "-y/((x-1)^2+y^2)^(3/2)-y/((x+1)^2+y^2)^(3/2)"),
         xy(

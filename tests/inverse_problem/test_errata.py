@@ -9,7 +9,7 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.mechanics.reading import read_system
@@ -39,10 +39,10 @@ def test_the_counterexample_to_proposition_3_is_variational(name: str) -> None:
         ("(r2'^2-r2^2+(s'-r2')^2)/2", "invalid"),
     ],
 )
-def test_the_lagrangian_of_the_counterexample_stands_and_its_neighbours_fall(lagrangian: str, verdict: str) -> None:
+def test_the_lagrangian_of_the_counterexample_stands_and_its_neighbors_fall(lagrangian: str, verdict: str) -> None:
     system = catalogue_system("extension-counterexample")
     tree = parse(lagrangian, Names(system.coordinates, ()))
-    assert check_certificate(certify.of_lagrangian(analyse(system), tree, False)).verdict == verdict
+    assert check_certificate(certify.of_lagrangian(analyze(system), tree, False)).verdict == verdict
 
 
 @pytest.mark.parametrize("name", ["extension", "generic-class-with-potential-second", "inclined-knife-edge-second"])
@@ -79,7 +79,7 @@ DIFFERENTIAL = {
 def test_what_every_algebraic_condition_lets_through_is_refused_by_differential_ones(name: str) -> None:
     equations = DIFFERENTIAL[name]
     system = read_system(list(equations), equations)
-    assert smallest_sufficient_set(analyse(system)) is None
+    assert smallest_sufficient_set(analyze(system)) is None
     found = decide(system, True)
     assert verdicts(system) == ("not_variational", "not_variational")
-    assert check_certificate(certify.of_decision(analyse(system), found)).verdict == "valid"
+    assert check_certificate(certify.of_decision(analyze(system), found)).verdict == "valid"

@@ -17,7 +17,7 @@ from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, number, walk
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.hierarchy import hierarchy, smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import entry_symbols, explain_negative
 from inverse_service.inverse_problem.explanation.verification import explain_positive
@@ -59,7 +59,7 @@ def catalogue_system(name: str) -> SecondOrderSystem:
 
 
 def negative(given: SecondOrderSystem, with_time: bool = True) -> Explanation:
-    analysis = analyse(given)
+    analysis = analyze(given)
     return explain_negative(analysis, smallest_sufficient_set(analysis), with_time, time_limit=20)
 
 
@@ -239,7 +239,7 @@ def test_one_coordinate_needs_no_algebra() -> None:
 
 
 def _sentences(equations: dict[str, str], parameters: tuple[str, ...] = ()) -> list[str]:
-    analysis = analyse(read_system(list(equations), equations, parameters))
+    analysis = analyze(read_system(list(equations), equations, parameters))
     return [step.text for step in explain_negative(analysis, smallest_sufficient_set(analysis, 1)).steps]
 
 

@@ -12,7 +12,7 @@ from inverse_service.catalogue import document, entry, names
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.hierarchy import (
     ConditionName,
     all_singular,
@@ -50,7 +50,7 @@ def catalogue_system(name: str) -> SecondOrderSystem:
 
 
 def chosen_names(name: str) -> list[str] | None:
-    found = smallest_sufficient_set(analyse(catalogue_system(name)))
+    found = smallest_sufficient_set(analyze(catalogue_system(name)))
     return None if found is None else [condition.name for condition in found.conditions]
 
 
@@ -84,7 +84,7 @@ def test_the_hierarchy_decides_larger_negative_systems(name: str) -> None:
 
 def test_no_variational_system_of_up_to_three_coordinates_is_refused() -> None:
     for name in small_systems("variational", 3):
-        assert smallest_sufficient_set(analyse(catalogue_system(name)), depth=2) is None, name
+        assert smallest_sufficient_set(analyze(catalogue_system(name)), depth=2) is None, name
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_the_smallest_set_is_named(name: str, expected: list[str]) -> None:
 
 @pytest.mark.parametrize("name", ["knife-edge-first", "lie-a4-7", "three-d-4"])
 def test_no_equation_of_the_set_can_be_left_out(name: str) -> None:
-    analysis = analyse(catalogue_system(name))
+    analysis = analyze(catalogue_system(name))
     found = smallest_sufficient_set(analysis)
     assert found is not None
     depth = max(condition.order for condition in found.conditions) - 2
@@ -114,25 +114,25 @@ def test_no_equation_of_the_set_can_be_left_out(name: str) -> None:
 
 
 def test_one_coordinate_has_no_algebraic_condition() -> None:
-    analysis = analyse(system({"x": "-x^3 - x'"}))
+    analysis = analyze(system({"x": "-x^3 - x'"}))
     assert tensors_at(local_motion(analysis, 1, 4), 2).rows == {}
     assert smallest_sufficient_set(analysis) is None
 
 
 def test_free_motion_leaves_every_g() -> None:
-    table = tensors_at(local_motion(analyse(system({"x": "0", "y": "0", "z": "0"})), 1, 4), 2)
+    table = tensors_at(local_motion(analyze(system({"x": "0", "y": "0", "z": "0"})), 1, 4), 2)
     assert len(table.kernel(list(table.rows))) == len(unknowns(3)) == 6
 
 
 def test_the_values_do_not_depend_on_how_atoms_are_written() -> None:
     # sin 2u taken as independent of sin u and cos u would refuse this pendulum on a sphere.
     written = system({"a": "sin(2a)*b'^2/2 - sin(a)", "b": "-2*a'*b'*cot(a)"})
-    assert smallest_sufficient_set(analyse(written), depth=2) is None
+    assert smallest_sufficient_set(analyze(written), depth=2) is None
 
 
 def test_a_denominator_that_is_identically_zero_is_refused() -> None:
     with pytest.raises(IrreducibleAtoms):
-        local_motion(analyse(system({"x": "y'/(sin(2x) - 2*sin(x)*cos(x))", "y": "0"})), 1, 2)
+        local_motion(analyze(system({"x": "y'/(sin(2x) - 2*sin(x)*cos(x))", "y": "0"})), 1, 2)
 
 
 def test_the_determinant_test_knows_spaces_of_singular_matrices() -> None:
@@ -150,7 +150,7 @@ def test_the_kernel_is_orthogonal_to_the_rows() -> None:
 
 
 def test_the_unique_direction_of_a_natural_system_is_found() -> None:
-    found = unique_direction(analyse(catalogue_system("henon-heiles")), seed=1)
+    found = unique_direction(analyze(catalogue_system("henon-heiles")), seed=1)
     assert found is not None
     assert [condition.name for condition in found.conditions] == ["Phi", "nabla Phi"]
 

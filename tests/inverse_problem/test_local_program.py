@@ -13,7 +13,7 @@ from inverse_service.algebra.series_program import TooLarge
 from inverse_service.algebra.tower import draw_point
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.inverse_problem.decision import deciding
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.local_system import equations, local_system
 from inverse_service.inverse_problem.kinds import helmholtz
@@ -44,7 +44,7 @@ def system_of(equations_of: dict[str, str], parameters: list[str]) -> SecondOrde
 
 def both(system: SecondOrderSystem, with_time: bool, order: int) -> tuple[tuple[Equations, ...], ...]:
     """The equations by compiled and by sparse series, at the same point."""
-    analysis = analyse(system)
+    analysis = analyze(system)
     point = draw_point(analysis.tower, 3)
     velocities = [Velocity(name) for name in system.coordinates]
     variables: list[Variable] = [*[TIME] * with_time, *(Symbol(name) for name in system.coordinates), *velocities]
@@ -87,7 +87,7 @@ def test_the_rows_are_those_of_sparse_series(
     equations_of: dict[str, str], parameters: list[str], with_time: bool
 ) -> None:
     system = system_of(equations_of, parameters)
-    order, prime = 2, draw_point(analyse(system).tower, 3).prime
+    order, prime = 2, draw_point(analyze(system).tower, 3).prime
     for compiled, sparse in zip(*both(system, with_time, order), strict=True):
         assert (compiled.kind, compiled.indices) == (sparse.kind, sparse.indices)
         for degree in range(order + (compiled.kind == "H3")):

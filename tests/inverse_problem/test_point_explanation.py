@@ -10,7 +10,7 @@ import pytest
 from inverse_service import catalogue
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import Apply, Expression
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import entry_symbols, explain_negative
 from inverse_service.inverse_problem.explanation.numbers_at_a_point import has_points, is_real, numbers_at_a_point
@@ -23,7 +23,7 @@ LONG = ["poynting-robertson", "pendulum-on-viscous-cart", "generic-class-with-po
 
 def analysis_of(name: str) -> Analysis:
     document = catalogue.document(name)
-    return analyse(
+    return analyze(
         read_system(
             document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
         )
@@ -79,7 +79,7 @@ def test_roots_are_rational_at_the_point() -> None:
 def test_numbers_need_no_real_point_where_functions_are_independent() -> None:
     """x stands both bare and in log(x): free values of the two are those of no real point, and prove as much."""
     system = read_system(["x", "y"], {"x": "y*log(x)+x'", "y": "-x'*y*x"})
-    analysis = analyse(system)
+    analysis = analyze(system)
     chosen = smallest_sufficient_set(analysis)
     assert chosen is not None
     numbers = numbers_at_a_point(analysis, chosen)
@@ -94,13 +94,13 @@ def test_velocities_are_chosen_so_that_roots_come_out() -> None:
     f = "(1 - {0}'^2)^(3/2)*({1}) - {0}'"
     forces = {"u": "v - 2*w", "v": "u", "w": "w^2 - 2*u"}
     system = read_system(list(forces), {name: f.format(name, force) for name, force in forces.items()})
-    found = explain_negative(analyse(system), smallest_sufficient_set(analyse(system)))
+    found = explain_negative(analyze(system), smallest_sufficient_set(analyze(system)))
     assert found.complete
 
 
 @pytest.mark.parametrize("equations", [{"x": "x*y'", "y": "pi*x"}, {"x": "x*y'", "y": "sin(1)*x"}])
 def test_numbers_such_as_pi_get_no_value(equations: dict[str, str]) -> None:
-    assert not has_points(analyse(read_system(["x", "y"], equations)))
+    assert not has_points(analyze(read_system(["x", "y"], equations)))
 
 
 @pytest.mark.parametrize(
@@ -110,12 +110,12 @@ def test_numbers_such_as_pi_get_no_value(equations: dict[str, str]) -> None:
      ("exp(x) - exp(x + 2)", False)],
 )  # fmt: skip
 def test_a_point_is_real_where_the_arguments_can_be_chosen(f: str, real: bool) -> None:
-    assert is_real(analyse(read_system(["x", "y"], {"x": f, "y": "0"}))) is real
+    assert is_real(analyze(read_system(["x", "y"], {"x": f, "y": "0"}))) is real
 
 
 def closing(equations: dict[str, str]) -> str:
     system = read_system(list(equations), equations)
-    analysis = analyse(system)
+    analysis = analyze(system)
     chosen = smallest_sufficient_set(analysis)
     assert chosen is not None
     numbers = numbers_at_a_point(analysis, chosen)

@@ -11,7 +11,7 @@ import pytest
 
 from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.truncated_series import SingularPoint
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
 from inverse_service.linear_pde import involutive_form as settling
 from inverse_service.linear_pde.emission import LocalEquations
@@ -22,7 +22,7 @@ OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
 
 
 def run_of(seed: int) -> settling._Run:
-    return settling._Run(HelmholtzAt(analyse(OSCILLATORS), False), seed, Limits(), lambda _: None)
+    return settling._Run(HelmholtzAt(analyze(OSCILLATORS), False), seed, Limits(), lambda _: None)
 
 
 def test_after_singular_points_others_are_taken_and_nothing_of_them_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

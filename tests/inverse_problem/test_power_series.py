@@ -10,7 +10,7 @@ import pytest
 from inverse_service.algebra.tower import draw_point
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.power_series import count, is_rational, prolonged, regular_series
 from inverse_service.inverse_problem.options import SolveOptions
@@ -34,7 +34,7 @@ SYSTEMS = [
 
 def decided(equations: dict[str, str], parameters: tuple[str, ...], with_time: bool) -> tuple[Analysis, Decision]:
     system = read_system(list(equations), equations, parameters)
-    analysis = analyse(system)
+    analysis = analyze(system)
     return analysis, decide(system, with_time, analysis=analysis)
 
 
@@ -95,14 +95,14 @@ def test_a_series_that_is_prolonged_far_enough_goes_on() -> None:
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_unknowns_are_counted_right(n: int, with_time: bool) -> None:
     equations = {name: f"-{name}" for name in "xyz"[:n]}
-    analysis = analyse(read_system(list(equations), equations))
+    analysis = analyze(read_system(list(equations), equations))
     prolongation = prolonged(analysis, draw_point(analysis.tower, 1), with_time, 3)
     assert [count(n, with_time, order) for order in range(4)] == [prolongation.width(order) for order in range(4)]
 
 
 @pytest.mark.parametrize("force", ["sin(x)", "sqrt(x)", "exp(x')", "x^(1/3)", "log(x)*x'", "A(x)"])
 def test_only_rational_systems_have_a_series(force: str) -> None:
-    analysis = analyse(read_system(["x"], {"x": force}, (), {"A": ["x"]}))
+    analysis = analyze(read_system(["x"], {"x": force}, (), {"A": ["x"]}))
     assert not is_rational(analysis)
     with pytest.raises(ValueError, match="rational"):
         regular_series(analysis, False, 2, seed=1)

@@ -12,7 +12,7 @@ import sympy
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.tree import number
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
 from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
@@ -99,7 +99,7 @@ def verdict_on(name: str, text: str) -> str:
     variables = ["x", "y", "z"][: 2 + ("z" in text)]
     given = read_given(variables, text, [], {})
     system = read_system(coordinates=variables, equations=text, parameters=[], functions={})
-    analysis, end, names = analyse(system), float("inf"), system.coordinates
+    analysis, end, names = analyze(system), float("inf"), system.coordinates
     if name == "rayleigh":
         found = answer_rayleigh(analysis, given.residuals, lambda _: [], 1, end)
     elif name == "rayleigh_general":

@@ -10,7 +10,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.power_series import RationalSeries, rational_series
 from inverse_service.inverse_problem.options import SolveOptions
@@ -28,7 +28,7 @@ SYSTEMS = [
 
 
 def found(equations: dict[str, str], with_time: bool, order: int) -> tuple[Analysis, Decision, RationalSeries]:
-    analysis = analyse(read_system(list(equations), equations, ["a"]))
+    analysis = analyze(read_system(list(equations), equations, ["a"]))
     decision = decide(analysis.system, with_time, analysis=analysis)
     series = rational_series(analysis, with_time, order, decision.order - 1 - decision.degree)
     assert series is not None
@@ -70,7 +70,7 @@ def test_a_longer_series_begins_with_the_shorter_one() -> None:
 
 @pytest.mark.parametrize("force", ["-sin(x)", "-sqrt(x)", "-pi*x"])
 def test_systems_that_are_not_rational_over_the_rationals_have_none(force: str) -> None:
-    assert rational_series(analyse(read_system(["x"], {"x": force})), False, 2) is None
+    assert rational_series(analyze(read_system(["x"], {"x": force})), False, 2) is None
 
 
 def test_the_explanation_shows_it_where_no_closed_form_was_found() -> None:
@@ -84,7 +84,7 @@ def test_the_explanation_shows_it_where_no_closed_form_was_found() -> None:
 
 
 def series_of(equations: dict[str, str], order: int = 2, spare: int = 0) -> RationalSeries | None:
-    return rational_series(analyse(read_system(list(equations), equations)), False, order, spare)
+    return rational_series(analyze(read_system(list(equations), equations)), False, order, spare)
 
 
 @pytest.mark.parametrize(

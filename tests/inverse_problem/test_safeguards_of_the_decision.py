@@ -8,7 +8,7 @@ import pytest
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
 from inverse_service.linear_pde import involution
 from inverse_service.linear_pde import involutive_form as settling
@@ -92,7 +92,7 @@ def test_only_a_positive_verdict_has_a_degree_and_a_symbol() -> None:
 def test_consequences_that_are_not_needed_are_not_traced(equations: dict[str, str], count: int) -> None:
     """g_11 = g_12 = 0 or the like suffices: without any one of the rows named the proof falls."""
     system = read_system(["x", "y"], equations)
-    analysis = analyse(system)
+    analysis = analyze(system)
     proof = certify.of_decision(analysis, decide(system, False, analysis=analysis))
     assert check_certificate(proof, seed=1).verdict == "valid"
     assert len(proof["rows"]) >= count

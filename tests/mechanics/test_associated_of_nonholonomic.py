@@ -23,13 +23,13 @@ from inverse_service.expressions.tree import (
     subtract,
 )
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, Kind, associated
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers, written
-from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised, rotation
+from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognized, rotation
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -43,14 +43,14 @@ KNOWN = [
 
 
 def member_of(document: dict[str, Any]) -> PaperClass:
-    member, reason = recognised(geometry(read_nonholonomic(**document)))
+    member, reason = recognized(geometry(read_nonholonomic(**document)))
     assert member is not None, reason
     return member
 
 
 def system_of(document: dict[str, Any], kind: Kind) -> AssociatedSystem:
     parts = geometry(read_nonholonomic(**document))
-    member, reason = recognised(parts)
+    member, reason = recognized(parts)
     return associated(eliminate_multipliers(parts, member.frame if member else frames(parts)[0]), member, reason, kind)
 
 
@@ -88,7 +88,7 @@ def test_the_systems_of_the_catalogue_follow_from_lagrangian_and_constraints(nam
 
 
 @pytest.mark.parametrize("name", FIVE[:2])
-def test_the_class_is_recognised_in_every_order_of_the_coordinates(name: str) -> None:
+def test_the_class_is_recognized_in_every_order_of_the_coordinates(name: str) -> None:
     document = catalogue.document(name)
     found = system_of(document, "second").system
     assert found is not None
@@ -102,7 +102,7 @@ def test_the_class_is_recognised_in_every_order_of_the_coordinates(name: str) ->
 
 
 @pytest.mark.parametrize("name", FIVE)
-def test_the_class_is_recognised_under_other_names(name: str) -> None:
+def test_the_class_is_recognized_under_other_names(name: str) -> None:
     document = catalogue.document(name)
     names = {old: f"q_{k}" for k, old in enumerate(document["coordinates"])}
 
@@ -133,7 +133,7 @@ def test_the_class_is_recognised_under_other_names(name: str) -> None:
 )
 def test_outside_the_class_the_reason_is_given(change: dict[str, Any], word: str) -> None:
     plain = catalogue.document("nonholonomic-particle")
-    member, reason = recognised(geometry(read_nonholonomic(**plain | change)))
+    member, reason = recognized(geometry(read_nonholonomic(**plain | change)))
     assert member is None
     assert word in reason
     third = system_of(plain | change, "third")
@@ -147,7 +147,7 @@ ALL = {name: catalogue.document(name) for name in catalogue.names("nonholonomic"
 @pytest.mark.parametrize("name", ALL)
 def test_every_associated_system_holds_the_motion(name: str) -> None:
     parts = geometry(read_nonholonomic(**ALL[name]))
-    member, reason = recognised(parts)
+    member, reason = recognized(parts)
     exact = eliminate_multipliers(parts, member.frame if member else frames(parts)[0])
     motion = written(exact)
     table: dict[Expression, Expression] = {
@@ -213,7 +213,7 @@ def test_the_checker_confirms_the_lagrangians_of_the_class(name: str, counts: tu
         system = system_of(ALL[name], kind).system
         assert system is not None
         for proposal in found[kind]:
-            certificate = certify.of_lagrangian(analyse(system), proposal.lagrangian, with_time=False)
+            certificate = certify.of_lagrangian(analyze(system), proposal.lagrangian, with_time=False)
             assert check_certificate(certificate, time_limit=20).verdict == "valid"
 
 

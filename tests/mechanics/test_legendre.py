@@ -379,9 +379,9 @@ def test_a_wrong_claim_does_not_pass_the_self_check() -> None:
     assert judge(Claim(velocities=(p,), hamiltonian=p, **right), [], points) is None
     wrong = tree("sqrt(p_x^2)", ["x"], momenta=True)
     assert judge(Claim(velocities=(wrong,), hamiltonian=energy, **right), [], points) is None
-    judgement = judge(Claim(velocities=(wrong,), hamiltonian=energy, **right), [Velocity("x")], points)
-    assert judgement is not None
-    assert judgement.conditions == (Velocity("x"),)
+    judgment = judge(Claim(velocities=(wrong,), hamiltonian=energy, **right), [Velocity("x")], points)
+    assert judgment is not None
+    assert judgment.conditions == (Velocity("x"),)
 
 
 ENTRIES = st.sampled_from(["0", "1", "-2", "x", "1 + y^2", "exp(x)", "cos(y)", "1/x", "m"])

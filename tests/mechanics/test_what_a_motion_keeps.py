@@ -144,7 +144,7 @@ def found_in(name: str) -> Integrability:
         ("moving constraint", 0, (1, 2)),
     ],
 )
-def test_holonomic_constraints_are_recognised(name: str, integrable: int, growth: tuple[int, ...]) -> None:
+def test_holonomic_constraints_are_recognized(name: str, integrable: int, growth: tuple[int, ...]) -> None:
     found = found_in(name)
     assert (found.integrable, found.growth) == (integrable, growth)
     assert found.holonomic == (integrable == found.count)

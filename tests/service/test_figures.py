@@ -1,4 +1,4 @@
-"""Figures show what was observed, tell methods apart without colour, and say the finding."""
+"""Figures show what was observed, tell methods apart without color, and say the finding."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_eight_methods_differ_in_line_and_marker() -> None:
     looks = [look(place, "variational") for place in range(8)]
     assert len({str(one.line) for one in looks}) == 8
     assert len({one.marker for one in looks}) == 8
-    assert len({one.colour for one in looks}) == 8
+    assert len({one.color for one in looks}) == 8
 
 
 def test_paths_have_equal_axes_and_the_true_motion(disk: dict[str, Any]) -> None:
@@ -40,7 +40,7 @@ def test_paths_have_equal_axes_and_the_true_motion(disk: dict[str, Any]) -> None
     for method, found in zip(disk["result"]["methods"], circles, strict=True):
         (line,) = found
         known = method["circle"]["through_three_points"]
-        x, y = line.get_xdata() - known["centre"][0], line.get_ydata() - known["centre"][1]
+        x, y = line.get_xdata() - known["center"][0], line.get_ydata() - known["center"][1]
         assert np.allclose(np.hypot(x, y), known["radius"])
     assert "changes least by nonholonomic-0.5" in caption
     assert "most by nonholonomic-1 (a factor 531)" in caption

@@ -163,7 +163,7 @@ REFUSALS: dict[str, tuple[dict[str, Any], str, str]] = {
     "a multiple for no coordinate": (DISK | {"multiples": {"q": "0"}}, "/multiples/q", "not a coordinate"),
     "an acceleration in a multiple": (DISK | {"multiples": {"x": "x''"}}, "/multiples/x", "acceleration"),
     "an unknown kind": (DISK | {"associated": "fourth"}, "/associated", "first"),
-    "an unknown key": (DISK | {"colour": 1}, "/colour", "nonholonomic system"),
+    "an unknown key": (DISK | {"color": 1}, "/color", "nonholonomic system"),
     "both kinds": ({"coordinates": ["x"], "lagrangian": "x'^2", "equations": {"x": "0"}}, "/equations", "one or the"),
     "no Lagrangian": ({"coordinates": ["x", "y"], "constraints": ["x'"]}, "/lagrangian", "missing"),
     "a constraint that is a number": (SPHERE | {"constraints": [1]}, "/constraints/0", "formula"),

@@ -1,4 +1,4 @@
-"""Scenes that once ended `completed` and were wrong, or took their neighbours with them: now right, or typed."""
+"""Scenes that once ended `completed` and were wrong, or took their neighbors with them: now right, or typed."""
 
 from __future__ import annotations
 

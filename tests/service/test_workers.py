@@ -127,12 +127,12 @@ def test_a_task_that_uses_many_threads_is_ended_by_its_processor_time(workers: W
     assert workers.run(signal.raise_signal, (signal.SIGXCPU,), 30.0).status == "deadline"
 
 
-def test_a_neighbour_is_unharmed_by_five_gigabytes() -> None:
+def test_a_neighbor_is_unharmed_by_five_gigabytes() -> None:
     pool = Workers(2, MEMORY)
     pool.start()
-    neighbour = pool.submit(Call(busy, (0.5,), 30.0))
+    neighbor = pool.submit(Call(busy, (0.5,), 30.0))
     assert pool.run(bytearray, (5 * 2**30,), 30.0).status == "memory"
-    assert neighbour.outcome.result().status == "done"
+    assert neighbor.outcome.result().status == "done"
     pool.stop()
 
 

@@ -1,4 +1,4 @@
-"""The exact motion is that of the closed forms, recognised by structure; elsewhere the reason is given."""
+"""The exact motion is that of the closed forms, recognized by structure; elsewhere the reason is given."""
 
 from __future__ import annotations
 

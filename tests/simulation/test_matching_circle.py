@@ -18,16 +18,16 @@ from inverse_service.simulation.matching_circle import (
 )
 
 
-def arc(centre: tuple[float, float], radius: float, angles: np.ndarray) -> np.ndarray:
-    return np.column_stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)])
+def arc(center: tuple[float, float], radius: float, angles: np.ndarray) -> np.ndarray:
+    return np.column_stack([center[0] + radius * np.cos(angles), center[1] + radius * np.sin(angles)])
 
 
-@pytest.mark.parametrize(("centre", "radius"), [((0.0, 0.0), 1.0), ((1e3, -2.0), 0.5), ((-3.0, 4.0), 1e-4)])
-def test_three_points_of_a_circle_give_it_back(centre: tuple[float, float], radius: float) -> None:
-    found = circle_through(arc(centre, radius, np.array([0.1, 1.3, 4.0])))
+@pytest.mark.parametrize(("center", "radius"), [((0.0, 0.0), 1.0), ((1e3, -2.0), 0.5), ((-3.0, 4.0), 1e-4)])
+def test_three_points_of_a_circle_give_it_back(center: tuple[float, float], radius: float) -> None:
+    found = circle_through(arc(center, radius, np.array([0.1, 1.3, 4.0])))
     assert found is not None
     assert found.radius == pytest.approx(radius, rel=1e-8)
-    assert found.centre == pytest.approx(centre, abs=1e-8)
+    assert found.center == pytest.approx(center, abs=1e-8)
 
 
 @pytest.mark.parametrize("points", [
@@ -50,13 +50,13 @@ def test_the_fit_is_a_minimum_of_the_distances() -> None:
     found = least_squares_circle(points)
     assert found is not None
 
-    def misfit(centre: tuple[float, float]) -> float:
-        distances = np.hypot(*(points - np.array(centre)).T)
+    def misfit(center: tuple[float, float]) -> float:
+        distances = np.hypot(*(points - np.array(center)).T)
         return float(np.sqrt(((distances - distances.mean()) ** 2).mean()))
 
-    assert misfit(found.centre) == pytest.approx(found.misfit, rel=1e-9)
+    assert misfit(found.center) == pytest.approx(found.misfit, rel=1e-9)
     for dx, dy in [(1e-3, 0), (-1e-3, 0), (0, 1e-3), (0, -1e-3)]:
-        assert misfit((found.centre[0] + dx, found.centre[1] + dy)) > found.misfit
+        assert misfit((found.center[0] + dx, found.center[1] + dy)) > found.misfit
 
 
 @pytest.mark.parametrize("points", [
@@ -76,7 +76,7 @@ def test_the_drift_of_a_steady_circle_is_nothing() -> None:
     assert drift.last.radius == pytest.approx(drift.first.radius, rel=1e-11)
 
 
-def test_a_moving_centre_and_a_growing_radius_are_told_apart() -> None:
+def test_a_moving_center_and_a_growing_radius_are_told_apart() -> None:
     angles = 0.05 * np.arange(2001)
     growing = circle_drift(arc((0, 0), 1, angles) * (1 + 0.001 * angles)[:, None])
     moving = circle_drift(arc((0, 0), 1, angles) + np.column_stack([0.001 * angles, 0 * angles]))
@@ -125,7 +125,7 @@ def test_radial_distance_and_phase_are_what_was_put_in() -> None:
 
 @pytest.mark.parametrize("every", [1, 20, 41])
 def test_a_spiral_in_step_has_no_phase_error(every: int) -> None:
-    """Whatever its radius and centre do, and however few points are recorded."""
+    """Whatever its radius and center do, and however few points are recorded."""
     angles = 0.2 * np.arange(2000)[::every]
     exact = arc((0, 0), 2, angles)
     error = phase_error(exact * 0.5 + np.array([7.0, 1.0]), exact)

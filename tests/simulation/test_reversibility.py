@@ -1,4 +1,4 @@
-"""Good long-time behaviour of the nonholonomic method is that of reversible motions: measured on two oscillators."""
+"""Good long-time behavior of the nonholonomic method is that of reversible motions: measured on two oscillators."""
 
 from __future__ import annotations
 

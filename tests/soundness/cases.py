@@ -12,7 +12,7 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.reading import read_system
@@ -70,7 +70,7 @@ def decided(equations: dict[str, str], with_time: bool) -> Decided:
     system = read_system(list(equations), equations)
     limits = Limits(deadline=now() + DECISION_LIMIT)
     try:
-        analysis = analyse(system)
+        analysis = analyze(system)
     except IrreducibleAtoms as problem:
         return Decided(None, Decision("undetermined", with_time, 0, reason=problem.detail))
     return Decided(analysis, decide(system, with_time, limits=limits, analysis=analysis))

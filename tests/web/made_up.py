@@ -18,7 +18,7 @@ GOOD = ("-x", "-k*x", "x*y'", "sin(x)", "x'^2/(1+y^2)", "-x^3+t", "y'/x", "exp(-
 ODD: tuple[Any, ...] = (None, True, 0, -1, 1.5, "", "x", [], {}, [[]], {"x": {}}, "\u0000", ["x", "x"], 10**30,
                         "a" * 5000)  # fmt: skip
 KEYS = ("name", "coordinates", "equations", "parameters", "functions", "time_dependent_lagrangian", "ansatz", "options",
-        "lagrangian", "constraints", "associated", "colour", "")  # fmt: skip
+        "lagrangian", "constraints", "associated", "color", "")  # fmt: skip
 
 
 def formula(dice: random.Random) -> str:
@@ -124,7 +124,7 @@ def scene(dice: random.Random) -> dict[str, Any]:
     if whole is disk:
         found["parameters"] = dict.fromkeys("MIJR", number((1, 2, 1e-8, 1e8)))
     if dice.random() < 0.1:
-        found[number(("step", "observe", "methods", "initial", "effects", "colour"))] = number(ODD)
+        found[number(("step", "observe", "methods", "initial", "effects", "color"))] = number(ODD)
     return found
 
 

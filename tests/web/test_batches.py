@@ -67,7 +67,7 @@ def test_bad_lines_are_problem_objects_and_the_rest_goes_on(client: httpx.Client
         "",
         json.dumps(system(2, id="ok")),
         json.dumps(system(3, id="ok")),
-        json.dumps({"id": "k", "colour": 1}),
+        json.dumps({"id": "k", "color": 1}),
         '{"id": "n", "equations": NaN}',
     ]
     response = client.post("/v1/batches", content="\n".join(lines), headers=NDJSON)

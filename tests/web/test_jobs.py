@@ -99,7 +99,7 @@ def test_another_limit_is_another_question(client: httpx.Client) -> None:
 @pytest.mark.parametrize(
     "options",
     [{"time_limit": 11}, {"time_limit": 0}, {"time_limit": True}, {"time_limit": "5"}, {"memory_limit": 10**6},
-     {"memory_limit": 1}, {"seed": -1}, {"seed": 1.5}, {"colour": 1}, [], "fast", 3],
+     {"memory_limit": 1}, {"seed": -1}, {"seed": 1.5}, {"color": 1}, [], "fast", 3],
 )  # fmt: skip
 def test_options_beyond_the_server_or_unknown_are_refused(client: httpx.Client, options: Any) -> None:
     response = client.post("/v1/solve", json=easy() | {"options": options})

@@ -125,7 +125,7 @@ def test_without_keys_there_is_nothing_to_log_in_to() -> None:
     assert form.headers["location"] == "/"
 
 
-def test_colours_are_remembered_and_can_be_given_back_to_the_system() -> None:
+def test_colors_are_remembered_and_can_be_given_back_to_the_system() -> None:
     chosen, page, nonsense, again = ask(
         ("POST", "/theme", {"data": {"theme": "dark", "back": "/learn"}}), get("/learn"),
         ("POST", "/theme", {"data": {"theme": "'><script>", "back": "//evil.example"}}), get("/learn"), keys=False,

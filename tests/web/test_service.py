@@ -72,8 +72,8 @@ def test_the_column_of_a_formula_is_told(client: httpx.Client) -> None:
 
 
 def test_every_fault_of_the_shape_is_told_at_once(client: httpx.Client) -> None:
-    found = problem(client.post("/v1/solve", json={"coordinates": 1, "colour": 2}), 422)
-    assert {place["pointer"] for place in found["errors"]} == {"/coordinates", "/equations", "/colour"}
+    found = problem(client.post("/v1/solve", json={"coordinates": 1, "color": 2}), 422)
+    assert {place["pointer"] for place in found["errors"]} == {"/coordinates", "/equations", "/color"}
 
 
 def test_raw_input_is_never_echoed(client: httpx.Client) -> None:

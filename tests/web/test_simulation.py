@@ -72,7 +72,7 @@ def test_files_of_the_page_hold_every_recorded_step(client: httpx.Client) -> Non
 
 
 @pytest.mark.parametrize(("changes", "pointer"), [
-    ({"steps": 0}, "/steps"), ({"colour": 1}, "/colour"), ({"parameters": {}}, "/parameters"),
+    ({"steps": 0}, "/steps"), ({"color": 1}, "/color"), ({"parameters": {}}, "/parameters"),
     ({"step": "exp(1000)"}, "/step"), ({"system": {"catalogue": "none"}}, "/system/catalogue"),
 ])  # fmt: skip
 def test_bad_scenes_are_problem_documents(client: httpx.Client, changes: dict[str, Any], pointer: str) -> None:

@@ -34,7 +34,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.search.factors import position_monomials, products
 from inverse_service.inverse_problem.search.linear_ansatz import solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, distinct, gather
@@ -73,7 +73,7 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
     try:
         with until(deadline):
             constrained = {v: to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, Velocity)}
-            analysis = replace(analyse(_plain(first_system(motion), deadline)), constrained=constrained)
+            analysis = replace(analyze(_plain(first_system(motion), deadline)), constrained=constrained)
             return _first_found(motion, gather(analysis, with_time), analysis, seed)
     except (IrreducibleAtoms, TooManyTerms, OutOfTime):
         return []

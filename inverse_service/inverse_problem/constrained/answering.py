@@ -16,7 +16,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Number, Power, Velocity, walk
 from inverse_service.inverse_problem.constrained import motion_certificate
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
-from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.existence import AnalyzedMotion, analyze_motion, decide_motion
 from inverse_service.inverse_problem.constrained.lagrangian import (
     ClosedFunctions,
     JetOnConstraints,
@@ -106,14 +106,14 @@ def answer_motion(
     """Both questions; `known` are Lagrangians of associated systems. There is a report on H for EquationsOfMotion."""
     work = _Work(motion, known, seed, deadline, progress)
     try:
-        analysed = analyse_motion(motion)
+        analyzed = analyze_motion(motion)
     except IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     both = time_dependent is None and not motion.depends_on_time
-    first = _answer(work, analysed, with_time=not both and (time_dependent is not False or motion.depends_on_time))
+    first = _answer(work, analyzed, with_time=not both and (time_dependent is not False or motion.depends_on_time))
     if not both or first.verdict == "variational":
         return first
-    other = _answer(work, analysed, with_time=True)
+    other = _answer(work, analyzed, with_time=True)
     if other.verdict == "not_variational":
         return other  # no L(t, q, q'), so no L(q, q')
     return MotionAnswer(
@@ -127,33 +127,33 @@ def answer_motion(
     )
 
 
-def _answer(work: _Work, analysed: AnalysedMotion, with_time: bool) -> MotionAnswer:
+def _answer(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> MotionAnswer:
     limit = now() + _SHARE_OF_DECISION * work.left()
-    found = decide_motion(analysed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
+    found = decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
     if found.exists is False:
-        return _proven(work, analysed, found, with_time, "not_variational")
+        return _proven(work, analyzed, found, with_time, "not_variational")
     for lagrangian in _lagrangians(work, with_time):
-        certificate = motion_certificate.of_lagrangian(analysed, lagrangian.lagrangian.expression, with_time)
+        certificate = motion_certificate.of_lagrangian(analyzed, lagrangian.lagrangian.expression, with_time)
         if _is_valid(certificate, work.left()):
             steps = (
-                *finding_steps(analysed, found, with_time),
+                *finding_steps(analyzed, found, with_time),
                 *lagrangian_steps(lagrangian.lagrangian.expression, lagrangian.jet),
             )
             size = freedom(found, len(work.motion.coordinates), with_time)
             return MotionAnswer("variational", "variational", "", (certificate,), lagrangian, size, steps)
     if found.exists is None:
         return MotionAnswer("undetermined", "undetermined", open_reason(found))
-    return _proven(work, analysed, found, with_time, "variational")
+    return _proven(work, analyzed, found, with_time, "variational")
 
 
-def _proven(work: _Work, analysed: AnalysedMotion, found: Finding, with_time: bool, verdict: Verdict) -> MotionAnswer:
-    certificate = motion_certificate.of_finding(analysed, found, with_time)
+def _proven(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool, verdict: Verdict) -> MotionAnswer:
+    certificate = motion_certificate.of_finding(analyzed, found, with_time)
     size = freedom(found, len(work.motion.coordinates), with_time)
     if not _is_valid(certificate, work.left()):
         reason = f"the solver found {verdict.replace('_', ' ')} at order {found.order}, but {_NOT_CONFIRMED}"
         return MotionAnswer("undetermined", "undetermined", reason, (), None, size)
-    steps = finding_steps(analysed, found, with_time)
-    steps += series_steps(analysed, found, with_time) if found.exists else ()
+    steps = finding_steps(analyzed, found, with_time)
+    steps += series_steps(analyzed, found, with_time) if found.exists else ()
     return MotionAnswer(verdict, verdict, "", (certificate,), None, size, steps)
 
 

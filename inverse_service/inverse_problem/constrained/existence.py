@@ -38,7 +38,7 @@ _ALONG_FROM, _FIRST_BRACKETS = 6, 8
 
 
 @dataclass(frozen=True, slots=True)
-class AnalysedMotion:
+class AnalyzedMotion:
     """w and F in kernels with the tower of their atoms, and a real point of D."""
 
     motion: ConstrainedMotion
@@ -53,7 +53,7 @@ class AnalysedMotion:
         return (*self.motion.free, *self.motion.dependent)
 
 
-def analyse_motion(motion: ConstrainedMotion) -> AnalysedMotion:
+def analyze_motion(motion: ConstrainedMotion) -> AnalyzedMotion:
     """Raises IrreducibleAtoms where the relations among the atoms cannot be settled."""
     velocities, forces = (
         tuple(map(to_kernels, motion.dependent_velocities)),
@@ -61,7 +61,7 @@ def analyse_motion(motion: ConstrainedMotion) -> AnalysedMotion:
     )
     variables = variables_of(motion)
     table = find_real_point([*velocities, *forces], variables, seed=1)
-    return AnalysedMotion(motion, velocities, forces, reduce_atoms([*velocities, *forces], variables, table), table)
+    return AnalyzedMotion(motion, velocities, forces, reduce_atoms([*velocities, *forces], variables, table), table)
 
 
 def variables_of(motion: ConstrainedMotion) -> list[Variable]:
@@ -75,15 +75,15 @@ class ConstrainedAt:
 
     __slots__ = ("_first", "_series", "_shape", "matrix", "others", "unknowns")
 
-    def __init__(self, analysed: AnalysedMotion, with_time: bool, draw: Callable[[int], Point] | None = None) -> None:
-        motion = analysed.motion
+    def __init__(self, analyzed: AnalyzedMotion, with_time: bool, draw: Callable[[int], Point] | None = None) -> None:
+        motion = analyzed.motion
         self._shape = shape = Shape(len(motion.free), len(motion.dependent), with_time)
         self.unknowns: Unknowns = constrained.unknowns_of(shape)
         self.matrix: Matrix = constrained.matrix_of(shape)
         self.others: tuple[Matrix, ...] = (constrained.regular_on_constraints(shape),)
         free: list[Expression] = [Velocity(name) for name in motion.free]
-        variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analysed.names), *map(Velocity, motion.free)]
-        field = [*free, *analysed.velocities, *analysed.forces]
+        variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
+        field = [*free, *analyzed.velocities, *analyzed.forces]
         self._first = 0
 
         def write(order: int) -> tuple[SeriesProgram, Integers]:
@@ -93,7 +93,7 @@ class ConstrainedAt:
 
         self._series = Coefficients(
             write,
-            draw or (lambda seed: draw_point(analysed.tower, seed)),
+            draw or (lambda seed: draw_point(analyzed.tower, seed)),
             lambda order: bivectors.degree_for(shape, order),
         )
 
@@ -106,15 +106,15 @@ class ConstrainedAt:
 
 
 def decide_motion(
-    analysed: AnalysedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+    analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
 ) -> Finding:
     """Is the motion that of a regular L(q, v) on the constraints, or of an L(t, q, v)? Two points must agree."""
     limits = Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
     try:
-        refused = refused_along_a_solution(analysed, with_time, seed, deadline, progress)
+        refused = refused_along_a_solution(analyzed, with_time, seed, deadline, progress)
         if refused is not None:
             return refused
-        return settle(ConstrainedAt(analysed, with_time), seed, limits, progress)
+        return settle(ConstrainedAt(analyzed, with_time), seed, limits, progress)
     except TooLarge:
         return Finding(None, 0, "its series are too large")
     except IrreducibleAtoms as problem:
@@ -122,7 +122,7 @@ def decide_motion(
 
 
 def refused_along_a_solution(
-    analysed: AnalysedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+    analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
 ) -> Finding | None:
     """A no from the brackets along one solution, by power series in t alone; None where they leave a yes possible.
 
@@ -131,14 +131,14 @@ def refused_along_a_solution(
     coefficient is a linear equation for the values of Omega there. It is a no if every solution of those up to t^j has
     a vertical vector in its kernel, whether L may depend on t or not. Rows are named as those of `bivectors`.
     """
-    free, size = len(analysed.motion.free), len(analysed.names) + len(analysed.motion.free)
+    free, size = len(analyzed.motion.free), len(analyzed.names) + len(analyzed.motion.free)
     if free < 2 or size < _ALONG_FROM:
         return None
     progress("brackets along one solution")
     seeds = (2 * seed, 2 * seed + 1)
     try:
-        points = [draw_point(analysed.tower, drawn) for drawn in seeds]
-        lasts = {last_bracket(analysed, point, deadline) for point in points}
+        points = [draw_point(analyzed.tower, drawn) for drawn in seeds]
+        lasts = {last_bracket(analyzed, point, deadline) for point in points}
     except SingularPoint:
         return None
     last = lasts.pop()
@@ -150,12 +150,12 @@ def refused_along_a_solution(
     return Finding(False, 0, rows=rows, points=used, along=last)
 
 
-def last_bracket(analysed: AnalysedMotion, point: Point, deadline: float) -> int | None:
+def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int | None:
     """The j up to which the equations have to be taken for a no; None where further ones follow from those before."""
-    size, free = len(analysed.names) + len(analysed.motion.free), len(analysed.motion.free)
+    size, free = len(analyzed.names) + len(analyzed.motion.free), len(analyzed.motion.free)
     rows, rank, done, degree = list[list[int]](), 0, -1, _FIRST_BRACKETS
     while now() < deadline and done < math.comb(size, 2):
-        vectors = _vertical_at_the_start(analysed, point, degree)
+        vectors = _vertical_at_the_start(analyzed, point, degree)
         for j in range(done + 1, degree + 1):
             for alpha, beta in itertools.combinations(range(free), 2):
                 rows.append(_bracket(vectors[alpha], vectors[beta], j, point.prime))
@@ -189,23 +189,23 @@ def _leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
     return rank < free
 
 
-def _vertical_at_the_start(analysed: AnalysedMotion, point: Point, degree: int) -> list[list[list[int]]]:
+def _vertical_at_the_start(analyzed: AnalyzedMotion, point: Point, degree: int) -> list[list[list[int]]]:
     """The coefficients of t^0, …, t^degree of each V_alpha, from Psi' = -Psi A, Psi = Phi^-1, A = d Gamma/dx."""
-    slopes, size, prime = _slopes_along(analysed, point, degree), len(analysed.names), point.prime
-    size += len(analysed.motion.free)
+    slopes, size, prime = _slopes_along(analyzed, point, degree), len(analyzed.names), point.prime
+    size += len(analyzed.motion.free)
     inverse = [nmod_mat(size, size, [int(x == y) for x in range(size) for y in range(size)], prime)]
     for k in range(degree):
         total = inverse[0] * slopes[k]
         for i in range(1, k + 1):
             total += inverse[i] * slopes[k - i]
         inverse.append(total * (-pow(k + 1, -1, prime) % prime))
-    return [[[int(part[x, u]) for x in range(size)] for part in inverse] for u in range(len(analysed.names), size)]
+    return [[[int(part[x, u]) for x in range(size)] for part in inverse] for u in range(len(analyzed.names), size)]
 
 
-def _slopes_along(analysed: AnalysedMotion, point: Point, degree: int) -> list[nmod_mat]:
+def _slopes_along(analyzed: AnalyzedMotion, point: Point, degree: int) -> list[nmod_mat]:
     """The coefficients of d Gamma/dx along the solution that starts at the point."""
-    own: list[Symbol | Velocity] = [*map(Symbol, analysed.names), *map(Velocity, analysed.motion.free)]
-    rates = [*map(Velocity, analysed.motion.free), *analysed.velocities, *analysed.forces]
+    own: list[Symbol | Velocity] = [*map(Symbol, analyzed.names), *map(Velocity, analyzed.motion.free)]
+    rates = [*map(Velocity, analyzed.motion.free), *analyzed.velocities, *analyzed.forces]
     solution, prime, field = [[point.variable(name)] for name in own], point.prime, _Along(own, rates, point, degree)
     for k in range(degree):
         for known, series in zip(solution, field.at(solution, k), strict=True):

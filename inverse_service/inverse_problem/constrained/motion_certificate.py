@@ -12,7 +12,7 @@ from inverse_service.algebra.real_point import find_real_point, is_defined, requ
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, substitute
-from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, variables_of
+from inverse_service.inverse_problem.constrained.existence import AnalyzedMotion, variables_of
 from inverse_service.inverse_problem.decision.certify import head_of, involution_data, near_of
 from inverse_service.inverse_problem.kinds.bivectors import last_of
 from inverse_service.inverse_problem.kinds.constrained import Shape
@@ -21,50 +21,50 @@ from inverse_service.linear_pde.involutive_form import Finding
 _SEED = 3
 
 
-def of_lagrangian(analysed: AnalysedMotion, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
+def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
     """L itself is the proof, near a point at which it is defined."""
     on = substitute(
-        to_kernels(lagrangian), dict(zip(map(Velocity, analysed.motion.dependent), analysed.velocities, strict=True))
+        to_kernels(lagrangian), dict(zip(map(Velocity, analyzed.motion.dependent), analyzed.velocities, strict=True))
     )
-    table = analysed.real_point
+    table = analyzed.real_point
     if table is not None and not is_defined([on], table):
-        formulas = [*analysed.velocities, *analysed.forces, on]
-        table = find_real_point(formulas, variables_of(analysed.motion), _SEED) or table
-    head = _head(replace(analysed, real_point=table), with_time, "variational", "lagrangian", [lagrangian])
+        formulas = [*analyzed.velocities, *analyzed.forces, on]
+        table = find_real_point(formulas, variables_of(analyzed.motion), _SEED) or table
+    head = _head(replace(analyzed, real_point=table), with_time, "variational", "lagrangian", [lagrangian])
     return head | {"lagrangian": to_text(lagrangian)}
 
 
-def of_finding(analysed: AnalysedMotion, found: Finding, with_time: bool) -> dict[str, Any]:
+def of_finding(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> dict[str, Any]:
     """The rows used for a no, the involution data of a yes."""
     if found.exists is None:
         raise ValueError("only what was settled has a certificate")
     if found.symbol is None:
-        head = _head(analysed, with_time, "not_variational", "nonexistence")
+        head = _head(analyzed, with_time, "not_variational", "nonexistence")
         if found.along is not None:
             return head | {"along": found.along}
         rows = [[*row[:-1], list(row[-1])] for row in found.rows if isinstance(row[-1], tuple)]
-        return head | _bivectors(analysed, with_time) | {"order": found.order, "rows": rows}
-    head = _head(analysed, with_time, "variational", "existence")
-    return head | _bivectors(analysed, with_time) | involution_data(found, found.symbol)
+        return head | _bivectors(analyzed, with_time) | {"order": found.order, "rows": rows}
+    head = _head(analyzed, with_time, "variational", "existence")
+    return head | _bivectors(analyzed, with_time) | involution_data(found, found.symbol)
 
 
-def _bivectors(analysed: AnalysedMotion, with_time: bool) -> dict[str, int]:
-    last = last_of(Shape(len(analysed.motion.free), len(analysed.motion.dependent), with_time))
+def _bivectors(analyzed: AnalyzedMotion, with_time: bool) -> dict[str, int]:
+    last = last_of(Shape(len(analyzed.motion.free), len(analyzed.motion.dependent), with_time))
     return {"bivectors": last} if last else {}
 
 
 def _head(
-    analysed: AnalysedMotion, with_time: bool, claim: str, kind: str, more: Sequence[Expression] = ()
+    analyzed: AnalyzedMotion, with_time: bool, claim: str, kind: str, more: Sequence[Expression] = ()
 ) -> dict[str, Any]:
-    motion = analysed.motion
-    symbols = map(Symbol, (*analysed.names, "t", *motion.parameters))
-    near = near_of(analysed.real_point, [*symbols, *map(Velocity, motion.free)])
-    return head_of(_system(analysed), with_time, claim, kind, near, _positive(analysed, more))
+    motion = analyzed.motion
+    symbols = map(Symbol, (*analyzed.names, "t", *motion.parameters))
+    near = near_of(analyzed.real_point, [*symbols, *map(Velocity, motion.free)])
+    return head_of(_system(analyzed), with_time, claim, kind, near, _positive(analyzed, more))
 
 
-def _positive(analysed: AnalysedMotion, more: Sequence[Expression]) -> Sequence[Expression]:
+def _positive(analyzed: AnalyzedMotion, more: Sequence[Expression]) -> Sequence[Expression]:
     """What cuts out the connected set of D on which the motion, and L on D, are one analytic function each."""
-    motion, table = analysed.motion, analysed.real_point
+    motion, table = analyzed.motion, analyzed.real_point
     if table is None:
         return []
     placed = (substitute(tree, motion.on_constraints) for tree in more)
@@ -75,11 +75,11 @@ def _positive(analysed: AnalysedMotion, more: Sequence[Expression]) -> Sequence[
         return []
 
 
-def _system(analysed: AnalysedMotion) -> dict[str, Any]:
+def _system(analyzed: AnalyzedMotion) -> dict[str, Any]:
     """As of a second-order system, with velocities of the dependent coordinates besides the accelerations."""
-    motion = analysed.motion
+    motion = analyzed.motion
     return {
-        "coordinates": list(analysed.names),
+        "coordinates": list(analyzed.names),
         "equations": {name: to_text(f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)},
         "velocities": {name: to_text(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)},
         "parameters": list(motion.parameters),

@@ -15,7 +15,7 @@ from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, ConstrainedAt
+from inverse_service.inverse_problem.constrained.existence import AnalyzedMotion, ConstrainedAt
 from inverse_service.inverse_problem.constrained.lagrangian import JetOnConstraints
 from inverse_service.inverse_problem.decision.analysis import is_irrational
 from inverse_service.inverse_problem.decision.power_series import (
@@ -34,9 +34,9 @@ from inverse_service.linear_pde.unknowns import unknown_names
 _QUESTION = {False: "L(q, q')", True: "L(t, q, q')"}
 
 
-def finding_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
+def finding_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
     """What is asked, and why the answer is what it is."""
-    k = len(analysed.motion.free)
+    k = len(analyzed.motion.free)
     steps = [
         said(
             f"A regular {_QUESTION[with_time]} has this motion on the constraints exactly if `l` and `lambda_a`, in "
@@ -140,20 +140,20 @@ _POINTS, _MOST_TERMS = 4, 400
 Place = tuple[int, tuple[int, ...]]  # of a coefficient: which function, which exponents
 
 
-def series_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
+def series_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
     """One step with l and lambda_a to the degree at which the system is involutive; none where they are not rational.
 
     Every solution of the projected system to this degree is the beginning of an analytic one.
     """
-    motion = analysed.motion
-    if any(is_irrational(node) for tree in (*analysed.velocities, *analysed.forces) for node in walk(tree)):
+    motion = analyzed.motion
+    if any(is_irrational(node) for tree in (*analyzed.velocities, *analyzed.forces) for node in walk(tree)):
         return ()
-    variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analysed.names), *map(Velocity, motion.free)]
+    variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
     symbols = [*variables, *map(Symbol, motion.parameters)]
     for first in range(1, 1 + _POINTS):
         values = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
-            coefficients = _coefficients(analysed, found, with_time, values)
+            coefficients = _coefficients(analyzed, found, with_time, values)
         except SingularPoint:
             continue
         if coefficients is not None and len(coefficients) <= _MOST_TERMS:
@@ -162,9 +162,9 @@ def series_steps(analysed: AnalysedMotion, found: Finding, with_time: bool) -> t
 
 
 def _coefficients(
-    analysed: AnalysedMotion, found: Finding, with_time: bool, values: Mapping[Variable, int]
+    analyzed: AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[Variable, int]
 ) -> dict[Place, Fraction] | None:
-    card = ConstrainedAt(analysed, with_time, lambda seed: Point(safe_prime(seed), seed, variables=dict(values)))
+    card = ConstrainedAt(analyzed, with_time, lambda seed: Point(safe_prime(seed), seed, variables=dict(values)))
     return reconstructed(lambda seed: _residues(card, found, seed))
 
 

@@ -69,7 +69,7 @@ def moving_variables(system: SecondOrderSystem, with_time: bool) -> tuple[Variab
     return variables_of(system)[not with_time : 1 + 2 * len(system.coordinates)]
 
 
-def analyse(system: SecondOrderSystem) -> Analysis:
+def analyze(system: SecondOrderSystem) -> Analysis:
     """The first branch of the system; IrreducibleAtoms where the relations among the atoms cannot be settled."""
     system = branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)

@@ -13,7 +13,7 @@ from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, equations, local_system
 from inverse_service.inverse_problem.kinds import helmholtz
 from inverse_service.inverse_problem.kinds.restricted import ANY_FRICTION, Among, added_equations
@@ -116,7 +116,7 @@ def decide(
     began = now()
     with_time = time_dependent or system.depends_on_time
     try:
-        analysis = analysis or analyse(system)
+        analysis = analysis or analyze(system)
         found = None if among else _of_one_coordinate(analysis, with_time, seed)
         if found is None:
             card = HelmholtzAt(analysis, with_time, among)

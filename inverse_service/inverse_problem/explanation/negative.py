@@ -218,7 +218,7 @@ def linear_tree(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear)
 
 
 def _closing_step(solved: SolvedConditions) -> Step:
-    """Why what is left is singular; TooLarge where that was not recognised."""
+    """Why what is left is singular; TooLarge where that was not recognized."""
     n = solved.exact.motion.size
     block = vanishing_block(solved.result.values, n)
     if block is not None:
@@ -226,7 +226,7 @@ def _closing_step(solved: SolvedConditions) -> Step:
     ring = solved.exact.ring
     elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
     if not remaining_determinant(solved.result, n, elements, ring.constant(1)).is_zero:
-        raise TooLarge("the determinant of what remains was not recognised as zero")
+        raise TooLarge("the determinant of what remains was not recognized as zero")
     return _det_vanishes(solved)
 
 

@@ -32,7 +32,7 @@ Matrix = Sequence[Sequence[Quotient]]
 def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Expression]]) -> Explanation:
     """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to hold.
 
-    `complete` is False where an identity was not recognised (too large, or atoms whose relations are
+    `complete` is False where an identity was not recognized (too large, or atoms whose relations are
     not known here): then the steps say what is to be computed only.
     """
     budget = Budget(TERM_LIMIT, now() + TIME_LIMIT)
@@ -106,7 +106,7 @@ def _curl(exact: MotionInRing, g: Matrix) -> list[Quotient]:
 
 def _require_zero(differences: Sequence[Quotient]) -> None:
     if not all(difference.is_zero for difference in differences):
-        raise TooLarge("an identity was not recognised")
+        raise TooLarge("an identity was not recognized")
 
 
 def _matrix(exact: MotionInRing, entries: Matrix) -> Formula:

@@ -11,7 +11,7 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import existence_steps, legendre_steps, verification_steps
 from inverse_service.inverse_problem.explanation.wording import printed_conditions, said
@@ -39,7 +39,7 @@ class Known:
 def confirmed(system: SecondOrderSystem, proposals: Sequence[Known], deadline: float) -> tuple[Known, ...]:
     """Those that the independent checker finds to be Lagrangians of the system."""
     try:
-        analysis = analyse(system)
+        analysis = analyze(system)
     except IrreducibleAtoms:
         return ()
     return tuple(known for known in proposals if _is_valid(analysis, known.lagrangian, deadline))
@@ -57,7 +57,7 @@ def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: So
     """
     began = now()
     found, left_out = printed_conditions(system) if options.conditions else (None, "")
-    analysis = analyse(system)
+    analysis = analyze(system)
     decision = decide(system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis)
     answer = _answer(analysis, decision, known)
     provenance = {

@@ -41,7 +41,7 @@ from inverse_service.mechanics.nonholonomic.motion import (
     eliminate_multipliers,
     written,
 )
-from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognised
+from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognized
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
 
 # Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
@@ -104,7 +104,7 @@ def motion_report(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) ->
     """
     parts = geometry(system, time_limit)
     try:
-        member, reason = recognised(parts)
+        member, reason = recognized(parts)
         exact = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
         motion = written(exact)
     except TooLarge as error:

@@ -26,7 +26,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import PI, Symbol, Velocity, add
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse, variables_of
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze, variables_of
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.local_system import RowName
 from inverse_service.inverse_problem.decision.power_series import is_rational, prolonged, reconstructed, symbols_of
@@ -103,7 +103,7 @@ def answer_definite(solution: Solution, kind: LagrangianKind, given: Near, seed:
     if main is not None and main.verdict == "not_variational" and main.checked == "valid":
         return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
     try:
-        analysis = analyse(solution.system)
+        analysis = analyze(solution.system)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
     near, known = point_near(analysis, given), lagrangians_of(main)

@@ -11,7 +11,7 @@ from inverse_service.deadline import left, now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.inverse_problem.options import SolveOptions
@@ -47,7 +47,7 @@ def answer_kind(solution: Solution, kind: LagrangianKind, asked: SolveOptions, d
     if main is not None and main.verdict == "not_variational" and main.checked == "valid":
         return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
     try:
-        analysis = analyse(solution.system)
+        analysis = analyze(solution.system)
         return _of_known(analysis, main, kind, deadline) or decided(analysis, kind, asked.seed, deadline)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)

@@ -123,7 +123,7 @@ class Theorem:
 
 
 def determinant_vanishes(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Theorem:
-    """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognised.
+    """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognized.
 
     Where the formulas are long, their long factors become letters.
     """
@@ -231,12 +231,12 @@ class _Elimination:
         """The polynomial as a combination of values and relations; TooLarge where something is left."""
         found = divided(polynomial, self._interleaved(values), self.budget)
         if not found.rest.is_zero():
-            raise TooLarge("the determinant of what remains was not recognised as zero")
+            raise TooLarge("the determinant of what remains was not recognized as zero")
         return found
 
 
 def euler_lagrange_hold(system: SecondOrderSystem, lagrangian: Expression, budget: Budget) -> tuple[Theorem, ...]:
-    """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognised."""
+    """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognized."""
     exact = motion_in_ring(system, 2, budget, trees=[lagrangian])
     value = exact.ring.value(lagrangian)
     return tuple(_vanishing(exact, system.coordinates[i], _summands(exact, value, i)) for i in range(exact.motion.size))
@@ -270,7 +270,7 @@ def _vanishing(exact: MotionInRing, name: str, summands: list[tuple[int, tuple[Q
         whole = whole + term
     found = divided(whole, relations, ring.field.budget)
     if not found.rest.is_zero():
-        raise TooLarge("an Euler-Lagrange expression was not recognised as zero")
+        raise TooLarge("an Euler-Lagrange expression was not recognized as zero")
     step = identity(Fact("residual", whole), found.multiplier, found.terms)
     below = tuple((ring.field.denominators[k], most) for k, most in common.items())
     used = _used(relations, [step])

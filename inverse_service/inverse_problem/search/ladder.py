@@ -17,7 +17,7 @@ from inverse_service.deadline import OutOfTime, check, until, within
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Symbol, Velocity
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse, variables_of
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze, variables_of
 from inverse_service.inverse_problem.search import rungs
 from inverse_service.inverse_problem.search.closure import answers, without_squares
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
@@ -235,7 +235,7 @@ def _of_smaller(smaller: Smaller, seed: int) -> list[tuple[Expression, ...]]:
     found = []
     for system in smaller.systems:
         with within(_WORK):
-            one = search(analyse(system), smaller.with_time, seed, math.inf, lambda _: None).found
+            one = search(analyze(system), smaller.with_time, seed, math.inf, lambda _: None).found
         if one is None:
             return []
         found.append(one.lagrangians)

@@ -42,7 +42,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.certify import of_lagrangian
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, shortest
@@ -260,7 +260,7 @@ def _has_slope(tree: Expression, slope: Expression, x: Symbol, table: RealTable)
     constants = (node.name for node in symbols if node not in (x, TIME, PI))
     system = SecondOrderSystem((x.name,), (slope,), tuple(constants))
     try:
-        analysis = replace(analyse(system), real_point={TIME: table[x], **table, velocity: table[x]})
+        analysis = replace(analyze(system), real_point={TIME: table[x], **table, velocity: table[x]})
         certificate = of_lagrangian(analysis, HALF * velocity**2 + tree, with_time=True)
     except IrreducibleAtoms:
         return False

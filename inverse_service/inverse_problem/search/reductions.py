@@ -44,7 +44,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.certify import walk_integrals
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.search.integrating import divergence_factor, hidden_damping, integrating_factor
@@ -139,7 +139,7 @@ def _is_quadratic(material: Material) -> bool:
 def without_damping(material: Material, seed: int) -> Iterator[Smaller]:
     """f + c v for each c(t) that leaves a system with a Lagrangian; e^(int c dt) takes that back."""
     for rate, factor in _rates(material, seed):
-        analysis = analyse(_undamped(material, rate))
+        analysis = analyze(_undamped(material, rate))
         with_time, limits = analysis.system.depends_on_time, Limits(deadline=end())
         decision = decide(analysis.system, with_time, seed, limits, lambda _: None, analysis=analysis)
         if decision.verdict == "variational":

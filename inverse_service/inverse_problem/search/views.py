@@ -36,7 +36,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.search.protocol import Found
 from inverse_service.inverse_problem.search.tidy import collected_inside, without_arctangents
 
@@ -71,7 +71,7 @@ def views(analysis: Analysis) -> Iterator[Lettered]:
     forces = with_few_constants(tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations)))
     if forces != analysis.system.accelerations:
         with suppress(IrreducibleAtoms):
-            analysis = analyse(replace(analysis.system, accelerations=forces))
+            analysis = analyze(replace(analysis.system, accelerations=forces))
     lettered = with_letters(analysis)
     if lettered is not None:
         yield lettered
@@ -154,7 +154,7 @@ def with_letters(analysis: Analysis) -> Lettered | None:
     branch = system.branch and replace(system.branch, positive=(*system.branch.positive, *letters))
     parameters = (*system.parameters, *(symbol.name for symbol in letters))
     try:
-        changed = analyse(replace(system, accelerations=forces, parameters=parameters, branch=branch))
+        changed = analyze(replace(system, accelerations=forces, parameters=parameters, branch=branch))
     except IrreducibleAtoms:
         return None
     return Lettered(changed, {symbol: size for size, symbol in found.items()})

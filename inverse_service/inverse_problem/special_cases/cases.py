@@ -27,7 +27,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyse
+from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.solutions import Verdict
@@ -139,7 +139,7 @@ def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Ca
         if any(_has_no_value(node) for f in system.accelerations for node in walk(f)):
             raise ZeroDivisionError
         motion_in_ring(system, 0, Budget())  # refuses a division by zero
-        analysis = analyse(system)
+        analysis = analyze(system)
         case = _decided(question, analysis, Case(question, stratum, functions, system, None, None))
     except IrreducibleAtoms as problem:
         return Case(question, stratum, functions, system, *_undetermined(question), reason=problem.detail,

@@ -53,7 +53,7 @@ class Stratum:
     """Where all `equations` vanish and none of `excluded` does; `values` gives parameters by index.
 
     `roots` are parameters that solve quadratic equations; `unsolved` are equations for which no
-    parametrisation was found.
+    parametrization was found.
     """
 
     space: ParameterSpace

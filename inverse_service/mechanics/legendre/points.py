@@ -53,7 +53,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgment:
     """At how many points a claim holds; where it does not hold everywhere, on which conditions it does."""
 
     holding: int
@@ -135,7 +135,7 @@ def value(tree: Expression, point: Point) -> Real | None:
         return None
 
 
-def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point]) -> Judgement | None:
+def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point]) -> Judgment | None:
     """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
     nodes = distinct_nodes((*claim.velocities, claim.hamiltonian))
     calls = [node for node in nodes if isinstance(node, Arbitrary)]
@@ -150,7 +150,7 @@ def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point
         fewer = [other for other in needed if other != place]
         if _is_right(holds, signs, fewer):
             needed = fewer
-    return Judgement(sum(holds), tuple(conditions[place] for place in needed))
+    return Judgment(sum(holds), tuple(conditions[place] for place in needed))
 
 
 def _is_right(holds: Sequence[bool], signs: Sequence[Sequence[bool]], needed: Sequence[int]) -> bool:

@@ -62,7 +62,7 @@ class _Radial:
 def radial_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     """The branches of a block that depends on one quadratic form of its velocities."""
     for form in _candidates(block):
-        radial = _recognised(block, form)
+        radial = _recognized(block, form)
         if radial is not None:
             root = _root_parts(radial.function)
             yield from _of_root(block, radial, *root) if root else _of_length(block, radial, solve)
@@ -86,20 +86,20 @@ def _candidates(block: Block) -> Iterator[Expression]:
         yield terms_tree(second)
 
 
-def _recognised(block: Block, form: Expression) -> _Radial | None:
-    """The block as a function of the quadratic form's quadratic part about its centre."""
+def _recognized(block: Block, form: Expression) -> _Radial | None:
+    """The block as a function of the quadratic form's quadratic part about its center."""
     parts = _quadratic_parts(form, block.names)
     inverse = invert(parts[0]) if parts else None
     if parts is None or inverse is None:
         return None
     matrix, slopes = parts
     shift = tuple(simplified(add(*(a * b for a, b in zip(row, slopes, strict=True)))) for row in inverse.entries)
-    centred = _centred(block, shift)
-    along = _along_a_ray(centred, block.names, matrix)
+    centered = _centered(block, shift)
+    along = _along_a_ray(centered, block.names, matrix)
     if along is None:
         return None
     whole = HALF * _form_of_velocities(matrix, block.names)
-    if expand(substitute(along, {_S: whole})) != expand(centred):
+    if expand(substitute(along, {_S: whole})) != expand(centered):
         return None
     return _Radial(along, matrix, inverse, shift)
 
@@ -121,7 +121,7 @@ def _quadratic_parts(form: Expression, names: Sequence[str]) -> tuple[Matrix, li
     return matrix, [slopes.get(name, ZERO) for name in names]
 
 
-def _centred(block: Block, shift: Sequence[Expression]) -> Expression:
+def _centered(block: Block, shift: Sequence[Expression]) -> Expression:
     """The function of u, written with the velocities of v."""
     pairs = zip(block.names, shift, strict=True)
     table: dict[Expression, Expression] = {Velocity(n): Velocity(n) - h for n, h in pairs}
@@ -206,9 +206,9 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]
         return
     momenta = [block.momenta[name] for name in block.names]
     form = quadratic_form(radial.inverse, momenta)
-    centre = dict(zip(block.names, radial.shift, strict=True))
+    center = dict(zip(block.names, radial.shift, strict=True))
     whole = _form_of_velocities(radial.matrix, block.names)
-    place: dict[Expression, Expression] = {Velocity(n): Velocity(n) + h for n, h in centre.items()}
+    place: dict[Expression, Expression] = {Velocity(n): Velocity(n) + h for n, h in center.items()}
     for e, d in product((1, -1), repeat=2):
         length = square_root(simplified(e * form))
         squared = Fraction(e, 2) * Power(_W, number(2))

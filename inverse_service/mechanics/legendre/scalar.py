@@ -62,7 +62,7 @@ def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     """All branches found of a block of one velocity."""
     if len(block.names) != 1:
         return
-    shift = _centre(block)
+    shift = _center(block)
     if shift != ZERO:
         yield from _about(block, shift, solve)
     rate, momentum = Velocity(block.names[0]), block.momenta[block.names[0]]
@@ -76,7 +76,7 @@ def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
         yield Branch((velocity,), shortest(forms or trees), root.conditions)
 
 
-def _centre(block: Block) -> Expression:
+def _center(block: Block) -> Expression:
     """h = c_(m-1)/(m c_m) of a polynomial of degree m > 2: in v + h it has no term of degree m - 1."""
     laurent = laurent_polynomial(block.function, Velocity(block.names[0]))
     if laurent is None or laurent.generator != Velocity(block.names[0]):

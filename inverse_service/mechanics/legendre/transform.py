@@ -23,7 +23,7 @@ from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, reso
 from inverse_service.mechanics.legendre.momentum_families import Reach, block_branches, momentum_shifts
 from inverse_service.mechanics.legendre.points import (
     Claim,
-    Judgement,
+    Judgment,
     Point,
     is_singular,
     judge,
@@ -87,7 +87,7 @@ class _Chosen:
     """A checked branch of a block."""
 
     branch: Branch
-    judgement: Judgement
+    judgment: Judgment
 
 
 def legendre(
@@ -127,7 +127,7 @@ def legendre(
     branches = [chosen for chosen in found.values() if chosen]
     closed = _closed(implicit, names, parts, branches)
     table = _shifts(implicit, names, parts)
-    conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgement.conditions]
+    conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgment.conditions]
     if judge(claim_of(closed, names), conditions, points) is None:
         return _noted(implicit, _implicit(_no_closed_form(list(found))))
     # Each block needs its own; few points would not show that of one in the presence of another.
@@ -189,10 +189,10 @@ def _renamed(chosen: _Chosen, first: Block, block: Block) -> _Chosen:
     def renamed(trees: Iterable[Expression]) -> tuple[Expression, ...]:
         return tuple(substitute(tree, table) for tree in trees)
 
-    branch, judgement = chosen.branch, chosen.judgement
+    branch, judgment = chosen.branch, chosen.judgment
     (energy,) = renamed([branch.hamiltonian])
     moved = Branch(renamed(branch.velocities), energy, renamed(branch.conditions))
-    return _Chosen(moved, replace(judgement, conditions=renamed(judgement.conditions)))
+    return _Chosen(moved, replace(judgment, conditions=renamed(judgment.conditions)))
 
 
 def _best(block: Block, points: Sequence[Point], reach: Reach, few: Sequence[Point]) -> _Chosen | None:
@@ -204,13 +204,13 @@ def _best(block: Block, points: Sequence[Point], reach: Reach, few: Sequence[Poi
         velocities = resolved(branch.velocities, block.names)
         claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
         quick = judge(claim, (), few) if few and not branch.conditions else None
-        judgement = quick or judge(claim, branch.conditions, points)
-        if judgement is None:
+        judgment = quick or judge(claim, branch.conditions, points)
+        if judgment is None:
             continue
-        if not judgement.conditions:
-            return _Chosen(branch, judgement)
-        if best is None or _rank(branch, judgement) > _rank(best.branch, best.judgement):
-            best = _Chosen(branch, judgement)
+        if not judgment.conditions:
+            return _Chosen(branch, judgment)
+        if best is None or _rank(branch, judgment) > _rank(best.branch, best.judgment):
+            best = _Chosen(branch, judgment)
     return best
 
 
@@ -230,8 +230,8 @@ def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
         yield branch
 
 
-def _rank(branch: Branch, judgement: Judgement) -> tuple[int, int]:
-    return judgement.holding, -size(branch.hamiltonian)
+def _rank(branch: Branch, judgment: Judgment) -> tuple[int, int]:
+    return judgment.holding, -size(branch.hamiltonian)
 
 
 def _closed(

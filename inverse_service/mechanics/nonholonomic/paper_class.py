@@ -93,7 +93,7 @@ class PaperClass:
         return self.geometry.by_coordinate(self.r1, element)
 
 
-def recognised(parts: Geometry) -> tuple[PaperClass | None, str]:
+def recognized(parts: Geometry) -> tuple[PaperClass | None, str]:
     """The system as a member of the class, or the reason why it is none.
 
     Every choice of dependent coordinates is tried, the most convenient one first; one in which V

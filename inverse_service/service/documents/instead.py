@@ -18,7 +18,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, substitute, walk
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solutions import Solution
@@ -59,7 +59,7 @@ def _with_friction(solution: Solution, asked: SolveOptions, deadline: float) -> 
     from inverse_service.inverse_problem.of_kind.rayleigh import quick_rayleigh
 
     given = [on_branch(equation, solution.system) for equation in asked.given]
-    found = quick_rayleigh(analyse(solution.system), given, deadline)
+    found = quick_rayleigh(analyze(solution.system), given, deadline)
     if found is None or found.lagrangian is None:
         return None
     from inverse_service.service.documents.kinds_part import kind_part

@@ -13,7 +13,7 @@ from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
 from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
@@ -118,7 +118,7 @@ def _rayleigh(solution: Solution, kind: LagrangianKind, asked: SolveOptions, dea
         return [] if found is None or known is None else [one.expression for one in (known, *found.other_lagrangians)]
 
     try:
-        analysis, given = analyse(solution.system), given_of(asked, solution.system)
+        analysis, given = analyze(solution.system), given_of(asked, solution.system)
         if kind.name == "rayleigh":
             return answer_rayleigh(analysis, given, natural, asked.seed, deadline)
         known = [one.expression for one in lagrangians_of(solution.main)]

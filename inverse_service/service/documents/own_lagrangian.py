@@ -11,7 +11,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, walk
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
@@ -81,7 +81,7 @@ def _judged(branches: list[tuple[SecondOrderSystem, Expression]], time_limit: fl
     found: list[CheckResult] = []
     for system, lagrangian in branches[:MOST_BRANCHES]:
         with_time = system.depends_on_time or TIME in walk(lagrangian)
-        claim = certify.of_lagrangian(analyse(system), lagrangian, with_time)
+        claim = certify.of_lagrangian(analyze(system), lagrangian, with_time)
         found.append(check_certificate(claim, time_limit=time_limit / len(branches)))
     verdicts = {each.verdict for each in found} | ({"incomplete"} if len(branches) > MOST_BRANCHES else set())
     worst = next(verdict for verdict in ("invalid", "incomplete", "valid") if verdict in verdicts)

@@ -11,7 +11,7 @@ from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import LARGEST_N
 from inverse_service.inverse_problem.proofs.deriving import Theorem, determinant_vanishes, euler_lagrange_hold
@@ -79,11 +79,11 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]
         raise NoTheorem("the Lagrangian holds integrals")
     names = Names(system.coordinates, system.parameters, functions)
     lagrangian = read_formula(certificate["lagrangian"], names)
-    return euler_lagrange_hold(analyse(system).system, lagrangian, budget)
+    return euler_lagrange_hold(analyze(system).system, lagrangian, budget)
 
 
 def _negative(system: SecondOrderSystem, seed: int, budget: Budget) -> Theorem:
-    analysis = analyse(system)
+    analysis = analyze(system)
     chosen = smallest_sufficient_set(analysis, seed)
     if chosen is None:
         raise NoTheorem("the argument differentiates the conditions, it does not consist of algebraic steps alone")

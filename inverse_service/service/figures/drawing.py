@@ -65,7 +65,7 @@ def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
         for axes, name in zip(panels, names, strict=False):
             for style, label, table in lines:
                 axes.plot(
-                    table[name][::every], table[f"v_{name}"][::every], color=style.colour, linewidth=0.9,
+                    table[name][::every], table[f"v_{name}"][::every], color=style.color, linewidth=0.9,
                     linestyle="none" if every > 1 else style.line, marker="." if every > 1 else "",
                     markersize=1.5, label=styles.plain(label),
                 )  # fmt: skip
@@ -83,13 +83,13 @@ def view_figure(views: Sequence[Mapping[str, Any]], width: float, height: float)
     figure = styles.new_figure(width, height)
     for axes, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
         for line in view["lines"]:
-            is_true = line["colour"] == "ink"
+            is_true = line["color"] == "ink"
             points = (np.asarray(line[key], dtype=float) for key in "xy")
             look_of_line = {"linestyle": "none", "marker": ".", "markersize": 3} if view.get("dots") else {
                 "linestyle": DASHES[line["dash"]], "linewidth": 4 if is_true else 1.3}  # fmt: skip
-            colour = PALE if is_true else line["colour"]
+            color = PALE if is_true else line["color"]
             axes.plot(
-                *points, color=colour, label=styles.plain(line["label"]), zorder=1 if is_true else 2, **look_of_line
+                *points, color=color, label=styles.plain(line["label"]), zorder=1 if is_true else 2, **look_of_line
             )
         axes.set(
             title=view["label"], xlabel=view["x"], ylabel=view["y"], yscale="log" if view.get("log_y") else "linear"
@@ -128,7 +128,7 @@ def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
         for column, (place, method) in enumerate(methods):
             table, style = tables[method["label"]], styles.look(place, method["method"])
             for row, name in enumerate(names):
-                _panel(panels[row][column], table["t"], table[name], style.colour)
+                _panel(panels[row][column], table["t"], table[name], style.color)
                 panels[row][column].set_ylabel(name)
             panels[0][column].set_title(method["label"])
             panels[-1][column].set_xlabel("t")
@@ -138,15 +138,15 @@ def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
     return figure, caption
 
 
-def _panel(axes: Any, times: Array, values: Array, colour: str) -> None:
+def _panel(axes: Any, times: Array, values: Array, color: str) -> None:
     kept = values[np.isfinite(values[:, 0])]
     known = np.isfinite(kept).any(axis=0)
     times, kept = times[known], kept[:, known]
     low, middle, high = np.nanmin(kept, axis=0), np.nanmedian(kept, axis=0), np.nanmax(kept, axis=0)
-    axes.fill_between(times, low, high, color=colour, alpha=0.15, linewidth=0)
+    axes.fill_between(times, low, high, color=color, alpha=0.15, linewidth=0)
     for row in kept[np.linspace(0, len(kept) - 1, min(DRAWN, len(kept))).astype(int)]:
-        axes.plot(times, row, color=colour, linewidth=0.5, alpha=0.5)
-    axes.plot(times, middle, color=colour, linewidth=1.6)
+        axes.plot(times, row, color=color, linewidth=0.5, alpha=0.5)
+    axes.plot(times, middle, color=color, linewidth=1.6)
 
 
 def draw_simulation(

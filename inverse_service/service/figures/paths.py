@@ -52,24 +52,24 @@ def _panel(
     style = styles.look(place, method["method"])
     if true is not None:
         thin = _thinned(true)
-        axes.plot(*thin.T, color=styles.TRUE_COLOUR, zorder=3, label="true motion", **_stroke(thin, 1.1))
+        axes.plot(*thin.T, color=styles.TRUE_COLOR, zorder=3, label="true motion", **_stroke(thin, 1.1))
     thin = _thinned(path)
-    axes.plot(*thin.T, color=style.colour, alpha=0.75, zorder=2, **_stroke(thin, 0.7))
+    axes.plot(*thin.T, color=style.color, alpha=0.75, zorder=2, **_stroke(thin, 0.7))
     axes.plot(
-        *thin.T, color=style.colour, linestyle="none", marker=style.marker, markersize=4, fillstyle="none",
+        *thin.T, color=style.color, linestyle="none", marker=style.marker, markersize=4, fillstyle="none",
         markevery=styles.spread(len(thin), MOST_MARKERS), zorder=4,
     )  # fmt: skip
     matching = (method.get("circle") or {}).get("through_three_points")
     if matching is not None:  # the paper's matching circle, through three points of the first revolution
         turn = np.linspace(0, 2 * np.pi, 361)
-        x, y = (matching["centre"][k] + matching["radius"] * wave(turn) for k, wave in enumerate((np.cos, np.sin)))
-        axes.plot(x, y, color=style.colour, linestyle=(0, (4, 3)), linewidth=1, zorder=1, label="matching circle")
+        x, y = (matching["center"][k] + matching["radius"] * wave(turn) for k, wave in enumerate((np.cos, np.sin)))
+        axes.plot(x, y, color=style.color, linestyle=(0, (4, 3)), linewidth=1, zorder=1, label="matching circle")
     axes.plot(*path[0], marker="o", color="black", markersize=4, zorder=5)
-    centre, half = box
-    axes.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
+    center, half = box
+    axes.set(xlim=(center[0] - half, center[0] + half), ylim=(center[1] - half, center[1] + half))
     axes.set_aspect("equal", adjustable="box")
     axes.set_title(styles.plain(_title(method)), fontsize=9.5)
-    axes.set_xlabel(f"{pair[0]}\n{_below(method, path, centre, half)}", fontsize=8.5)
+    axes.set_xlabel(f"{pair[0]}\n{_below(method, path, center, half)}", fontsize=8.5)
     axes.set_ylabel(pair[1])
 
 
@@ -79,7 +79,7 @@ def _title(method: Mapping[str, Any]) -> str:
     return ", ".join([*parts, *([f"order {order}"] if order not in (None, 1, 2) else [])])
 
 
-def _below(method: Mapping[str, Any], path: Array, centre: Array, half: float) -> str:
+def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -> str:
     """What the panel shows, in words."""
     notes = []
     circle = method.get("circle")
@@ -91,7 +91,7 @@ def _below(method: Mapping[str, Any], path: Array, centre: Array, half: float) -
         notes.append(f"one point of {len(path) // MOST_POINTS} is drawn")
     if method["outcome"] != "completed":
         notes.append(f"ends: {method['outcome']}")
-    far = float(np.abs(path - centre).max())
+    far = float(np.abs(path - center).max())
     if far > half:
         notes.append("leaves the picture")
     return "; ".join(notes)
@@ -127,14 +127,14 @@ def _share(size: float) -> str:
 
 
 def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
-    """Centre and half width of the picture."""
+    """Center and half width of the picture."""
     base = true if true is not None and len(true) else np.vstack(paths)
     base = base[np.isfinite(base).all(axis=1)]
     low, high = base.min(axis=0), base.max(axis=0)
     half = max(float((high - low).max()) / 2, 1e-12)
-    centre = (low + high) / 2
-    reach = max((float(np.nanmax(np.abs(path - centre))) for path in paths), default=half)
-    return centre, 1.06 * min(max(half, reach), REACH * half)
+    center = (low + high) / 2
+    reach = max((float(np.nanmax(np.abs(path - center))) for path in paths), default=half)
+    return center, 1.06 * min(max(half, reach), REACH * half)
 
 
 def _stroke(path: Array, width: float) -> dict[str, Any]:

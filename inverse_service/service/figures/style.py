@@ -1,4 +1,4 @@
-"""How figures look: colours that everyone can tell apart, with line styles and markers."""
+"""How figures look: colors that everyone can tell apart, with line styles and markers."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
 
-# Okabe and Ito (2008): eight colours told apart with every kind of colour vision; black is for the true motion.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#5D3A9B")
+# Okabe and Ito (2008): eight colors told apart with every kind of color vision; black is for the true motion.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#5D3A9B")
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1)), (0, (1, 1)), (0, (6, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-TRUE_COLOUR = "#222222"
+TRUE_COLOR = "#222222"
 SETTINGS: Any = {
     "font.size": 9.5,
     "axes.spines.top": False,
@@ -50,9 +50,9 @@ CAPTION_SIZE = 9
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Colour, line and marker of one method."""
+    """Color, line and marker of one method."""
 
-    colour: str
+    color: str
     line: Any
     marker: str
 
@@ -60,9 +60,9 @@ class Look:
 def look(place: int, method: str) -> Look:
     """The look of the method at this place of the scene; true motions are dark and thin."""
     if method == "exact":
-        return Look(TRUE_COLOUR, "-", "")
-    k, turn = place % len(COLOURS), place // len(COLOURS)
-    return Look(COLOURS[k], LINES[(k + turn) % len(LINES)], MARKERS[(k + 3 * turn) % len(MARKERS)])
+        return Look(TRUE_COLOR, "-", "")
+    k, turn = place % len(COLORS), place // len(COLORS)
+    return Look(COLORS[k], LINES[(k + turn) % len(LINES)], MARKERS[(k + 3 * turn) % len(MARKERS)])
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -106,9 +106,9 @@ def draw_line(axes: Axes, times: Array, values: Array, style: Look, label: str =
     """Values against time: a line, or a band from least to greatest of each piece; how many points a piece has."""
     t, low, high, every = envelope(times, values)
     if every > 1:
-        axes.fill_between(t, low, high, color=style.colour, alpha=0.35, linewidth=0.4)
+        axes.fill_between(t, low, high, color=style.color, alpha=0.35, linewidth=0.4)
     axes.plot(
-        t, (low + high) / 2 if every > 1 else values, color=style.colour, linestyle=style.line, linewidth=1.1,
+        t, (low + high) / 2 if every > 1 else values, color=style.color, linestyle=style.line, linewidth=1.1,
         marker=style.marker, markersize=4, fillstyle="none", markevery=spread(len(t), 14, shift), label=plain(label),
     )  # fmt: skip
     return every

@@ -175,7 +175,7 @@ def _sizes(axes: Axes, lines: Sequence[Line], label: str) -> int:
         t, _, high, every = styles.envelope(times[begin:], heights, BINS)
         most = max(most, every)
         axes.plot(
-            t, high, color=style.colour, linestyle=style.line, linewidth=1.3, marker=style.marker, markersize=4.5,
+            t, high, color=style.color, linestyle=style.line, linewidth=1.3, marker=style.marker, markersize=4.5,
             markevery=styles.spread(len(t), 12, 7 * shift), fillstyle="none", label=styles.plain(method["label"]),
         )  # fmt: skip
     axes.set(yscale="log", ylim=_limits(lines), ylabel=label)
@@ -231,7 +231,7 @@ def _curve(axes: Axes, place: int, method: Mapping[str, Any], key: str) -> None:
     drawn = [s for s in method["settings"] if s["error"] and s["best_seconds"] and not s["at_floor"] and s[key]]
     style = styles.look(place, method["method"])
     axes.plot(
-        [s[key] for s in drawn], [s["relative_error"] for s in drawn], color=style.colour, linestyle=style.line,
+        [s[key] for s in drawn], [s["relative_error"] for s in drawn], color=style.color, linestyle=style.line,
         linewidth=1.3, marker=style.marker, markersize=5, fillstyle="none", label=styles.plain(method["label"]),
     )  # fmt: skip
 

@@ -26,7 +26,7 @@ from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers
-from inverse_service.mechanics.nonholonomic.paper_class import recognised
+from inverse_service.mechanics.nonholonomic.paper_class import recognized
 from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.scenes import scene_system
@@ -241,7 +241,7 @@ def _associated(scene: Scene, which: str) -> AssociatedSystem:
     assert scene.lagrangian is not None
     given = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
     parts = geometry(given)
-    member, reason = recognised(parts)
+    member, reason = recognized(parts)
     motion = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
     kind = next(kind for kind in KINDS if kind == which)
     return associated(motion, member, reason, kind)

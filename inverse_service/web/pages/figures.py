@@ -13,7 +13,7 @@ from inverse_service.expressions.tokens import greek_letter
 from inverse_service.web.pages.preview import angles_of_texts
 
 TRUE = ("exact", "reference")
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS = 2001
 MOST_CORNERS = 200  # of a line in a small picture
@@ -216,7 +216,7 @@ Column = Callable[[Mapping[str, Any]], Sequence[Any] | None]
 def _lines(
     methods: Sequence[Mapping[str, Any]], x: Column, y: Column, whole: Sequence[Mapping[str, Any]] = ()
 ) -> list[dict[str, Any]]:
-    """A line for each method, which keeps its colour by its place among the `whole`."""
+    """A line for each method, which keeps its color by its place among the `whole`."""
     places = {method["label"]: k for k, method in enumerate(whole or methods)}
     return [_line(places[method["label"]], method, x(method), y(method)) for method in methods]
 
@@ -226,7 +226,7 @@ def _line(k: int, method: Mapping[str, Any], x: Sequence[Any] | None, y: Sequenc
     is_true = method["method"] in TRUE
     return {
         "label": method["label"],
-        "colour": "ink" if is_true else COLOURS[k % len(COLOURS)],
+        "color": "ink" if is_true else COLORS[k % len(COLORS)],
         "dash": "solid" if is_true else DASHES[k % len(DASHES)],
         "x": [_short(value) for value in (x or ())[::every]] if y else [],
         "y": [_short(value) for value in (y or ())[::every]],

@@ -71,7 +71,7 @@ def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
     return {name.encode(): value.encode("latin-1") for name, value in headers.items()}
 
 
-# A key, a button, a colour: read where it stands.
+# A key, a button, a color: read where it stands.
 SMALL_FORM = 10_000
 
 

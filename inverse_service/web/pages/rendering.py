@@ -1,4 +1,4 @@
-"""Templates to responses, and who looks at a page: their colours, the client that their key names, their address."""
+"""Templates to responses, and who looks at a page: their colors, the client that their key names, their address."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ async def note_visitor(request: Request) -> None:
 
 
 def note_visitor_of(request: Request) -> None:
-    """The colours and the address of who looks, without a client."""
+    """The colors and the address of who looks, without a client."""
     VISITOR.set(_visitor(request, ""))
 
 

@@ -1,4 +1,4 @@
-"""All pages as one router: open ones, and those that ask who looks; logging in and out, and the colours.
+"""All pages as one router: open ones, and those that ask who looks; logging in and out, and the colors.
 
 A mistyped address has a page, not JSON.
 """

@@ -162,7 +162,7 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> scenes.SceneFor
         unsolved = any("''" in text for text in shown.get("equations", {}).values())
         form = scenes.scene_form(shown["given"] if unsolved else solved, shown["name"] or _title(shown), **address)
         answers = (system["result"], system["result"].get("with_time") or {})
-        # Without a Lagrangian there is nothing to discretise but the equations.
+        # Without a Lagrangian there is nothing to discretize but the equations.
         return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)
     document = system.get("document", system)
     return scenes.scene_form(document, document.get("name") or _title(document), **address)

@@ -1,19 +1,19 @@
 // Draws the figures of a simulation: each has views to choose from; the one in space can be turned.
 
-import { breadth, colour, trace } from "./motion.js";
+import { breadth, color, trace } from "./motion.js";
 import { chart } from "./play.js";
 
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
 const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
-const inked = (name) => (name in LIFTED ? colour(LIFTED[name]) : name);
+const inked = (name) => (name in LIFTED ? color(LIFTED[name]) : name);
 const DASHES = { solid: [], dash: [7, 4], dot: [2, 4], dashdot: [9, 3, 2, 3], longdash: [13, 5], longdashdot: [13, 4, 2, 4] };
 
 // From below: the true motion as a broad pale band, then the methods.
 function layers(lines) {
-  const count = lines.filter((line) => line.colour !== "ink").length;
+  const count = lines.filter((line) => line.color !== "ink").length;
   let k = 0;
-  const dressed = lines.map((line, place) => ({ ...line, place, colour: inked(line.colour), dash: DASHES[line.dash],
-    ...(line.colour === "ink" && count ? { width: breadth(0, count) + 5, alpha: 0.3 } : { width: breadth(line.colour === "ink" ? 0 : k++, count || 1) }) }));
+  const dressed = lines.map((line, place) => ({ ...line, place, color: inked(line.color), dash: DASHES[line.dash],
+    ...(line.color === "ink" && count ? { width: breadth(0, count) + 5, alpha: 0.3 } : { width: breadth(line.color === "ink" ? 0 : k++, count || 1) }) }));
   return dressed.sort((a, b) => b.width - a.width);
 }
 
@@ -60,7 +60,7 @@ class Figure {
     tabulate(this.table, view);
     this.legend.replaceChildren(...[...lines].sort((a, b) => a.place - b.place).map((line) => {
       const name = Object.assign(document.createElement("span"), { textContent: line.label });
-      name.style.borderBottom = `3px ${line.dash.length ? (line.dash[0] < 3 ? "dotted" : "dashed") : "solid"} ${line.colour}`;
+      name.style.borderBottom = `3px ${line.dash.length ? (line.dash[0] < 3 ? "dotted" : "dashed") : "solid"} ${line.color}`;
       return name;
     }));
   }
@@ -116,7 +116,7 @@ class Space {
     const place = (point) => { const [u, v] = this.project(point); return [width / 2 + u * scale, height / 2 - v * scale]; };
     this.frame(pen, place);
     for (const line of layers(this.data.lines)) {
-      pen.strokeStyle = line.colour;
+      pen.strokeStyle = line.color;
       pen.globalAlpha = line.alpha ?? 1;
       pen.lineWidth = line.width;
       pen.setLineDash(line.dash);
@@ -128,13 +128,13 @@ class Space {
 
   frame(pen, place) {
     const corner = (signs) => place(signs.map((sign, k) => this.boxes[k][0] + sign * this.boxes[k][1]));
-    pen.strokeStyle = colour("--line");
+    pen.strokeStyle = color("--line");
     pen.lineWidth = 1;
     for (let k = 0; k < 3; k += 1) for (const s of [-1, 1]) for (const t of [-1, 1]) {
       const ends = [-1, 1].map((e) => { const signs = [s, t]; signs.splice(k, 0, e); return corner(signs); });
       pen.beginPath(); pen.moveTo(...ends[0]); pen.lineTo(...ends[1]); pen.stroke();
     }
-    pen.fillStyle = colour("--soft");
+    pen.fillStyle = color("--soft");
     pen.font = "13px sans-serif";
     this.data.axes.forEach((name, k) => { const signs = [-1, -1, -1]; signs[k] = 1.18; pen.fillText(name, ...corner(signs)); });
   }
@@ -150,7 +150,7 @@ async function draw(place) {
   all();
   place.dataset.drawn = "yes";
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
-  document.addEventListener("colours", all);
+  document.addEventListener("colors", all);
 }
 
 for (const place of document.querySelectorAll("[data-figures]")) draw(place);

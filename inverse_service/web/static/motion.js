@@ -2,7 +2,7 @@
 // A picture makes of the coordinates a chain of joints in the plane; a body is drawn at the last one.
 
 export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
-export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+export const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 export const LOOKS = [["--accent", []], ["--no", [7, 4]], ["--yes", [2, 4]], ["--open", [9, 3, 2, 3]]];
 
 // Lines that coincide are all seen: each is broader than the next above it, and one through the dashes of another.
@@ -21,7 +21,7 @@ export const PICTURES = {
   "double-pendulum": { label: "double pendulum", fits: (c) => c.length === 2, joints: (q) => [[0, 0], rod(q[0]), rod(q[1], rod(q[0]))],
     drag: (q, x, y) => { const [a, b] = rod(q[0]); return [q[0], Math.atan2(x - a, b - y)]; } },
   polar: { label: "orbit in polar coordinates", fits: (c) => c.length === 2, joints: (q) => [[0, 0], [q[0] * Math.cos(q[1]), q[0] * Math.sin(q[1])]],
-    drag: (q, x, y) => [Math.hypot(x, y), Math.atan2(y, x)], centred: true },
+    drag: (q, x, y) => [Math.hypot(x, y), Math.atan2(y, x)], centered: true },
   point: { label: "particle in the plane", fits: (c) => c.length === 2 || (!plane(c).includes(-1) && !c.includes("z")) },
   space: { label: "particle in space", fits: (c) => c.length === 3, joints: (q) => [[q[0] - 0.45 * q[1], q[2] - 0.3 * q[1]]] },
   beads: { label: "beads, one for each coordinate", fits: () => true, joints: (q) => q.map((v, k) => [v, -k]), apart: true },
@@ -58,7 +58,7 @@ export class Stage {
     this.dots = dots;
     this.place = 0;
     this.show(coordinates, picture, tracks);
-    for (const [target, name] of [[matchMedia("(prefers-color-scheme: dark)"), "change"], [document, "colours"]]) target.addEventListener(name, () => this.draw());
+    for (const [target, name] of [[matchMedia("(prefers-color-scheme: dark)"), "change"], [document, "colors"]]) target.addEventListener(name, () => this.draw());
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
@@ -91,7 +91,7 @@ export class Stage {
       }
     }
     if (!(right >= left)) [left, right, low, high] = [-1, 1, -1, 1];
-    this.centre = [(left + right) / 2, (low + high) / 2];
+    this.center = [(left + right) / 2, (low + high) / 2];
     this.size = Math.max(right - left, high - low, 1e-9) * 1.3;
   }
 
@@ -105,25 +105,25 @@ export class Stage {
     const pen = this.canvas.getContext("2d");
     pen.scale(ratio, ratio);
     const scale = Math.min(width, height) / this.size;
-    this.toScreen = ([x, y]) => [width / 2 + (x - this.centre[0]) * scale, height / 2 - (y - this.centre[1]) * scale];
-    this.toPlane = ([u, v]) => [this.centre[0] + (u - width / 2) / scale, this.centre[1] - (v - height / 2) / scale];
+    this.toScreen = ([x, y]) => [width / 2 + (x - this.center[0]) * scale, height / 2 - (y - this.center[1]) * scale];
+    this.toPlane = ([u, v]) => [this.center[0] + (u - width / 2) / scale, this.center[1] - (v - height / 2) / scale];
     this.grid(pen, width, height, scale);
     const body = Math.min(width, height) * 0.1;
     this.tracks.forEach((track, k) => {
       const last = Math.min(track.t.length - 1, Math.round(this.place * (Math.max(...this.tracks.map((one) => one.t.length)) - 1)));
       const [name, dash] = LOOKS[k % LOOKS.length];
       if (!this.picture.apart) {
-        if (!k) this.trail(pen, track.path, track.path.length - 1, colour("--line"), [], 1.5);
-        this.trail(pen, track.path, last, colour(name), dash, breadth(k, this.tracks.length));
+        if (!k) this.trail(pen, track.path, track.path.length - 1, color("--line"), [], 1.5);
+        this.trail(pen, track.path, last, color(name), dash, breadth(k, this.tracks.length));
       }
       pen.globalAlpha = k ? 0.65 : 1;
-      this.body(pen, track, last, body, colour(name));
+      this.body(pen, track, last, body, color(name));
       pen.globalAlpha = 1;
     });
   }
 
   grid(pen, width, height, scale) {
-    pen.strokeStyle = colour("--line");
+    pen.strokeStyle = color("--line");
     pen.globalAlpha = 0.5;
     pen.lineWidth = 0.5;
     const step = 10 ** Math.floor(Math.log10(width / scale)) / 2 * scale;
@@ -144,7 +144,7 @@ export class Stage {
   body(pen, track, k, size, ink) {
     const joints = this.at(track, k).map(this.toScreen);
     pen.lineWidth = 2;
-    pen.strokeStyle = colour("--ink");
+    pen.strokeStyle = color("--ink");
     pen.fillStyle = ink;
     if (this.picture.upright) {
       // The first coordinate is the heading, the second, where there are four, the angle of rolling.
@@ -152,13 +152,13 @@ export class Stage {
       pen.save();
       pen.translate(...joints[0]);
       pen.rotate(-q[0]);
-      pen.fillStyle = colour("--accent-wash");
+      pen.fillStyle = color("--accent-wash");
       ({ disk, carriage, "knife-edge": blade })[this.name](pen, size, q[1]);
       pen.restore();
       return;
     }
     if (this.name === "spring") this.spring(pen, joints[0]);
-    if (joints.length > 1 && !this.picture.apart && !this.picture.centred) {
+    if (joints.length > 1 && !this.picture.apart && !this.picture.centered) {
       pen.beginPath();
       for (const joint of joints) pen.lineTo(...joint);
       pen.stroke();
@@ -167,13 +167,13 @@ export class Stage {
       const pivot = !j && joints.length > 1 && !this.picture.apart;
       pen.beginPath();
       pen.arc(...joint, pivot ? 4 : 8, 0, 2 * Math.PI);
-      pen.fillStyle = pivot ? colour("--ink") : ink;
+      pen.fillStyle = pivot ? color("--ink") : ink;
       pen.fill();
     });
   }
 
   spring(pen, [u, v]) {
-    const from = this.toScreen([this.centre[0] - this.size * 0.55, 0])[0];
+    const from = this.toScreen([this.center[0] - this.size * 0.55, 0])[0];
     pen.beginPath();
     pen.moveTo(from, v);
     for (let k = 1; k < 24; k += 1) pen.lineTo(from + ((u - from) * k) / 24, v + (k % 2 ? 7 : -7));
@@ -192,7 +192,7 @@ function oval(pen, size) {
 function spokes(pen, size, rolled) {
   for (let spoke = 0; spoke < 3; spoke += 1) {
     const angle = rolled + (spoke * 2 * Math.PI) / 3;
-    pen.strokeStyle = spoke ? colour("--soft") : colour("--no");
+    pen.strokeStyle = spoke ? color("--soft") : color("--no");
     pen.lineWidth = spoke ? 1 : 2.5;
     pen.beginPath();
     pen.moveTo(0, 0);
@@ -216,7 +216,7 @@ function carriage(pen, size, rolled = 0) {
     oval(pen, size * 0.5);
     spokes(pen, size * 0.5, rolled);
     pen.restore();
-    pen.strokeStyle = colour("--ink");
+    pen.strokeStyle = color("--ink");
     pen.lineWidth = 2;
   }
 }
@@ -228,7 +228,7 @@ function blade(pen, size) {
   pen.quadraticCurveTo(0, size * 0.28, -size, 0);
   pen.fill();
   pen.stroke();
-  pen.strokeStyle = colour("--no");
+  pen.strokeStyle = color("--no");
   pen.beginPath();
   pen.moveTo(0, 0);
   pen.lineTo(size, 0);

@@ -209,7 +209,7 @@ function themes(form) {
     else delete root.dataset.theme;
     for (const button of form.querySelectorAll("button")) button.setAttribute("aria-pressed", String(button.value === chosen));
     fetch(form.action, { method: "POST", body: new URLSearchParams({ theme: chosen, back: "/livez" }), keepalive: true });
-    document.dispatchEvent(new Event("colours"));
+    document.dispatchEvent(new Event("colors"));
   });
 }
 

@@ -1,6 +1,6 @@
 // A motion to play with: the formulas that the service sends are interpreted here, never evaluated as text.
 
-import { LOOKS, Stage, calm, choices, colour, picturesFor, player, PICTURES } from "./motion.js";
+import { LOOKS, Stage, calm, choices, color, picturesFor, player, PICTURES } from "./motion.js";
 
 const MOST_STEPS = 4000; // recorded points of a preview
 const SMALL = 0.01; // step of the reference
@@ -191,11 +191,11 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
     const step = isLogarithmic ? Math.max(1, Math.ceil(raw)) : [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
     for (let k = Math.ceil(range[0] / step); k * step <= range[1]; k += 1) {
       const at = place(k * step);
-      pen.strokeStyle = colour("--line");
+      pen.strokeStyle = color("--line");
       pen.beginPath();
       if (isX) { pen.moveTo(at, box.top); pen.lineTo(at, box.bottom); } else { pen.moveTo(box.left, at); pen.lineTo(box.right, at); }
       pen.stroke();
-      pen.fillStyle = colour("--soft");
+      pen.fillStyle = color("--soft");
       pen.textAlign = isX ? "center" : "right";
       const text = isLogarithmic ? `1e${k * step}` : String(Number((k * step).toPrecision(6)));
       pen.fillText(text, isX ? at : box.left - 6, isX ? box.bottom + 16 : at + 4);
@@ -210,7 +210,7 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
   pen.restore();
   lines.forEach((line, k) => {
     const [name, dash] = LOOKS[k % LOOKS.length];
-    pen.strokeStyle = pen.fillStyle = line.colour ?? colour(name);
+    pen.strokeStyle = pen.fillStyle = line.color ?? color(name);
     pen.globalAlpha = line.alpha ?? 1;
     if (dots || line.markers) {
       const size = Math.max(3, line.width ?? 0);
@@ -234,7 +234,7 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
   pen.globalAlpha = 1;
   const begin = start && lines[0] && !dots && { x: X(lines[0].x[0]), y: Y(lines[0].y[0]) };
   if (begin) {
-    pen.fillStyle = colour("--ink");
+    pen.fillStyle = color("--ink");
     pen.beginPath();
     pen.arc(begin.x, begin.y, 4.5, 0, 2 * Math.PI);
     pen.fill();
@@ -264,7 +264,7 @@ class Play {
     this.drag(this.part.stage, (x, y) => this.dragStage(x, y));
     this.drag(this.part.chart, (x, y) => this.dragChart(x, y));
     new ResizeObserver(() => this.drawChart()).observe(this.part.chart);
-    document.addEventListener("colours", () => this.drawChart());
+    document.addEventListener("colors", () => this.drawChart());
   }
 
   field(kind, name) { return this.form.elements.namedItem(`${kind}.${name}`); }

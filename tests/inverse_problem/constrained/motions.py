@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from inverse_service.inverse_problem.constrained.existence import AnalysedMotion, analyse_motion
+from inverse_service.inverse_problem.constrained.existence import AnalyzedMotion, analyze_motion
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, equations_of_motion
 from inverse_service.mechanics.reading import read_system
@@ -39,8 +39,8 @@ def motion_of(document: dict[str, Any]) -> ConstrainedMotion:
     return equations_of_motion(read_nonholonomic(**document))
 
 
-def analysed(document: dict[str, Any]) -> AnalysedMotion:
-    return analyse_motion(motion_of(document))
+def analyzed(document: dict[str, Any]) -> AnalyzedMotion:
+    return analyze_motion(motion_of(document))
 
 
 def given(free: dict[str, str], dependent: dict[str, str], parameters: tuple[str, ...] = ()) -> ConstrainedMotion:

@@ -17,7 +17,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.constrained import motion_certificate
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
-from inverse_service.inverse_problem.constrained.existence import analyse_motion
+from inverse_service.inverse_problem.constrained.existence import analyze_motion
 from inverse_service.inverse_problem.constrained.lagrangian import (
     closed_coordinates,
     closed_functions,
@@ -73,7 +73,7 @@ def residuals(motion: ConstrainedMotion, lagrangian: Expression) -> list[SympyEx
 @pytest.mark.parametrize("name", FOUND)
 def test_three_programs_accept_what_is_found(name: str) -> None:
     motion, lagrangian = found(FOUND[name])
-    certificate = motion_certificate.of_lagrangian(analyse_motion(motion), lagrangian, False)
+    certificate = motion_certificate.of_lagrangian(analyze_motion(motion), lagrangian, False)
     assert check_certificate(certificate, seed=1).verdict == "valid"
     rows = residuals(motion, lagrangian)
     assert all(sympy.simplify(row) == 0 for row in rows)
@@ -112,7 +112,7 @@ def test_the_oscillator_with_the_frequency_of_a_turning_blade_has_the_motion_of_
     names = Names(motion.coordinates, (), {})
     xi, rate = "(x*cos(phi)+y*sin(phi))", "(x'*cos(phi)+y'*sin(phi)+(y*cos(phi)-x*sin(phi))*phi')"
     text = f"phi'^2/2+{rate}^2/(2*sqrt(2+phi'^2))-sqrt(2+phi'^2)*{xi}^2/2+(x'*sin(phi)-y'*cos(phi))^2/2"
-    certificate = motion_certificate.of_lagrangian(analyse_motion(motion), read_formula(text, names), False)
+    certificate = motion_certificate.of_lagrangian(analyze_motion(motion), read_formula(text, names), False)
     assert check_certificate(certificate, seed=1).verdict == "valid"
 
 
@@ -121,7 +121,7 @@ def test_a_rolling_ball_is_hamiltonised_by_its_reduced_system() -> None:
     motion = motion_of(BALL)
     lagrangian = lagrangian_of_closed(motion, closed_coordinates(motion), False, 1, 60.0)
     assert lagrangian is not None
-    certificate = motion_certificate.of_lagrangian(analyse_motion(motion), lagrangian.expression, False)
+    certificate = motion_certificate.of_lagrangian(analyze_motion(motion), lagrangian.expression, False)
     assert check_certificate(certificate, seed=1).verdict == "valid"
 
 
@@ -136,7 +136,7 @@ def test_a_factor_of_the_force_is_a_coordinate_with_an_equation_of_its_own() -> 
         assert sympy.expand(to_sympy(force) - to_sympy(read_formula(text, names))) == 0
     lagrangian = lagrangian_of_closed(motion, [closed], False, 1, 60.0)
     assert lagrangian is not None
-    certificate = motion_certificate.of_lagrangian(analyse_motion(motion), lagrangian.expression, False)
+    certificate = motion_certificate.of_lagrangian(analyze_motion(motion), lagrangian.expression, False)
     assert check_certificate(certificate, seed=1).verdict == "valid"
 
 
@@ -156,7 +156,7 @@ def test_a_certificate_names_a_point_at_which_its_lagrangian_is_defined() -> Non
         "+(x'-cos(phi)*psi'/sin(phi-psi))^2/2+(y'-sin(phi)*psi'/sin(phi-psi))^2/2"
     )
     for form in (text, text.replace("log(psi'-phi')", "log(phi'-psi')")):
-        certificate = motion_certificate.of_lagrangian(analyse_motion(motion), read_formula(form, names), False)
+        certificate = motion_certificate.of_lagrangian(analyze_motion(motion), read_formula(form, names), False)
         assert check_certificate(certificate, seed=1).verdict == "valid"
 
 
@@ -165,7 +165,7 @@ def test_a_trailer_is_hamiltonised() -> None:
     motion = motion_of(TRAILER)
     lagrangian = lagrangian_of_closed(motion, closed_coordinates(motion), False, 1, 60.0)
     assert lagrangian is not None
-    certificate = motion_certificate.of_lagrangian(analyse_motion(motion), lagrangian.expression, False)
+    certificate = motion_certificate.of_lagrangian(analyze_motion(motion), lagrangian.expression, False)
     assert check_certificate(certificate, seed=1).verdict == "valid"
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem.constrained.existence import analyse_motion, decide_motion
+from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
 from inverse_service.inverse_problem.constrained.motion_certificate import of_finding
 from inverse_service.inverse_problem.constrained.motion_sentences import finding_steps, freedom
 from inverse_service.inverse_problem.decision.deciding import decide
@@ -19,7 +19,7 @@ from inverse_service.mechanics.reading import read_system
 from tests.inverse_problem.constrained.motions import (
     BLADE,
     SLEIGH,
-    analysed,
+    analyzed,
     disk,
     given,
     heisenberg,
@@ -57,13 +57,13 @@ ANSWERS: dict[str, tuple[dict[str, Any], bool, int]] = {
 
 
 def decided(motion: ConstrainedMotion, with_time: bool = False) -> Finding:
-    return decide_motion(analyse_motion(motion), with_time, 1, float("inf"), lambda _: None)
+    return decide_motion(analyze_motion(motion), with_time, 1, float("inf"), lambda _: None)
 
 
 @pytest.mark.parametrize("name", ANSWERS)
 def test_each_motion_has_its_answer(name: str) -> None:
     document, exists, order = ANSWERS[name]
-    found = decide_motion(analysed(document), False, 1, float("inf"), lambda _: None)
+    found = decide_motion(analyzed(document), False, 1, float("inf"), lambda _: None)
     assert (found.exists, found.order) == (exists, order)
     assert bool(found.rows) == (not exists)
     assert not exists or found.ranks[0] == 2
@@ -71,7 +71,7 @@ def test_each_motion_has_its_answer(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name, (_, exists, _) in ANSWERS.items() if not exists])
 def test_letting_the_lagrangian_depend_on_time_helps_none_of_these(name: str) -> None:
-    found = decide_motion(analysed(ANSWERS[name][0]), True, 1, float("inf"), lambda _: None)
+    found = decide_motion(analyzed(ANSWERS[name][0]), True, 1, float("inf"), lambda _: None)
     assert found.exists is False
 
 
@@ -79,7 +79,7 @@ def test_letting_the_lagrangian_depend_on_time_helps_none_of_these(name: str) ->
 def test_the_equations_of_the_bivectors_follow_from_the_others(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without them the same is found, with the same dimensions, at a higher order."""
     document, exists, order = ANSWERS[name]
-    motion = analysed(document)
+    motion = analyzed(document)
     found = decide_motion(motion, False, 1, float("inf"), lambda _: None)
     monkeypatch.setattr(bivectors, "last_of", lambda shape: 0)
     alone = decide_motion(motion, False, 1, float("inf"), lambda _: None)
@@ -91,7 +91,7 @@ def test_the_equations_of_the_bivectors_follow_from_the_others(name: str, monkey
 @pytest.mark.parametrize("with_time", [False, True])
 def test_the_checker_agrees_in_seconds(name: str, with_time: bool) -> None:
     """It forms the equations of the bivectors itself."""
-    motion = analysed(ANSWERS[name][0])
+    motion = analyzed(ANSWERS[name][0])
     found = decide_motion(motion, with_time, 1, float("inf"), lambda _: None)
     certificate = of_finding(motion, found, with_time)
     assert check_certificate(certificate, 60.0, seed=1).verdict == "valid"
@@ -103,7 +103,7 @@ def test_the_checker_agrees_in_seconds(name: str, with_time: bool) -> None:
 @pytest.mark.slow
 def test_existence_with_eight_coordinates_on_the_constraints_is_confirmed() -> None:
     kinetic, chain = "(x'^2+y'^2+a'^2+b'^2+c'^2+d'^2)/2", ["a'-y*x'", "b'-a*x'", "c'-b*x'", "d'-c*x'"]
-    motion = analysed({"coordinates": [*"xyabcd"], "lagrangian": kinetic, "constraints": chain})
+    motion = analyzed({"coordinates": [*"xyabcd"], "lagrangian": kinetic, "constraints": chain})
     found = decide_motion(motion, False, 1, float("inf"), lambda _: None)
     assert found.exists
     assert check_certificate(of_finding(motion, found, False), 60.0, seed=1).verdict == "valid"
@@ -111,13 +111,13 @@ def test_existence_with_eight_coordinates_on_the_constraints_is_confirmed() -> N
 
 @pytest.mark.parametrize("name", ["Chaplygin sleigh", "particle, y", "Heisenberg, z"])
 def test_a_no_says_which_equations_of_the_bivectors_prove_it(name: str) -> None:
-    motion = analysed(ANSWERS[name][0])
+    motion = analyzed(ANSWERS[name][0])
     found = decide_motion(motion, False, 1, float("inf"), lambda _: None)
     used = [row[0] for row in of_finding(motion, found, False)["rows"] if row[0].startswith("B")]
     highest = max(int(name[1:].split("_")[0]) for name in used)
     texts = [step.text for step in finding_steps(motion, found, False)]
     assert any(f"of which {len(used)} are used, to order {highest}." in text for text in texts)
-    yes = decide_motion(analysed(ANSWERS["particle"][0]), False, 1, float("inf"), lambda _: None)
+    yes = decide_motion(analyzed(ANSWERS["particle"][0]), False, 1, float("inf"), lambda _: None)
     assert not any("bivectors" in step.text for step in finding_steps(motion, yes, False))
 
 
@@ -188,6 +188,6 @@ def test_constraints_that_move_and_contain_time_are_decided() -> None:
 
 
 def test_a_limit_is_told_with_how_far_it_came() -> None:
-    found = decide_motion(analysed(particle("y")), False, 1, 0.0, lambda _: None)
+    found = decide_motion(analyzed(particle("y")), False, 1, 0.0, lambda _: None)
     assert found.exists is None
     assert "time limit" in found.reason

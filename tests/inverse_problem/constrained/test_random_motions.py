@@ -12,7 +12,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, substitute
 from inverse_service.inverse_problem.constrained import motion_certificate
-from inverse_service.inverse_problem.constrained.existence import analyse_motion, decide_motion, last_bracket
+from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion, last_bracket
 from inverse_service.inverse_problem.constrained.lagrangian import own_system
 from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
@@ -22,7 +22,7 @@ NAMES = ("x", "y", "z")
 
 
 def decided(motion: ConstrainedMotion, with_time: bool = False) -> Finding:
-    return decide_motion(analyse_motion(motion), with_time, 1, float("inf"), lambda _: None)
+    return decide_motion(analyze_motion(motion), with_time, 1, float("inf"), lambda _: None)
 
 
 def tree(text: str) -> Expression:
@@ -89,13 +89,13 @@ def test_random_motions_with_five_coordinates_are_never_left_open(seeds: range) 
 def test_random_motions_with_six_coordinates_are_never_left_open(seeds: range) -> None:
     refused = 0
     for seed in seeds:
-        analysed = analyse_motion(random_motion(seed, (*NAMES, "w")))
-        found = decide_motion(analysed, False, 1, float("inf"), lambda _: None)
+        analyzed = analyze_motion(random_motion(seed, (*NAMES, "w")))
+        found = decide_motion(analyzed, False, 1, float("inf"), lambda _: None)
         assert found.exists is not None, seed
         if found.exists is False:
             refused += 1
             assert (
-                check_certificate(motion_certificate.of_finding(analysed, found, False), seed=1).verdict == "valid"
+                check_certificate(motion_certificate.of_finding(analyzed, found, False), seed=1).verdict == "valid"
             ), seed
     assert refused > len(seeds) // 3
 
@@ -103,11 +103,11 @@ def test_random_motions_with_six_coordinates_are_never_left_open(seeds: range) -
 @pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 200), marks=pytest.mark.nightly)])
 def test_each_no_of_a_random_motion_is_confirmed_by_the_checker(seeds: range) -> None:
     for seed in seeds:
-        analysed = analyse_motion(random_motion(seed))
-        found = decide_motion(analysed, False, 1, float("inf"), lambda _: None)
+        analyzed = analyze_motion(random_motion(seed))
+        found = decide_motion(analyzed, False, 1, float("inf"), lambda _: None)
         if found.exists is False:
             assert (
-                check_certificate(motion_certificate.of_finding(analysed, found, False), seed=1).verdict == "valid"
+                check_certificate(motion_certificate.of_finding(analyzed, found, False), seed=1).verdict == "valid"
             ), seed
 
 
@@ -116,8 +116,8 @@ def test_brackets_along_one_solution_refuse_only_what_prolongation_refuses(seeds
     """And a good part of that: with five coordinates prolongation is as fast, and is not asked to wait for them."""
     refused = []
     for seed in seeds:
-        analysed = analyse_motion(random_motion(seed))
-        by_brackets = last_bracket(analysed, draw_point(analysed.tower, seed), float("inf")) is not None
+        analyzed = analyze_motion(random_motion(seed))
+        by_brackets = last_bracket(analyzed, draw_point(analyzed.tower, seed), float("inf")) is not None
         assert not (by_brackets and decided(random_motion(seed)).exists), seed
         refused.append(by_brackets)
     assert any(refused)
@@ -125,5 +125,5 @@ def test_brackets_along_one_solution_refuse_only_what_prolongation_refuses(seeds
 
 def test_no_motion_on_a_level_of_a_momentum_is_refused_by_brackets() -> None:
     for seed in range(5):
-        analysed = analyse_motion(of_a_lagrangian(seed))
-        assert last_bracket(analysed, draw_point(analysed.tower, seed), float("inf")) is None, seed
+        analyzed = analyze_motion(of_a_lagrangian(seed))
+        assert last_bracket(analyzed, draw_point(analyzed.tower, seed), float("inf")) is None, seed

@@ -8,7 +8,7 @@ import sympy as sp
 
 from inverse_service.inverse_problem.constrained.existence import decide_motion
 from inverse_service.inverse_problem.constrained.motion_sentences import series_steps
-from tests.inverse_problem.constrained.motions import analysed, knife_edge, particle
+from tests.inverse_problem.constrained.motions import analyzed, knife_edge, particle
 
 X, Y, Z, U, V = sp.symbols("x y z u v")
 
@@ -21,7 +21,7 @@ def read(text: str) -> sp.Expr:
 
 
 def test_the_series_of_a_particle_solves_the_equations_to_its_degree_at_its_point() -> None:
-    motion = analysed(particle("x"))
+    motion = analyzed(particle("x"))
     found = decide_motion(motion, False, 1, float("inf"), lambda _: None)
     (step,) = series_steps(motion, found, False)
     shown = [part.text for part in step.parts if re.match(r"(l|lambda_1) = ", part.text)]
@@ -47,7 +47,7 @@ def test_the_series_of_a_particle_solves_the_equations_to_its_degree_at_its_poin
 
 
 def test_there_is_no_series_where_the_motion_is_not_rational() -> None:
-    motion = analysed(knife_edge("x^2+y^2"))
+    motion = analyzed(knife_edge("x^2+y^2"))
     found = decide_motion(motion, False, 1, float("inf"), lambda _: None)
     assert found.exists
     assert series_steps(motion, found, False) == ()

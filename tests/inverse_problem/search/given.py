@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.ladder import _sampler, _Search, attempt
 from inverse_service.inverse_problem.search.linear_ansatz import LagrangianSpace, solve_ansatz
 from inverse_service.inverse_problem.search.material import Material, gather
@@ -30,7 +30,7 @@ def monomial_of(text: str) -> Monomial:
 
 def material(equations: dict[str, str], with_time: bool = False) -> Material:
     system = read_system(list(equations), equations, ["a", "b", "c"], {"A": ["x"]})
-    return gather(analyse(system), with_time)
+    return gather(analyze(system), with_time)
 
 
 def lagrangians(equations: dict[str, str], candidates: Sequence[str], with_time: bool = False) -> LagrangianSpace:

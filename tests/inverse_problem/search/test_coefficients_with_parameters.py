@@ -6,7 +6,7 @@ import pytest
 
 from inverse_service.deadline import now
 from inverse_service.expressions.printing import to_text
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.reductions import is_damped
 from inverse_service.mechanics.reading import read_system
@@ -25,7 +25,7 @@ NAMES = (
 def test_the_search_finds_what_sympy_confirms(name: str) -> None:
     document = KNOWN[name].document
     system = read_system(document.get("coordinates"), document["equations"], document.get("parameters") or ())
-    found = search(analyse(system), False, 1, now() + 120, lambda _: None).found
+    found = search(analyze(system), False, 1, now() + 120, lambda _: None).found
     assert found is not None
     text = {name: to_text(f) for name, f in zip(system.coordinates, system.accelerations, strict=True)}
     given = formulas({**document, "coordinates": list(system.coordinates)}, text)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import constant_velocity, reductions
 from inverse_service.inverse_problem.search.material import Material, gather
@@ -43,7 +43,7 @@ OTHERS = [
 
 
 def material(equations: dict[str, str]) -> Material:
-    return gather(analyse(read_system(list(equations), equations, ["a", "b"])), with_time=False)
+    return gather(analyze(read_system(list(equations), equations, ["a", "b"])), with_time=False)
 
 
 @pytest.mark.parametrize("name", [*CARRIED, *WITH_FUNCTIONS])

@@ -6,7 +6,7 @@ import pytest
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import ZERO
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.inverse_problem.search.one_coordinate.contact import kinetic_terms
@@ -39,5 +39,5 @@ def test_such_an_equation_gets_a_lagrangian(f: str) -> None:
 
 def test_terms_are_proposed_for_one_coordinate_alone() -> None:
     two = read_system(["x", "y"], {"x": "1/(t + exp(x'))", "y": "0"}, [])
-    assert kinetic_terms(gather(analyse(two), with_time=True)) == []
-    assert kinetic_terms(gather(analyse(_system(EQUATIONS[0])), with_time=True)) != []
+    assert kinetic_terms(gather(analyze(two), with_time=True)) == []
+    assert kinetic_terms(gather(analyze(_system(EQUATIONS[0])), with_time=True)) != []

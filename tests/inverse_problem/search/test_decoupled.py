@@ -6,7 +6,7 @@ from inverse_service import solve
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.ladder import search
 from inverse_service.inverse_problem.search.reductions import decoupled_blocks
 from inverse_service.mechanics.reading import read_system
@@ -28,7 +28,7 @@ def test_each_coordinate_of_free_motion_is_a_block() -> None:
 
 def test_the_sum_of_the_blocks_lagrangians_is_a_lagrangian() -> None:
     equations = {"x": "-3*x*x' - x^3", "y": "y*z'^2", "z": "-2*y'*z'/y", "w": "-sin(w)"}
-    analysis = analyse(read_system(list(equations), equations))
+    analysis = analyze(read_system(list(equations), equations))
     outcome = search(analysis, False, 1, now() + 60, lambda _: None)
     assert outcome.found is not None
     certificate = certify.of_lagrangian(analysis, outcome.found.lagrangians[0], False)
@@ -37,7 +37,7 @@ def test_the_sum_of_the_blocks_lagrangians_is_a_lagrangian() -> None:
 
 def test_a_block_without_a_closed_form_leaves_the_system_without_one() -> None:
     equations = {"x": "(1 - x^2)*x' - x", "y": "-y"}
-    analysis = analyse(read_system(list(equations), equations))
+    analysis = analyze(read_system(list(equations), equations))
     assert search(analysis, False, 1, now() + 60, lambda _: None).found is None
 
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.integrating import (
     divergence_factor,
@@ -81,7 +81,7 @@ def test_a_rate_of_unwieldy_numbers_is_not_taken() -> None:
     ],
 )
 def test_the_divergence_is_seen_to_vanish_or_not(equations: dict[str, str], free: bool) -> None:
-    analysis = analyse(read_system(list(equations), equations, ["a"]))
+    analysis = analyze(read_system(list(equations), equations, ["a"]))
     assert is_free_of_divergence(analysis, 3) is free
 
 
@@ -103,7 +103,7 @@ def test_where_the_divergence_has_no_value_there_is_no_factor() -> None:
 def test_a_common_damping_beside_a_quotient_of_velocities_is_seen(
     equations: dict[str, str], rate: Fraction | None
 ) -> None:
-    assert hidden_damping(analyse(read_system(list(equations), equations))) == rate
+    assert hidden_damping(analyze(read_system(list(equations), equations))) == rate
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
-from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
+from inverse_service.inverse_problem.decision.analysis import analyze, variables_of
 from inverse_service.inverse_problem.search.holomorphic import ComplexTree, NotAnalytic, continued, real_systems
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
@@ -31,7 +31,7 @@ MAGNETIC_DRAG = {
 
 
 def material_of(equations: dict[str, str]) -> Material:
-    return gather(analyse(read_system(list(equations), equations)), False)
+    return gather(analyze(read_system(list(equations), equations)), False)
 
 
 def assert_is_lagrangian(system: SecondOrderSystem, tree: Expression) -> None:

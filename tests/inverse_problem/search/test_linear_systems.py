@@ -14,7 +14,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.ladder import holds_numerically
 from inverse_service.inverse_problem.search.linear_systems.linear_terms import linear_system
 from inverse_service.inverse_problem.search.linear_systems.modes import even_root, invariant_multipliers
@@ -60,7 +60,7 @@ WITHOUT = {
 
 def proposals(equations: dict[str, str], parameters: Sequence[str], with_time: bool) -> Sequence[Expression]:
     system = read_system(list(equations), equations, tuple(parameters))
-    return proposed(gather(analyse(system), with_time), LINEAR)
+    return proposed(gather(analyze(system), with_time), LINEAR)
 
 
 def assert_is_lagrangian(system: SecondOrderSystem, tree: Expression) -> None:
@@ -100,7 +100,7 @@ def test_undamped_systems_have_lagrangians_without_time(name: str) -> None:
 
 
 def test_numbers_alone_tell_a_wrong_lagrangian() -> None:
-    analysis = analyse(read_system(["x"], {"x": "-x"}))
+    analysis = analyze(read_system(["x"], {"x": "-x"}))
     right, wrong, singular = (parse(text, Names(("x",))) for text in ("x'^2/2-x^2/2", "x'^2/2-x^2/2+x^3/10^20", "x*x'"))
     assert holds_numerically(analysis, right, 1)
     assert not holds_numerically(analysis, wrong, 1)
@@ -120,7 +120,7 @@ UNIFORMLY_DAMPED = {
 def test_uniform_damping_multiplies_the_lagrangian_by_an_exponential(name: str) -> None:
     equations, parameters = UNIFORMLY_DAMPED[name]
     system = read_system(list(equations), equations, tuple(parameters))
-    material = gather(analyse(system), True)
+    material = gather(analyze(system), True)
     assert is_damped(material)
     found = proposed(material, DAMPING)
     assert found
@@ -130,7 +130,7 @@ def test_uniform_damping_multiplies_the_lagrangian_by_an_exponential(name: str) 
 
 def test_a_magnetic_term_forbids_uniform_damping() -> None:
     equations = {"x": "2*y'-x^3-x'", "y": "-2*x'-y^3-y'"}
-    assert not proposed(gather(analyse(read_system(list(equations), equations)), True), DAMPING)
+    assert not proposed(gather(analyze(read_system(list(equations), equations)), True), DAMPING)
 
 
 @pytest.mark.parametrize("name", WITHOUT)
@@ -169,26 +169,26 @@ def test_proportional_damping_gets_a_positive_kinetic_term() -> None:
     ],
 )
 def test_the_space_of_multipliers_in_time_has_its_dimension(equations: dict[str, str], dimension: int) -> None:
-    system = linear_system(gather(analyse(read_system(list(equations), equations)), True))
+    system = linear_system(gather(analyze(read_system(list(equations), equations)), True))
     assert system is not None
     assert len(invariant_multipliers(system).basis) == dimension
 
 
 @pytest.mark.parametrize("force", ["-x^2", "-x*x'", "-t*x'", "-sin(x)", "1/x"])
 def test_what_is_not_linear_is_left_to_others(force: str) -> None:
-    assert not is_linear(gather(analyse(read_system(["x"], {"x": force})), True))
+    assert not is_linear(gather(analyze(read_system(["x"], {"x": force})), True))
 
 
 def test_six_coordinates_take_less_than_three_seconds() -> None:
     names = [f"x{k}" for k in range(6)]
     chain = {}
     for k, name in enumerate(names):
-        neighbours = names[max(0, k - 1) : k] + names[k + 1 : k + 2]
-        chain[name] = f"-2*{name}-2*{name}'" + "".join(f"+{other}+{other}'" for other in neighbours)
+        neighbors = names[max(0, k - 1) : k] + names[k + 1 : k + 2]
+        chain[name] = f"-2*{name}-2*{name}'" + "".join(f"+{other}+{other}'" for other in neighbors)
     symbolic = {name: f"-c{k}*{name}'-k{k}*{name}" for k, name in enumerate(names)}
     parameters = [f"{letter}{k}" for letter in "ck" for k in range(6)]
     for equations, constants in ((chain, ()), (symbolic, tuple(parameters))):
-        material = gather(analyse(read_system(names, equations, constants)), True)
+        material = gather(analyze(read_system(names, equations, constants)), True)
         began = time.process_time()
         assert proposed(material, LINEAR)
         assert time.process_time() - began < 3

@@ -16,7 +16,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity, negate, power, walk
-from inverse_service.inverse_problem.decision.analysis import analyse, variables_of
+from inverse_service.inverse_problem.decision.analysis import analyze, variables_of
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.material import Material, gather
@@ -88,7 +88,7 @@ def system_of(force: str, parameters: Sequence[str]) -> SecondOrderSystem:
 
 
 def material_of(force: str, parameters: Sequence[str] = (), with_time: bool = False) -> Material:
-    return gather(analyse(system_of(force, parameters)), with_time)
+    return gather(analyze(system_of(force, parameters)), with_time)
 
 
 def assert_lagrangian(tree: Expression, system: SecondOrderSystem) -> None:
@@ -173,7 +173,7 @@ def test_multipliers_with_time_are_used_where_allowed() -> None:
 
 @pytest.mark.parametrize("equations", [{"x": "-x", "y": "-y"}])
 def test_two_coordinates_are_left_to_others(equations: Mapping[str, str]) -> None:
-    assert not applies(gather(analyse(read_system(["x", "y"], dict(equations))), False))
+    assert not applies(gather(analyze(read_system(["x", "y"], dict(equations))), False))
 
 
 QUADRATIC_EXPONENTS = tuple(Fraction(k, 2) for k in (-6, -5, -4, -3, -2, -1, 1, 2))

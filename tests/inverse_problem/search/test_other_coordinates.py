@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.other_coordinates import shorter, size, suggested, transformed
@@ -39,7 +39,7 @@ SHORT = {
 
 
 def material(equations: dict[str, str]) -> Material:
-    return gather(analyse(read_system(list(equations), equations)), with_time=False)
+    return gather(analyze(read_system(list(equations), equations)), with_time=False)
 
 
 @pytest.mark.parametrize("kind", SYSTEMS)
@@ -73,7 +73,7 @@ LONG = {30: "shear", 84: "polar", 91: "polar", 93: "polar"}
 @pytest.mark.parametrize("index", LONG)
 def test_long_equations_are_brought_back(index: int) -> None:
     given = disguised(random_system(index, 34), 34)
-    whole = gather(analyse(read_system(given.coordinates, given.equations)), given.time_dependent)
+    whole = gather(analyze(read_system(given.coordinates, given.equations)), given.time_dependent)
     change, system = shorter(whole)[0]
     assert change.name == LONG[index]
     assert 2 * size(system.accelerations) < size(whole.analysis.system.accelerations)

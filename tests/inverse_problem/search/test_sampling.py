@@ -29,7 +29,7 @@ from inverse_service.expressions.tree import (
     power,
     subtract,
 )
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.kinds import helmholtz
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import multiplier_ansatz, sample_points
@@ -79,7 +79,7 @@ def reference(
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_letters_have_the_logarithmic_derivatives_of_sparse_series(order: int) -> None:
-    analysis = analyse(SYSTEM)
+    analysis = analyze(SYSTEM)
     letters = [*(to_kernels(read_formula(text, NAMES)) for text in LETTERS), *velocity_letters()]
     sampler, _ = sampler_of(analysis, [monomial(letter) for letter in letters])
     points = sampler.points(3)
@@ -104,7 +104,7 @@ def limit_series(monkeypatch: pytest.MonkeyPatch, words: int) -> None:
 
 def test_letters_too_long_for_one_program_have_more(monkeypatch: pytest.MonkeyPatch) -> None:
     letters = [to_kernels(read_formula(f"x^2 + {k}", NAMES)) for k in range(2, 22)]
-    analysis = analyse(SYSTEM)
+    analysis = analyze(SYSTEM)
     points = [sampler_of(analysis, [monomial(letter) for letter in letters])[0].points(seed) for seed in (3, 3)]
     wanted = points[0].letters(0, letters, 2)
     points[1].places.clear()
@@ -125,12 +125,12 @@ def test_what_is_too_long_for_series_is_searched_without_them(monkeypatch: pytes
     )
     assert found["verdict"] in ("variational", "undetermined")
     with pytest.raises(IrreducibleAtoms):
-        sampler_of(analyse(SYSTEM), [monomial(Symbol("x"))])[0].points(3).letters(0, [Symbol("x")], 2)
+        sampler_of(analyze(SYSTEM), [monomial(Symbol("x"))])[0].points(3).letters(0, [Symbol("x")], 2)
 
 
 def test_a_letter_without_a_value_takes_nothing_from_the_others() -> None:
     """x - x(point) vanishes at one point, 1/(x - x(point)) has no value there."""
-    sampler, _ = sampler_of(analyse(SYSTEM), [monomial(Symbol("x"))])
+    sampler, _ = sampler_of(analyze(SYSTEM), [monomial(Symbol("x"))])
     points = sampler.points(3)
     there = Number(Fraction(points.point(0).variable(Symbol("x"))))
     zero = add(Symbol("x"), negate(there))
@@ -139,14 +139,14 @@ def test_a_letter_without_a_value_takes_nothing_from_the_others() -> None:
     alone = points.letters(0, [other], 2)
     assert alone is not None
     assert points.letters(1, [zero, pole, other], 2) is not None
-    fresh = sampler_of(analyse(SYSTEM), [monomial(Symbol("x"))])[0].points(3).letters(0, [other], 2)
+    fresh = sampler_of(analyze(SYSTEM), [monomial(Symbol("x"))])[0].points(3).letters(0, [other], 2)
     assert fresh is not None
     assert alone[0].tolist() == fresh[0].tolist()
 
 
 def test_terms_without_a_value_where_the_others_have_one_are_left_out() -> None:
     """log(x' - 2) and sqrt(1 - x'^2) have no point in common, and f holds the latter."""
-    analysis = analyse(read_system(["x"], {"x": "-x*(1 - x'^2)^(3/2)"}))
+    analysis = analyze(read_system(["x"], {"x": "-x*(1 - x'^2)^(3/2)"}))
     v = Velocity("x")
     root: Monomial = frozenset([(subtract(ONE, power(v, 2)), Fraction(1, 2))])
     other = monomial(Apply("log", subtract(v, number(2))))
@@ -158,7 +158,7 @@ def test_terms_without_a_value_where_the_others_have_one_are_left_out() -> None:
 
 def test_terms_whose_letters_cannot_be_reduced_beside_f_are_left_out() -> None:
     """Half powers of e^(log(w + sqrt(w^2 + 1))) are nested roots that are not settled beside sqrt(w^2 + 1)."""
-    analysis = analyse(read_system(["w"], {"w": "w*w'^2/sqrt(w^2 + 1)"}))
+    analysis = analyze(read_system(["w"], {"w": "w*w'^2/sqrt(w^2 + 1)"}))
     w, v = Symbol("w"), Velocity("w")
     root = power(add(power(w, 2), ONE), Fraction(1, 2))
     letter = Apply("exp", Apply("log", add(w, root)))

@@ -8,7 +8,7 @@ from inverse_service.deadline import now, until
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.inverse_problem.search.scalar_multiplier import propose
@@ -134,7 +134,7 @@ def test_bodies_that_attract_each_other_have_their_masses_in_the_lagrangian(
     equations, wanted = _bodies(masses, drag)
     system = read_system(list(equations), equations, CONSTANTS)
     with until(now() + 60):
-        found, *_ = propose(gather(analyse(system), factor != "1"), 1)
+        found, *_ = propose(gather(analyze(system), factor != "1"), 1)
     assert same_value(found, parse(f"({factor})*({wanted})", Names(system.coordinates, tuple(CONSTANTS))))
 
 

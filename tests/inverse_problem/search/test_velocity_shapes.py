@@ -10,7 +10,7 @@ import pytest
 from inverse_service.algebra.point import variables_in
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, add, multiply, number, power, square_root
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.factors import find_factors
 from inverse_service.inverse_problem.search.families import kinetic_terms, possible_shapes
@@ -47,7 +47,7 @@ EXCLUDED = [
 
 def possible(equations: dict[str, str], with_time: bool, seed: int = 1) -> bool:
     system = read_system(list(equations), equations)
-    given = gather(analyse(system), with_time)
+    given = gather(analyze(system), with_time)
     return bool(possible_shapes(given, quadratic(given), seed).shapes)
 
 
@@ -72,7 +72,7 @@ def test_a_system_without_one_is_excluded(equations: dict[str, str], with_time: 
 
 def test_shapes_without_common_points_do_not_stop_the_others() -> None:
     """sqrt(-1 - x'^2) is nowhere real: what is in velocities alone is tested all the same, and nothing else kept."""
-    given = gather(analyse(read_system(["x", "y"], {"x": "-x - y", "y": "-x - 2*y"})), False)
+    given = gather(analyze(read_system(["x", "y"], {"x": "-x - y", "y": "-x - 2*y"})), False)
     v = given.motion.velocities[0]
     nowhere = add(number(-1), multiply(number(-1), power(v, 2)))
     shapes = [*quadratic(given), monomial(square_root(nowhere)), monomial(Apply("log", v))]
@@ -98,7 +98,7 @@ def test_the_growth_of_coefficients_is_seen_at_one_place(
 ) -> None:
     """Terms of different degrees leave no damping -c q' in f, and f holds no t."""
     equations = equations_of(lagrangian, coordinates)
-    given = gather(analyse(read_system(list(equations), equations)), True)
+    given = gather(analyze(read_system(list(equations), equations)), True)
     possible = possible_shapes(given, shapes(given), 1)
     assert possible.growth == growth
     assert possible.alone
@@ -116,7 +116,7 @@ HOLDING = [
 def test_what_coefficients_can_hold_is_seen_at_one_place(lagrangian: str, held: dict[str, str]) -> None:
     """t times x'^2/2 where L holds it, y times x'^2/2 where g_11 is y, and nothing for a constant g."""
     equations = equations_of(lagrangian, "x y")
-    given = gather(analyse(read_system(list(equations), equations)), True)
+    given = gather(analyze(read_system(list(equations), equations)), True)
     possible = possible_shapes(given, quadratic(given), 1)
     names = (TIME, Symbol("x"), Symbol("y"))
     free = {
@@ -136,7 +136,7 @@ def test_functions_are_offered_only_to_coefficients_that_can_hold_them() -> None
         "x": f"-{root}^(1/2)*(sin(x) - x'^2*sin(x) - x'*y'*y)",
         "y": f"-{root}^(1/2)*(y - y'^2*y - x'*y'*sin(x))",
     }
-    given = gather(analyse(read_system(list(equations), equations)), False)
+    given = gather(analyze(read_system(list(equations), equations)), False)
     row = next(rung for rung in ANSATZ if rung.name == "functions of velocities, short factors")
     terms = kinetic_terms(given, row, find_factors(given, 1), 1)
     assert terms
@@ -151,14 +151,14 @@ def test_functions_of_four_velocities_are_all_tried() -> None:
         "s": "(a/2 + 2*r^2*s - 2*sin(s))*exp(s')",
         "b": "-a*exp(s')/4 - a*exp(-2*b')*exp(-s')/12 - r^2*s*exp(s') + exp(s')*sin(s)",
     }
-    given = gather(analyse(read_system(list(equations), equations)), False)
+    given = gather(analyze(read_system(list(equations), equations)), False)
     found = {to_text(tree_of({s: Fraction(1)})) for s in possible_shapes(given, functions(given), 1).shapes}
     assert {"exp(2*b' + s')", "exp(-s')", "exp(r')", "exp(2*a')"} <= found
 
 
 def test_a_system_that_holds_the_time_shows_no_growth() -> None:
     equations = equations_of("exp(t)*(x'^2 + x'*w'^3 + t*x^2)", "x w")
-    given = gather(analyse(read_system(list(equations), equations)), True)
+    given = gather(analyze(read_system(list(equations), equations)), True)
     assert possible_shapes(given, polynomials(given), 1).growth is None
 
 

@@ -54,14 +54,14 @@ def test_a_piece_outside_the_domain_is_dropped() -> None:
     assert [to_text(SPACE.tree(p.equations[0])) for p in split(SPACE, [A * B], domain=[A])] == ["b"]
 
 
-def test_a_cubic_without_a_rational_parametrisation_says_that_it_is_unsolved() -> None:
+def test_a_cubic_without_a_rational_parametrization_says_that_it_is_unsolved() -> None:
     equation = A**3 - B**3 + C**3 + 5
     (piece,) = split(SPACE, [equation])
     assert piece.unsolved
     assert piece.dimension == 2
 
 
-def test_contained_pieces_are_recognised() -> None:
+def test_contained_pieces_are_recognized() -> None:
     (plane,), (line,) = split(SPACE, [A - C]), split(SPACE, [A - C, B])
     assert plane.contains(line)
     assert not line.contains(plane)

@@ -27,7 +27,7 @@ def scheme(request: pytest.FixtureRequest) -> Scheme:
 
 
 @pytest.fixture
-def coloured(pages: Pages, service: str, scheme: Scheme) -> Iterator[Visit]:
+def colored(pages: Pages, service: str, scheme: Scheme) -> Iterator[Visit]:
     yield from visited(pages(Look(narrow=scheme == "dark", scheme=scheme)), service)
 
 
@@ -47,30 +47,30 @@ def is_too_wide(visit: Visit) -> bool:
     return too_wide
 
 
-def test_axe_finds_nothing_on_any_page(coloured: Visit, scheme: Scheme) -> None:
+def test_axe_finds_nothing_on_any_page(colored: Visit, scheme: Scheme) -> None:
     for path in LOOKED_AT[scheme]:
-        coloured.go(path)
+        colored.go(path)
         if path != "/gallery":  # its tables have hundreds of equal rows
-            open_all(coloured)
-        assert (path, violations(coloured)) == (path, [])
-        assert (path, is_too_wide(coloured)) == (path, False)
+            open_all(colored)
+        assert (path, violations(colored)) == (path, [])
+        assert (path, is_too_wide(colored)) == (path, False)
 
 
-def test_axe_finds_nothing_on_a_result(coloured: Visit, scheme: Scheme) -> None:
-    coloured.go(f"/?example={RESULTS[scheme]}")
-    coloured.page.get_by_role("button", name="Find out").click()
-    expect(coloured.page.locator(".verdict")).to_be_visible()
-    whole(coloured.page)
-    open_all(coloured)
-    assert violations(coloured) == []
-    assert not is_too_wide(coloured)
+def test_axe_finds_nothing_on_a_result(colored: Visit, scheme: Scheme) -> None:
+    colored.go(f"/?example={RESULTS[scheme]}")
+    colored.page.get_by_role("button", name="Find out").click()
+    expect(colored.page.locator(".verdict")).to_be_visible()
+    whole(colored.page)
+    open_all(colored)
+    assert violations(colored) == []
+    assert not is_too_wide(colored)
 
 
-def test_axe_finds_nothing_where_a_fault_is_shown(coloured: Visit) -> None:
-    coloured.go("/")
-    coloured.page.get_by_label("Equations", exact=True).fill("x'' = (y")
-    expect(coloured.page.locator("#understood mark")).to_be_visible()
-    assert violations(coloured) == []
+def test_axe_finds_nothing_where_a_fault_is_shown(colored: Visit) -> None:
+    colored.go("/")
+    colored.page.get_by_label("Equations", exact=True).fill("x'' = (y")
+    expect(colored.page.locator("#understood mark")).to_be_visible()
+    assert violations(colored) == []
 
 
 IN_SIGHT = """[...document.images].filter((image) => image.getBoundingClientRect().top < innerHeight)

@@ -1,4 +1,4 @@
-"""Every state of every page, in both colours and both widths; long, so not in the default suite."""
+"""Every state of every page, in both colors and both widths; long, so not in the default suite."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person who has read nothing finds on the start page, counted in clicks; and the colours they choose."""
+"""What a person who has read nothing finds on the start page, counted in clicks; and the colors they choose."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from .conftest import Visit
 
 
 def paper(page: Page) -> str:
-    colour: str = page.evaluate("getComputedStyle(document.body).backgroundColor")
-    return colour
+    color: str = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    return color
 
 
 @pytest.mark.parametrize("scripts", [True, False])
@@ -55,7 +55,7 @@ def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain
 
 
 @pytest.mark.parametrize("scripts", [True, False])
-def test_the_colours_are_chosen_and_remembered(visit: Visit, plain: Visit, scripts: bool) -> None:
+def test_the_colors_are_chosen_and_remembered(visit: Visit, plain: Visit, scripts: bool) -> None:
     at = visit if scripts else plain
     at.go("/learn")
     light = paper(at.page)

@@ -45,7 +45,7 @@ def test_special_cases_are_shown_as_a_tree(visit: Visit) -> None:
     expect(tree).to_contain_text("decided")
 
 
-# How many pixels of a canvas have this colour, within the edges that are blended.
+# How many pixels of a canvas have this color, within the edges that are blended.
 PIXELS = """(node, [red, green, blue]) => {
     const pen = new OffscreenCanvas(node.width, node.height).getContext("2d", { willReadFrequently: true });
     pen.fillStyle = "white"; // what is pale is no full color

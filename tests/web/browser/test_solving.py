@@ -221,14 +221,14 @@ def test_a_formula_casts_a_shadow_at_the_edge_past_which_it_goes_on(pages: Pages
     formula = page.locator("#understood .formula").first
     expect(formula).to_contain_text("11")
     assert formula.evaluate("e => e.scrollWidth - e.clientWidth") > 50
-    edge, inside = _colours(formula)
+    edge, inside = _colors(formula)
     assert edge < inside - 20
     formula.evaluate("e => { e.scrollLeft = e.scrollWidth }")
-    edge, inside = _colours(formula)
+    edge, inside = _colors(formula)
     assert edge > inside - 6
 
 
-def _colours(formula: Locator) -> tuple[int, int]:
+def _colors(formula: Locator) -> tuple[int, int]:
     """How light it is near the upper right corner, and 60 pixels left of it."""
     picture = Image.open(io.BytesIO(formula.screenshot())).convert("L")
     lightness = [picture.getpixel((picture.width - back, 4)) for back in (1, 60)]

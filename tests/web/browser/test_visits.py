@@ -1,4 +1,4 @@
-"""Five visits from start to end, in both widths and colours and without scripts; long, so not in the default suite.
+"""Five visits from start to end, in both widths and colors and without scripts; long, so not in the default suite.
 
 With PICTURES=FOLDER in the environment each ends in a picture there; docs/pages.md says what is to be seen.
 """

@@ -26,10 +26,10 @@ def result(methods: dict[str, dict[str, list[Any]]]) -> dict[str, Any]:
 
 
 def lines_of(svg: str) -> list[tuple[str, list[tuple[float, float]]]]:
-    """(colour, corners) of the lines inside the frame."""
+    """(color, corners) of the lines inside the frame."""
     paths = re.findall(r'<path d="([^"]*)" clip-path[^>]*fill: none;[^>]*stroke: (#\w+)', svg)
-    return [(colour, [(float(x), float(y)) for x, y in re.findall(r"([-\d.]+) ([-\d.]+)", path)])
-            for path, colour in paths if colour not in ("#747d8d",)]  # fmt: skip
+    return [(color, [(float(x), float(y)) for x, y in re.findall(r"([-\d.]+) ([-\d.]+)", path)])
+            for path, color in paths if color not in ("#747d8d",)]  # fmt: skip
 
 
 def test_a_circle_drawn_to_scale_is_a_circle_and_the_true_one_lies_below() -> None:

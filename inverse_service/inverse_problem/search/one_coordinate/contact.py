@@ -17,7 +17,7 @@ from fractions import Fraction
 
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
-from inverse_service.inverse_problem.decision.analysis import analyse
+from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, gather
 from inverse_service.inverse_problem.search.one_coordinate.algebra import factored
 from inverse_service.inverse_problem.search.scalar_multiplier import function_of_position
@@ -59,7 +59,7 @@ def _multiplier(material: Material, force: Expression) -> Expression | None:
     """phi(t, y) for y'' = force."""
     symbols: list[Symbol | Velocity] = [*material.motion.coordinates, *material.motion.velocities]
     system = replace(material.analysis.system, accelerations=(factored(force, symbols),), branch=None)
-    return function_of_position(gather(analyse(system), with_time=True))
+    return function_of_position(gather(analyze(system), with_time=True))
 
 
 def _twice_integrated(g: Terms) -> list[Monomial]:
