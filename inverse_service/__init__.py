@@ -68,14 +68,14 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
 
     `verdict` is `valid`, `invalid` or `incomplete`; `reasons` are sentences. The system of the certificate
     is compared with `document`, or else with the document that the result carries as `system.given`.
+    {"system": …, "lagrangian": "…"} asks whether a Lagrangian of your own has the equations of a document.
     """
     from inverse_service.service.documents.checking import check_document, check_plain
     from inverse_service.service.jobs.model import split_options
 
     given = None if document is None else split_options(_plain(document))[0]
-    if not isinstance(result, str):
-        return check_plain(dict(result), given)
-    return check_document(result) if given is None else check_plain(_read(result), given)
+    text = result if isinstance(result, str) else _written(result)
+    return check_document(text) if given is None else check_plain(_read(text), given)
 
 
 def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str, Any]:
@@ -104,13 +104,17 @@ def _read(text: str) -> Any:
 
 def _plain(document: Mapping[str, Any]) -> Any:
     """The document as the command line would read it, so that tuples are lists and 0.1 is exact."""
+    from inverse_service.service.documents.plain_data import read_json
+
+    return read_json(_written(document))
+
+
+def _written(document: Mapping[str, Any]) -> str:
     import json
 
     from inverse_service.errors import InputError
-    from inverse_service.service.documents.plain_data import read_json
 
     try:
-        text = json.dumps(document, default=_as_dictionary)
+        return json.dumps(document, default=_as_dictionary)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"A document holds texts, numbers, lists and objects, as JSON does: {error}.") from None
-    return read_json(text)

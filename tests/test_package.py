@@ -40,6 +40,15 @@ def test_python_values_are_those_of_json() -> None:
     assert solve(document)["system"]["equations"] == {"x": "1/10"}
 
 
+def test_a_lagrangian_of_ones_own_is_checked_as_over_http() -> None:
+    system = {"equations": "x'' = -x"}
+    assert inverse_service.check({"system": system, "lagrangian": "x'^2/2 - x^2/2"})["verdict"] == "valid"
+    wrong = inverse_service.check({"system": system, "lagrangian": "x'^2/2 - x"})
+    assert (wrong["verdict"], wrong["residual"]["x"]["text"]) == ("invalid", "1 - x")
+    with pytest.raises(InputError, match="as JSON does"):
+        inverse_service.check({"verdict": {1, 2}})
+
+
 def test_options_of_a_document_and_of_the_call_hold() -> None:
     assert solve(SPRING, seed=5)["provenance"]["seed"] == 5
     assert solve({**SPRING, "options": {"seed": 7}}, seed=5)["provenance"]["seed"] == 7
