@@ -88,6 +88,7 @@ def is_stiff(scene: Scene, accelerations: tuple[Expression, ...]) -> bool:
 COST = "cost"
 IN_KERNEL = ("energy", "constraints", "momenta", "velocities")
 MOST_STEPS = 20_000
+MORE_STEPS = 8  # times as many where a run is too short
 REPEATS, LEAST_REPEATS = 15, 3
 ENOUGH = 0.03  # seconds of running for one measurement
 NO_STEP = "no step is made."
@@ -112,10 +113,11 @@ class Means:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """Nanoseconds of a step and operations of a kernel."""
+    """Nanoseconds of a step, operations of a kernel, and steps that were timed."""
 
     step: float
     operations: int
+    steps: int
 
 
 def part_costs(scene: Scene, requested: Requested, derived: Derived, means: Means) -> dict[str, Any]:
@@ -127,7 +129,7 @@ def part_costs(scene: Scene, requested: Requested, derived: Derived, means: Mean
     whole = _price(short, problem, requested, means)
     if isinstance(whole, Unavailable):
         return {"note": whole.reason}
-    document: dict[str, Any] = {"step_ns": whole.step, "operations": whole.operations, "steps": short.grid.steps}
+    document: dict[str, Any] = {"step_ns": whole.step, "operations": whole.operations, "steps": whole.steps}
     if np.isnan(whole.step):
         document["note"] = TOO_SHORT
     elif scene.constraints and requested.method in USES_FREE and scene.without:
@@ -165,20 +167,27 @@ def _part(scene: Scene, variant: Scene, requested: Requested, whole: Price, mean
 
 
 def _price(scene: Scene, problem: Problem, requested: Requested, means: Means) -> Price | Unavailable:
-    """No number for a step where all of them take no longer than to begin."""
-    begun = _best(replace(scene, grid=replace(scene.grid, steps=1)), problem, means)
+    """The time beyond that of one step, of so many steps that they take longer than to begin; no number without."""
+    begun = _best(scene, 1, problem, means)
     if isinstance(begun, Unavailable):
         return begun
-    whole = _best(scene, problem, means)
-    if isinstance(whole, Unavailable):
-        return whole
-    seconds, steps = whole[0] - begun[0], whole[1] - 1
-    step = 1e9 * seconds / steps if seconds > begun[0] and steps > 0 else np.nan
-    return Price(step, operations(*means.observe(scene, problem), requested))
+    steps = scene.grid.steps
+    while True:
+        whole = _best(scene, steps, problem, means)
+        if isinstance(whole, Unavailable):
+            return whole
+        is_long = whole[0] > 2 * begun[0]
+        if is_long or whole[1] < steps or steps >= MOST_STEPS:
+            break
+        steps = min(MORE_STEPS * steps, MOST_STEPS)
+    made = whole[1] - 1
+    step = 1e9 * (whole[0] - begun[0]) / made if is_long and made > 0 else np.nan
+    return Price(step, operations(*means.observe(scene, problem), requested), whole[1])
 
 
-def _best(scene: Scene, problem: Problem, means: Means) -> tuple[float, int] | Unavailable:
-    """(seconds of the fastest of several runs, steps that they make)."""
+def _best(given: Scene, steps: int, problem: Problem, means: Means) -> tuple[float, int] | Unavailable:
+    """(seconds of the fastest of several runs with so many steps, steps that they make)."""
+    scene = replace(given, grid=replace(given.grid, steps=steps))
     best, spent, done = float("inf"), 0.0, 0
     for turn in range(REPEATS):
         if (turn >= LEAST_REPEATS and spent > ENOUGH) or (turn and means.stop()):

@@ -85,8 +85,8 @@ def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
     first = first_answer(result)
     for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")):
         row[letter] = (first.get(key) or {}).get("text")
-    row |= {"where": ", ".join(conditions_of(first)), "branches": max(1, len(result.get("branches") or ()))}
     space, system = result.get("solution_space") or {}, result.get("system") or {}
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
-    return row | {"seconds": sum(seconds.values()) if seconds else None}
+    row |= {"seconds": sum(seconds.values()) if seconds else None}
+    return row | {"where": ", ".join(conditions_of(first)), "branches": max(1, len(result.get("branches") or ()))}

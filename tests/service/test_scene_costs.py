@@ -28,17 +28,16 @@ def parts(method: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
 
 
 def test_the_time_of_a_step_is_not_that_of_a_call() -> None:
-    """To call a kernel takes as long as some hundred explicit steps: of a short run they cannot be told apart."""
+    """To call a kernel takes as long as some hundred explicit steps: of a short run more steps are timed."""
     short = FALLING | {
         "methods": ["stormer-verlet"],
         "effects": ["kinetic", "potential"],
         "parameters": {"g": 1, "B": 0},
     }
     (few,), (many,) = (simulate(short | {"steps": steps})["methods"] for steps in (20, 100_000))
-    assert few["cost"]["step_ns"] is None
-    assert "too short for its steps to be timed" in few["cost"]["note"]
+    assert few["cost"]["steps"] > 20
     assert few["cost"]["operations"] == many["cost"]["operations"]
-    assert many["cost"]["step_ns"] > 0
+    assert 0 < few["cost"]["step_ns"] < 5 * many["cost"]["step_ns"]
 
 
 def test_every_effect_and_observed_quantity_has_its_price() -> None:
