@@ -33,7 +33,9 @@ def test_one_click_leads_to_the_circle_of_the_second_system(visit: Visit) -> Non
     expect(visit.page.get_by_role("button", name="Play")).to_be_visible()
     expect(visit.page.locator("main")).to_contain_text("second associated system")
     row = visit.page.locator("tbody tr", has_text="variational").first
-    first, last = (float(row.locator("td.number").nth(k).inner_text()) for k in (3, 4))
+    headings = visit.page.locator("thead th.number").all_inner_texts()
+    places = [headings.index(f"radius, {which} circle") for which in ("first", "last")]
+    first, last = (float(row.locator("td.number").nth(k).inner_text()) for k in places)
     assert first == pytest.approx(last, rel=1e-2)
 
 
