@@ -15,15 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from inverse_service.algebra import modular
 from inverse_service.algebra.echelon_kernels import (
+    DEPENDENT,
     ENTRIES,
-    LATER,
     ROWS,
     USES,
     Basis,
@@ -35,7 +35,7 @@ from inverse_service.algebra.echelon_kernels import (
     Words,
     cut,
     insert_rows,
-    keep_independent,
+    solve_at_random,
     trace_weights,
 )
 from inverse_service.machine_code.kernels import Kept
@@ -43,8 +43,6 @@ from inverse_service.machine_code.kernels import Kept
 Flags = npt.NDArray[np.bool_]
 # A row that needs more rows of the basis than this mostly depends on it, and is put off until all others stand.
 MOST = 96
-# How many rows are inserted before the rest are tested again.
-FEW = 4
 # The room at the beginning.
 _ROWS, _ENTRIES = 512, 16_384
 Kind = TypeVar("Kind", bound=np.generic)
@@ -58,7 +56,11 @@ class Echelon:
     width: int = 0
     count: int = 0
     inserted: int = 0
-    kept: Kept[Growing] = field(default_factory=lambda: Kept(_without_rows()))
+    kept: Kept[Growing] = field(default_factory=lambda: _room())
+
+    def __del__(self) -> None:
+        if len(_free) < _MOST_FREE and len(self.form.basis.columns) <= _ENTRIES:
+            _free.append(self.kept)
 
     @property
     def form(self) -> Growing:
@@ -90,45 +92,12 @@ class Echelon:
         `expected` marks rows that should depend on all others, which is then tested at once. The answer
         marks those that do.
         """
-        total, first = len(rows.starts) - 1, self.count
-        most = self.width if in_order else MOST
-        if expected is None or not expected.any():
-            self._settle(self._insert(np.arange(total), rows, most), rows)
-        else:
-            later = self._insert((~expected).nonzero()[0], rows, most)
-            self._settle(np.concatenate([later, expected.nonzero()[0]]), rows)
-        dependent = np.ones(total, np.bool_)
-        new = self.form.origin[first : self.count]
-        dependent[new] = False
-        new += self.inserted
-        self.inserted += total
-        return dependent
-
-    def _settle(self, places: Indices, rows: SparseRows) -> None:
-        """Insert those of the rows that do not depend on the basis; most should. Some at a time: then test again."""
-        some = FEW
-        while len(places := self._independent(places, rows)):
-            before, tried, places = self.count, places[:some], places[some:]
-            self._insert(tried, rows, self.width)
-            some = 2 * some if self.count - before == len(tried) else some
-
-    def _independent(self, places: Indices, rows: SparseRows) -> Indices:
-        """Those of the rows that do not depend on the basis."""
-        if not len(places):
-            return places
-        # The prime is random itself, and so are numbers that come from it.
-        seed = np.uint64(self.prime * 0x2545F4914F6CDD1D + self.inserted & 0xFFFFFFFFFFFFFFFF)
-        kept = np.empty(len(places), np.int64)
-        return kept[: keep_independent(seed, self.width, places, rows, kept, self.form, self._field)]
-
-    def _insert(self, places: Indices, rows: SparseRows, most: int) -> Indices:
-        """Insert those rows one by one; the answer has those left out that need over `most` rows of the basis."""
-        later, state, place = np.empty(len(places), np.int64), self.form.state, 0
-        state[LATER] = 0
-        while (place := insert_rows(place, most, places, later, rows, self.form, self._field)) < len(places):
+        total, most = len(rows.starts) - 1, self.width if in_order else MOST
+        marks = np.zeros(total, np.int8) if expected is None else expected.astype(np.int8)
+        while not insert_rows(self.inserted, most, self.width, marks, rows, self.form, self._field):
             self._grow()
-        self.count = int(state[ROWS])
-        return later[: state[LATER]]
+        self.count, self.inserted = int(self.form.state[ROWS]), self.inserted + total
+        return np.equal(marks, DEPENDENT)
 
     def _grow(self) -> None:
         """Make longer those arrays in which one row more might not have room."""
@@ -141,6 +110,11 @@ class Echelon:
     def rank_within(self, width: int) -> int:
         """The number of independent consequences on the first `width` columns."""
         return int(np.count_nonzero(self.form.basis.pivot_of[:width] >= 0))
+
+    def random_solution(self, number: int, width: int) -> list[int]:
+        """The first entries of the `number`-th random vector on which all rows vanish; what is unknown is random."""
+        solve_at_random(number, width, self.form, self._field)
+        return cast(list[int], self.form.solution[:width].tolist())
 
     def rows_within(self, first: int, width: int) -> dict[int, dict[int, int]]:
         """{basis row: {column: value}} for rows whose pivot is in columns first … width - 1."""
@@ -173,13 +147,29 @@ class Echelon:
         return [int(self.form.origin[k]) for k in np.flatnonzero(vector)]
 
 
+# Of forms that are gone, for the next ones: to make it takes as long as to insert many rows.
+_free: list[Kept[Growing]] = []
+_MOST_FREE = 4
+
+
+def _room() -> Kept[Growing]:
+    """That of a form that is gone, emptied, or new."""
+    try:
+        kept = _free.pop()
+    except IndexError:
+        return Kept(_without_rows())
+    kept.struct.basis.pivot_of.fill(-1)
+    kept.struct.state.fill(0)
+    return kept
+
+
 def _without_rows() -> Growing:
     pivots, dense, solution = _of_columns(_ROWS)
     columns, rows = np.empty((2, _ENTRIES), np.int32)
     values, factors = np.empty((2, _ENTRIES), np.uint64)
     basis = Basis(pivots, np.zeros(_ROWS, np.int64), columns, values)
     uses = Uses(np.zeros(_ROWS, np.int64), rows, factors)
-    return Growing(basis, np.empty(_ROWS, np.int64), uses, np.zeros(5, np.int64), dense, solution)
+    return Growing(basis, np.empty(_ROWS, np.int64), uses, np.zeros(4, np.int64), dense, solution)
 
 
 def _of_columns(room: int) -> tuple[Indices, Dense, Words]:

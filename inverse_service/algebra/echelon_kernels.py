@@ -12,6 +12,7 @@ from inverse_service.algebra.modular import GOLDEN, Field, compiled, leading_zer
 Words = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
 Columns = npt.NDArray[np.int32]
+Marks = npt.NDArray[np.int8]
 
 
 class SparseRows(NamedTuple):
@@ -60,10 +61,16 @@ class Growing(NamedTuple):
     solution: Words
 
 
-# The state of a basis: rows, entries, recorded multiples, rows put off, rows whose pivot is 1.
-ROWS, ENTRIES, USES, LATER, NORMAL = 0, 1, 2, 3, 4
+# The state of a basis: rows, entries, recorded multiples, rows whose pivot is 1.
+ROWS, ENTRIES, USES, NORMAL = 0, 1, 2, 3
+# What became of a row so far; flags say 1 of those that should depend on all others. PUT_OFF: needs too many rows.
+WAITING, EXPECTED, PUT_OFF, DEPENDENT, KEPT, _NO_ROOM = 0, 1, 2, 3, 4, 5
+# How many of these are inserted before the rest are tested again.
+_FEW = 4
 # What the reduction of a row may end with, besides the column of its pivot.
 _ZERO, _TOO_LONG = -1, -2
+# The prime is random itself, and so are numbers that come from it.
+_SEED = np.uint64(0x2545F4914F6CDD1D)
 
 
 @compiled
@@ -185,35 +192,63 @@ def _clear(top: int, dense: Dense) -> None:
 
 
 @compiled
-def insert_rows(
-    start: int, most: int, places: Indices, later: Indices, rows: SparseRows, form: Growing, field: Field
-) -> int:
-    """Insert rows places[start], places[start + 1], …; stop early (returning the place) where an array is full.
-
-    Those that need more than `most` rows of the basis are put into `later` instead.
-    """
+def _insert_row(row: int, number: int, most: int, rows: SparseRows, form: Growing, field: Field) -> int:
+    """Insert a row, `number` of all given ones, where `most` rows of the basis suffice; what became of it."""
     basis, uses, state, dense = form.basis, form.uses, form.state, form.dense
-    for place in range(start, len(places)):
-        top = _add_row(places[place], rows, dense, field)
-        if not _has_room(top, form):
-            _clear(top, dense)
-            return place
-        pivot = _reduce(top, most, form, field)
-        if pivot == _TOO_LONG:
-            _clear(top, dense)
-            later[state[LATER]] = places[place]
-            state[LATER] += 1
-        if pivot < 0:
-            continue
-        _store(pivot, dense, basis, state)
-        count, last = state[ROWS], state[USES]
-        form.origin[count], basis.pivot_of[pivot] = places[place], count
-        uses.rows[last], uses.factors[last] = -1, field.one
-        state[ROWS], state[USES] = count + 1, last + 1
-        basis.starts[count + 1], uses.starts[count + 1] = state[ENTRIES], last + 1
-    _normalise_rows(state[NORMAL], state[ROWS], form, field)
-    state[NORMAL] = state[ROWS]
-    return len(places)
+    top = _add_row(row, rows, dense, field)
+    if not _has_room(top, form):
+        _clear(top, dense)
+        return _NO_ROOM
+    pivot = _reduce(top, most, form, field)
+    if pivot == _TOO_LONG:
+        _clear(top, dense)
+        return PUT_OFF
+    if pivot == _ZERO:
+        return DEPENDENT
+    _store(pivot, dense, basis, state)
+    count, last = state[ROWS], state[USES]
+    form.origin[count], basis.pivot_of[pivot] = number, count
+    uses.rows[last], uses.factors[last] = -1, field.one
+    state[ROWS], state[USES] = count + 1, last + 1
+    basis.starts[count + 1], uses.starts[count + 1] = state[ENTRIES], last + 1
+    return KEPT
+
+
+@compiled
+def _insert_marked(
+    mark: int, some: int, first: int, most: int, marks: Marks, rows: SparseRows, form: Growing, field: Field
+) -> bool:
+    """Insert `some` rows of this mark in order; False where an array is full."""
+    for row in range(len(marks)):
+        if marks[row] == mark and some > 0:
+            became = _insert_row(row, first + row, most, rows, form, field)
+            if became == _NO_ROOM:
+                return False
+            marks[row] = became
+            some -= 1
+    _normalise_rows(form.state[NORMAL], form.state[ROWS], form, field)
+    form.state[NORMAL] = form.state[ROWS]
+    return True
+
+
+@compiled
+def insert_rows(first: int, most: int, width: int, marks: Marks, rows: SparseRows, form: Growing, field: Field) -> bool:
+    """Insert all rows and mark what became of each; False where an array is full: to be called again with longer ones.
+
+    Those that need more than `most` rows of the basis come after all others, then those that are EXPECTED to depend;
+    both are tested first, some inserted, then the rest tested again.
+    """
+    if not _insert_marked(WAITING, len(marks), first, most, marks, rows, form, field):
+        return False
+    for mark in (PUT_OFF, EXPECTED):
+        some = _FEW
+        while _some_independent(mark, first, width, marks, rows, form, field):
+            before = form.state[ROWS]
+            if not _insert_marked(mark, some, first, width, marks, rows, form, field):
+                return False
+            if form.state[ROWS] - before == some:
+                some *= 2
+    return True
 
 
 @compiled
@@ -234,8 +269,9 @@ def _normalise_rows(first: int, last: int, form: Growing, field: Field) -> None:
 
 
 @compiled
-def _solve_at_random(state: np.uint64, width: int, basis: Basis, solution: Words, field: Field) -> None:
-    """A random vector on which all rows of the basis vanish; their pivots are 1. `state` seeds it."""
+def solve_at_random(number: int, width: int, form: Growing, field: Field) -> None:
+    """The `number`-th random vector on which all rows of the basis vanish; their pivots are 1."""
+    basis, solution, state = form.basis, form.solution, field.prime * _SEED + np.uint64(number)
     for column in range(width):
         row = basis.pivot_of[column]
         if row < 0:
@@ -249,20 +285,25 @@ def _solve_at_random(state: np.uint64, width: int, basis: Basis, solution: Words
 
 
 @compiled
-def keep_independent(
-    seed: np.uint64, width: int, places: Indices, rows: SparseRows, kept: Indices, form: Growing, field: Field
-) -> int:
-    """Put into `kept` the rows that do not vanish on a random vector on which the basis does; their number."""
-    count, solution = 0, form.solution
-    _solve_at_random(seed, width, form.basis, solution, field)
-    for row in places:
+def _some_independent(
+    mark: int, first: int, width: int, marks: Marks, rows: SparseRows, form: Growing, field: Field
+) -> bool:
+    """Whether there are rows of this mark; those that vanish on a random vector on which the basis does, are not."""
+    found, tested = False, False
+    for row in range(len(marks)):
+        if marks[row] != mark:
+            continue
+        if not tested:
+            solve_at_random(first, width, form, field)
+            tested = True
         total = np.uint64(0)
         for k in range(rows.starts[row], rows.starts[row + 1]):
-            total = _less_product(total, rows.values[k], solution[rows.columns[k]], field)
-        if total != np.uint64(0):
-            kept[count] = row
-            count += 1
-    return count
+            total = _less_product(total, rows.values[k], form.solution[rows.columns[k]], field)
+        if total == np.uint64(0):
+            marks[row] = DEPENDENT
+        else:
+            found = True
+    return found
 
 
 @compiled

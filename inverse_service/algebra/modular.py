@@ -206,9 +206,17 @@ def field_of(prime: int) -> Field:
     )
 
 
-@lru_cache(maxsize=64)
 def small_numbers(prime: int, count: int) -> npt.NDArray[np.uint64]:
-    """0, 1, …, count - 1 in Montgomery form."""
+    """0, 1, …, at least to count - 1, in Montgomery form."""
+    return _small_numbers(prime, max(_LEAST, 1 << (count - 1).bit_length()))
+
+
+# One table of each prime is enough for most.
+_LEAST = 512
+
+
+@lru_cache(maxsize=64)
+def _small_numbers(prime: int, count: int) -> npt.NDArray[np.uint64]:
     numbers = np.zeros(count, np.uint64)
     _count_up(numbers, field_of(prime))
     numbers.setflags(write=False)

@@ -262,19 +262,8 @@ def run(instructions: Integers, constants: Words, m: Machine) -> int:
 
 
 @compiled
-def count_coefficients(chosen: Integers, registers: Registers, starts: Integers, last: int) -> int:
-    """The number of coefficients of the chosen registers that are not zero, to degree `last`."""
-    values, tops, stride = registers
-    count = 0
-    for r in chosen:
-        for k in range(r * stride, r * stride + starts[min(last, tops[r]) + 1]):
-            count += 1 if values[k] != np.uint64(0) else 0
-    return count
-
-
-@compiled
 def list_coefficients(chosen: Integers, registers: Registers, starts: Integers, last: int, found: SparseSeries) -> None:
-    """Those coefficients, register by register."""
+    """The coefficients of the chosen registers that are not zero, to degree `last`."""
     values, tops, stride = registers
     count = 0
     for number in range(len(chosen)):

@@ -270,12 +270,11 @@ class Registers:
 
     def coefficients(self, registers: Integers, last: int) -> Kept[machine.SparseSeries]:
         """The coefficients of some registers that are not zero, to degree `last`."""
-        given = (registers, self.stored, self.tables.starts, last)
-        count = machine.count_coefficients(*given)
-        starts, places = np.zeros(len(registers) + 1, np.int64), np.empty(count, np.int64)
-        found = machine.SparseSeries(starts, places, np.empty(count, np.uint64), np.empty(count, np.int64))
-        machine.list_coefficients(*given, found)
-        return Kept(found)
+        starts, room = np.zeros(len(registers) + 1, np.int64), len(registers) * int(self.tables.starts[last + 1])
+        places, degrees = np.empty((2, room), np.int64)
+        found = Kept(machine.SparseSeries(starts, places, np.empty(room, np.uint64), degrees))
+        machine.list_coefficients(registers, self.stored, self.tables.starts, last, found.struct)
+        return found
 
 
 def constants_at(program: SeriesProgram, point: Point) -> Words:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -45,9 +45,11 @@ class Matrix:
     entries: tuple[tuple[Derivative, ...], ...]
     rank: int
 
-    def degree(self, unknowns: Unknowns) -> int:
-        """The degree of the unknowns that it is made of."""
-        return max(len(by) - unknowns.functions[number].order for row in self.entries for number, by in row)
+
+@lru_cache(maxsize=64)
+def degree_of(unknowns: Unknowns, matrix: Matrix) -> int:
+    """The degree of the unknowns that the matrix is made of."""
+    return max(len(by) - unknowns.functions[number].order for row in matrix.entries for number, by in row)
 
 
 @lru_cache(maxsize=64)
@@ -60,7 +62,7 @@ def _places(unknowns: Unknowns, matrix: Matrix) -> tuple[tuple[int, int, int, in
     )
 
 
-def matrix_at(unknowns: Unknowns, matrix: Matrix, values: Mapping[int, int], prime: int) -> nmod_mat:
+def matrix_at(unknowns: Unknowns, matrix: Matrix, values: Mapping[int, int] | Sequence[int], prime: int) -> nmod_mat:
     """The matrix of a solution, from the values of the unknowns by their columns."""
     found = nmod_mat(len(matrix.entries), len(matrix.entries[0]), prime)
     for i, j, column, factor in _places(unknowns, matrix):
@@ -73,19 +75,33 @@ def consequences(prolongation: Prolongation, degree: int) -> dict[int, dict[int,
     return prolongation.echelon.rows_within(0, prolongation.width(degree))
 
 
-def generic_rank(prolongation: Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
-    """The rank of the matrix at the generic solution of the rows: the larger of two random ones."""
-    prime, width = prolongation.local.prime, prolongation.width(matrix.degree(prolongation.unknowns))
+def generic_rank(prolongation: Prolongation, matrix: Matrix) -> int:
+    """The rank of the matrix at the generic solution of all rows: the larger of two random ones."""
+    width = prolongation.width(degree_of(prolongation.unknowns, matrix))
+    return _larger_rank(prolongation, matrix, lambda k: prolongation.echelon.random_solution(k, width))
+
+
+def rank_of_rows(prolongation: Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
+    """The same at the generic solution of some consequences on the unknowns that the matrix is made of."""
+    prime, width = prolongation.local.prime, prolongation.width(degree_of(prolongation.unknowns, matrix))
     basis = kernel(rows, width, prime)
     if basis.nrows() == 0:
         return 0
-    generator, rank = random.Random(f"regular {seed}"), 0
-    for _ in range(2):
+    generator = random.Random(f"regular {seed}")
+
+    def element(_: int) -> list[int]:
         weights = nmod_mat(1, basis.nrows(), [generator.randrange(prime) for _ in range(basis.nrows())], prime)
-        element = dict(enumerate(map(int, (weights * basis).entries())))
-        rank = max(rank, matrix_at(prolongation.unknowns, matrix, element, prime).rank())
-        if rank == matrix.rank:
-            break
+        return list(map(int, (weights * basis).entries()))
+
+    return _larger_rank(prolongation, matrix, element)
+
+
+def _larger_rank(prolongation: Prolongation, matrix: Matrix, element: Callable[[int], Sequence[int]]) -> int:
+    rank = 0
+    for k in range(2):
+        if rank < matrix.rank:
+            found = matrix_at(prolongation.unknowns, matrix, element(k), prolongation.local.prime)
+            rank = max(rank, found.rank())
     return rank
 
 

@@ -168,11 +168,10 @@ def _ranks(run: _Run, prolongation: Prolongation) -> tuple[int, ...]:
     matrices = (run.card.matrix, *run.card.others) if run.card.others else ()
     found = []
     for matrix in matrices:
-        degree = matrix.degree(prolongation.unknowns)
+        degree = involution.degree_of(prolongation.unknowns, matrix)
         if prolongation.order < degree:
             return ()
-        rows = list(involution.consequences(prolongation, degree).values())
-        found.append(involution.generic_rank(prolongation, matrix, rows, run.seed))
+        found.append(involution.generic_rank(prolongation, matrix))
     return tuple(found)
 
 
@@ -191,19 +190,15 @@ def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
 
 def _negative(run: _Run, prolongation: Prolongation, seed: int) -> Finding | None:
     matrix = run.card.matrix
-    degree = matrix.degree(prolongation.unknowns)
+    degree = involution.degree_of(prolongation.unknowns, matrix)
     if prolongation.order < degree or _as_before(run, degree):
         return None
-    rows = involution.consequences(prolongation, degree)
-
-    def falls_short(kept: list[dict[int, int]]) -> bool:
-        return involution.generic_rank(prolongation, matrix, kept, seed) < matrix.rank
-
-    if not falls_short(list(rows.values())):
+    if involution.generic_rank(prolongation, matrix) == matrix.rank:
         return None
-    kept = dict(rows)
-    for number in sorted(rows, reverse=True):
-        if falls_short([row for k, row in kept.items() if k != number]):
+    kept = involution.consequences(prolongation, degree)
+    for number in sorted(kept, reverse=True):
+        others = [row for k, row in kept.items() if k != number]
+        if involution.rank_of_rows(prolongation, matrix, others, seed) < matrix.rank:
             del kept[number]
     used = sorted({original for number in kept for original in prolongation.echelon.trace({number: 1})})
     return Finding(False, prolongation.order, rows=tuple(prolongation.row_name(number) for number in used))
@@ -216,7 +211,7 @@ def _as_before(run: _Run, degree: int) -> bool:
 
 def _positive(run: _Run, prolongation: Prolongation, seed: int) -> Finding | None:
     order, history = prolongation.order, run.history
-    for degree in range(max(1, run.card.matrix.degree(prolongation.unknowns)), order):
+    for degree in range(max(1, involution.degree_of(prolongation.unknowns, run.card.matrix)), order):
         if history[order][degree] != history[order - 1][degree]:
             continue
         symbol = involution.symbol(prolongation, degree, seed)

@@ -118,9 +118,14 @@ def _kind_of_struct(struct: tuple[Any, ...], words: list[int]) -> Kind | None:
         return None
     words += own
     kind = (type(struct), parts)
-    if id(struct) in _held or all(leaf.startswith(_CONSTANT) or "[" not in leaf for leaf in leaves(parts)):
+    if id(struct) in _held or _is_constant(parts):
         _hold(struct, kind, own)
     return kind
+
+
+@lru_cache(maxsize=256)
+def _is_constant(parts: Kinds) -> bool:
+    return all(leaf.startswith(_CONSTANT) or "[" not in leaf for leaf in leaves(parts))
 
 
 def leaves(kinds: Kinds) -> Iterator[str]:
@@ -139,17 +144,19 @@ def told(kinds: Kinds) -> list[Any]:
 
 def _kind_of_array(array: npt.NDArray[Any], words: list[int]) -> str | None:
     """That of an array, which is held where it is small, read-only and no view: tables are made once."""
-    flags, size = array.flags, array.size
-    kind = _array_kind(array.dtype, array.ndim, flags.writeable) if flags.c_contiguous and flags.aligned else None
+    flags = array.flags
+    writable = flags.writeable
+    kind = _array_kind(array.dtype, array.ndim, writable) if flags.c_contiguous and flags.aligned else None
     if kind is None:
         return None
-    if not size:
-        own = [0, *array.shape]
-    elif flags.writeable:  # the address of a buffer takes 0.3 us, that of any array 1 us
-        own = [ctypes.addressof(_buffer(array)), *array.shape]
+    shape = array.shape
+    if 0 in shape:
+        own = [0, *shape]
+    elif writable:  # the address of a buffer takes 0.3 us, that of any array 1 us
+        own = [ctypes.addressof(_buffer(array)), *shape]
     else:
-        own = [array.ctypes.data, *array.shape]
-        if size < _SMALL and flags.owndata:
+        own = [array.ctypes.data, *shape]
+        if array.size < _SMALL and flags.owndata:
             _hold(array, kind, own)
     words += own
     return kind

@@ -43,7 +43,7 @@ def terms_of(found: Registers, register: int) -> Terms:
     """{exponents: coefficient} of a register, out of Montgomery's form."""
     starts, places, values, degrees = found.coefficients(np.array([register]), found.tables.order).struct
     inverse = pow(1 << 64, -1, found.prime)
-    assert starts.tolist() == [0, len(places)]
+    places, values, degrees = (each[: starts[1]] for each in (places, values, degrees))
     return {
         tuple(exponents_of_degree(found.tables.size, d)[k].tolist()): int(x) * inverse % found.prime
         for k, x, d in zip(places.tolist(), values.tolist(), degrees.tolist(), strict=True)
