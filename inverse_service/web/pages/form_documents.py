@@ -18,7 +18,7 @@ ASSOCIATED = ("first", "second", "third", "any")
 FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
           "associated", "time", "special_cases", "ansatz", "kinds", "clock", "time_limit")  # fmt: skip
 # What a link may say; `kind` is the form's own.
-LINKED = (*FIELDS[1:10], "kinds", "clock")
+LINKED = FIELDS[1:]
 LAGRANGIANS = {
     "natural": "T + A q' - V with a metric",
     "riemannian": "geodesics of a metric",

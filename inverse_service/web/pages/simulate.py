@@ -169,12 +169,12 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> scenes.SceneFor
 
 
 def _title(system: Mapping[str, Any]) -> str:
-    """What tells a system without a name from others: its Lagrangian or its first equation."""
-    if system.get("lagrangian"):
-        return f"motion of L = {system['lagrangian']}"[:LONGEST_TITLE]
+    """What tells a system without a name from others: its Lagrangian, its first equation, or its coordinates."""
     equations = system.get("equations") or {}
     first = next(iter(equations.items()), None) if isinstance(equations, dict) else None
-    return f"motion of {equation_line(*first) if first else 'a system'}"[:LONGEST_TITLE]
+    formula = f"L = {system['lagrangian']}" if system.get("lagrangian") else equation_line(*first) if first else ""
+    title = f"motion of {formula or 'a system'}"
+    return title if len(title) <= LONGEST_TITLE else f"motion of {', '.join(system['coordinates'])}"[:LONGEST_TITLE]
 
 
 async def _form_of_scene(request: Request, identifier: str) -> tuple[scenes.SceneForm, dict[str, Any]]:

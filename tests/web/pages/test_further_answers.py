@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from urllib.parse import parse_qsl
+
 import httpx
 
 from inverse_service.web.pages.form_documents import (
     document_of_fields,
     fields_from,
     fields_of,
+    fields_of_link,
     question_address,
     right_side,
 )
@@ -58,6 +61,16 @@ def test_a_link_with_kinds_fills_the_boxes(service: str) -> None:
     assert 'value="finsler" checked' in page
     assert 'id="clock" name="clock" value="x"' in page
     assert "does not exist" not in page
+
+
+def test_the_link_to_a_question_says_all_that_the_form_can_ask() -> None:
+    asked = {"equations": "x'' = -a*x'", "parameters": ["a"], "special_cases": True, "ansatz": ["x'^2", "x^2"]}
+    asked |= {"time_dependent_lagrangian": True, "kinds": ["natural"], "clock": "x", "options": {"time_limit": 5.0}}
+    fields = fields_of_link(dict(parse_qsl(question_address(asked).partition("?")[2])))
+    assert fields is not None
+    assert {name: value for name, value in document_of_fields(fields).items() if name in asked} == asked | {
+        "parameters": "guess"
+    }
 
 
 def test_a_link_that_asks_for_what_does_not_exist_says_so_and_asks_the_rest(service: str) -> None:

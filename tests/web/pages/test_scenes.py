@@ -85,6 +85,12 @@ def test_momenta_and_projection_of_a_scene_stay() -> None:
     assert "velocities" not in found["initial"]
 
 
+def test_a_title_ends_in_no_half_formula() -> None:
+    longer = {"coordinates": ["a", "b"], "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)"}
+    assert form_of_system({"document": longer}).title == "motion of a, b"
+    assert form_of_system({"document": {**longer, "name": "double pendulum"}}).title == "double pendulum"
+
+
 def test_a_method_that_the_form_has_no_field_for_can_be_left_out() -> None:
     form = form_of_scene(form_of_system(DISK["system"], scene="job"), DISK)
     assert len(form.further) == 2
