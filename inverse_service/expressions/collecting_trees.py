@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from functools import lru_cache
+from math import prod
 from typing import TypeGuard
 
 from inverse_service.expressions.printing import to_text
@@ -145,6 +146,31 @@ def minus_inside(tree: Expression) -> Expression:
     return tree
 
 
+def numbers_outside(tree: Expression) -> Expression:
+    """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator or minus in a bracket that all of its terms have."""
+    tree = rebuild(tree, numbers_outside)
+    if not isinstance(tree, Product):
+        return tree
+    shares = [_common_denominator(factor) for factor in tree.factors]
+    whole = [
+        add(*(d * term for term in f.terms)) if isinstance(f, Sum) else f
+        for f, d in zip(tree.factors, shares, strict=True)
+    ]
+    return multiply(number(Fraction(1, prod(shares))), *whole)
+
+
+def _common_denominator(tree: Expression) -> int:
+    """The denominator of the coefficients of a sum where they all have the same one, else 1; negative as they are."""
+    found = [_coefficient(term) for term in tree.terms] if isinstance(tree, Sum) else [Fraction(1)]
+    sign = -1 if all(value < 0 for value in found) else 1
+    return sign * found[0].denominator if len({value.denominator for value in found}) == 1 else sign
+
+
+def _coefficient(term: Expression) -> Fraction:
+    first = term.factors[0] if isinstance(term, Product) else term
+    return first.value if isinstance(first, Number) else Fraction(1)
+
+
 def _is_difference(tree: Expression) -> TypeGuard[Sum]:
     """Whether it is a sum of two terms, one with a plus and one with a minus, one of them a number."""
     terms = tree.terms if isinstance(tree, Sum) else ()
@@ -153,5 +179,4 @@ def _is_difference(tree: Expression) -> TypeGuard[Sum]:
 
 
 def _is_negative(term: Expression) -> bool:
-    factor = term.factors[0] if isinstance(term, Product) else term
-    return isinstance(factor, Number) and factor.value < 0
+    return _coefficient(term) < 0

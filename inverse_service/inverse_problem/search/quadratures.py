@@ -94,7 +94,7 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
             factors.append(Apply("exp", readable(ring, constant) * integral))
     inside = [factor.argument for factor in factors if isinstance(factor, Apply) and factor.function == "exp"]
     others = [factor for factor in factors if not (isinstance(factor, Apply) and factor.function == "exp")]
-    return multiply(*others, Apply("exp", add(*inside)))
+    return multiply(*others, *([Apply("exp", add(*inside))] if inside else []))
 
 
 def exponential_of_integral(slope: Expression, variable: Expression, analysis: Analysis) -> Expression:

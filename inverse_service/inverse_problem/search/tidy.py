@@ -5,17 +5,17 @@ Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 from itertools import combinations
 
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.collecting_trees import minus_inside
+from inverse_service.expressions.collecting_trees import minus_inside, numbers_outside
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
@@ -96,6 +96,8 @@ def _multiple(argument: Expression) -> tuple[Fraction, Apply | None]:
 # Past so many nodes nothing gets short enough to read.
 _LARGEST_TIDY = 4_000
 _BEFORE_A_BRACKET = 12
+# Terms of a potential stay apart, as they are known, where one bracket is not much shorter.
+_MUCH = 2
 _MINUS, _TWO = Number(Fraction(-1)), Number(Fraction(2))
 _FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputError, ValueError)
 
@@ -109,9 +111,16 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
     tree = _merged(without_arctangents(tree))
     if _size(tree) > _LARGEST_TIDY:
         return tree
+    while (shorter := _shortest(tree, system)) != tree:
+        tree = shorter
+    return kinetic_first(numbers_outside(minus_inside(_as_written(joined(tree), system))))
+
+
+def _shortest(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """The shortest of all forms; the tree itself where none is shorter."""
     kept = _velocity_sums(tree)
     others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
-    return kinetic_first(minus_inside(_as_written(joined(min([tree, *others], key=_preference)), system)))
+    return min([tree, *others], key=_preference)
 
 
 def kinetic_first(tree: Expression) -> Expression:
@@ -213,9 +222,9 @@ def _velocity_sums(tree: Expression) -> int:
 
 def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
     found = []
-    constants = partial(_by_parameters, _parameters(system))
-    common, rates = partial(_with_common_factor, constants), partial(_by_rates, system, constants)
-    for form in (collect, collected_inside, common, partial(_grouped, system), constants, rates):
+    constants, rates = partial(_by_parameters, _parameters(system)), partial(_by_rates, system)
+    common = partial(_with_common_factor, constants)
+    for form in (collected_inside, common, partial(_grouped, system), constants, rates):
         try:
             found.append(form(tree))
         except _FAILED:
@@ -266,28 +275,45 @@ def _is_exponential_of_time(letter: Expression) -> bool:
     return isinstance(letter, Apply) and letter.function == "exp" and any(node == TIME for node in walk(letter))
 
 
+def _split(terms: Terms, is_outside: Callable[[Expression], bool]) -> dict[Monomial, Terms]:
+    """The sum over products of the letters that are outside: what each is multiplied with."""
+    groups: dict[Monomial, Terms] = {}
+    for key, value in terms.items():
+        outer: Monomial = frozenset(item for item in key if is_outside(item[0]))
+        groups.setdefault(outer, {})[key - outer] = value
+    return groups
+
+
 def _by_parameters(parameters: frozenset[Symbol], tree: Expression) -> Expression:
     """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
-    groups: dict[Monomial, Terms] = {}
-    for key, value in terms_of(tree).items():
-        constant: Monomial = frozenset(item for item in key if item[0] in parameters)
-        groups.setdefault(key - constant, {})[constant] = value
-    budget = Budget.short()
-    coefficients = factored([tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), budget)
+    groups = _split(terms_of(tree), lambda letter: letter not in parameters)
+    coefficients = factored([tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), Budget.short())
     return add(*(c * monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
 
 
-def _by_rates(system: SecondOrderSystem, constants: Callable[[Expression], Expression], tree: Expression) -> Expression:
-    """The sum over products of velocities, each part in its own shortest form; without them by parameters only."""
-    groups: dict[Monomial, Terms] = {}
-    for key, value in _without_squares(terms_of(tree), _parameters(system)).items():
-        groups.setdefault(frozenset(item for item in key if has_velocity(item[0])), {})[key] = value
+def _by_rates(system: SecondOrderSystem, tree: Expression) -> Expression:
+    """The sum over products of velocities, each with one coefficient in its shortest form.
+
+    The terms without velocities stay apart where one bracket is not much shorter.
+    """
     parts = []
-    for rates, inner in groups.items():
-        plain = tree_of(inner)
-        forms = [plain, constants(plain), *([_by_letters(system, inner)] if rates else [])]
+    for rates, inner in _split(_without_squares(terms_of(tree), _parameters(system)), has_velocity).items():
+        terms = {key | rates: value for key, value in inner.items()}
+        forms = [tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
+        whole = _part(rates, inner, system)
+        if rates or _MUCH * _size(whole) < min(map(_size, forms)):
+            forms.append(whole)
         parts.append(min(forms, key=_preference))
     return add(*parts)
+
+
+def _by_both(system: SecondOrderSystem, terms: Terms) -> Expression:
+    """By parameters where several belong to the same product of other letters; the rest by these letters."""
+    parameters = _parameters(system)
+    groups = _split(terms, lambda letter: letter not in parameters)
+    several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
+    rest = {key: value for key, value in terms.items() if key not in several}
+    return _by_parameters(parameters, tree_of(several)) + _by_letters(system, rest)
 
 
 def _grouped(system: SecondOrderSystem, tree: Expression) -> Expression:
@@ -297,12 +323,8 @@ def _grouped(system: SecondOrderSystem, tree: Expression) -> Expression:
 
 def _by_letters(system: SecondOrderSystem, terms: Terms) -> Expression:
     parameters = _parameters(system)
-    groups: dict[Monomial, Terms] = {}
-    for key, value in terms.items():
-        outer: Monomial = frozenset(item for item in key if has_velocity(item[0]) or item[0] in parameters)
-        groups.setdefault(outer, {})[key - outer] = value
-    budget = Budget.short()
-    return add(*(_part(outer, inner, system, budget) for outer, inner in groups.items()))
+    groups = _split(terms, lambda letter: letter in parameters or has_velocity(letter))
+    return add(*(_part(outer, inner, system) for outer, inner in groups.items()))
 
 
 def _parameters(system: SecondOrderSystem) -> frozenset[Symbol]:
@@ -316,7 +338,7 @@ def _without_squares(terms: Terms, parameters: frozenset[Symbol]) -> Terms:
     return {times(key, common, -1): value for key, value in terms.items()}
 
 
-def _part(outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrderSystem, budget: Budget) -> Expression:
+def _part(outer: Monomial, inner: Terms, system: SecondOrderSystem) -> Expression:
     plain = tree_of(inner)
     moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
     constant, rates = monomial_tree(outer - moving), monomial_tree(moving)
@@ -324,15 +346,28 @@ def _part(outer: Monomial, inner: Mapping[Monomial, Fraction], system: SecondOrd
     whole = content * constant * monomial_tree(common) * rest * rates
     if len(inner) == 1 and next(iter(inner)) == EMPTY:
         return whole
-    names = system.coordinates
-    symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    quotient = _quotient(plain, system.parameters, system.coordinates)
+    if quotient is None or _is_sum_of(quotient, len(inner)):
+        return whole
+    return min(whole, constant * _constants_first(quotient, system) * rates, key=_size)
+
+
+@lru_cache(maxsize=256)
+def _quotient(tree: Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> Expression | None:
+    """The sum as one quotient in factors, None where it is too large; several forms ask for the same ones."""
+    constants = list(map(Symbol, parameters))
+    symbols: list[Symbol | Velocity] = [*constants, TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
-        (quotient,) = factored([plain], symbols, budget)
+        return factored([tree], symbols, Budget.short())[0]
     except (TooLarge, ZeroDivisionError):
-        return whole
-    if _is_sum_of(quotient, len(inner)):
-        return whole
-    return min(whole, constant * quotient * rates, key=_size)
+        return None
+
+
+def _constants_first(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """A product with its factors that do not vary in front."""
+    varying = {TIME, *map(Symbol, system.coordinates)}
+    factors = tree.factors if isinstance(tree, Product) else (tree,)
+    return multiply(*sorted(factors, key=lambda factor: any(node in varying for node in walk(factor))))
 
 
 def _is_sum_of(tree: Expression, count: int) -> bool:

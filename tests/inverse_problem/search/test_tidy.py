@@ -32,6 +32,23 @@ def test_the_shorter_form_has_the_same_value(given: str, most: int) -> None:
     assert sum(1 for _ in walk(found)) <= most, to_text(found)
 
 
+@pytest.mark.parametrize(
+    ("given", "shown"),
+    [
+        ("(x'^2/2 + y'^2/2)/y^2", "(x'^2 + y'^2)/(2*y^2)"),
+        ("c*t*(-x^2 - y^2)", "-c*t*(x^2 + y^2)"),
+        ("t*y'^2/2 - b*x^2/2 - b^2*x^2/2", "t*y'^2/2 - b*(b + 1)*x^2/2"),
+        ("a*x'^2/2 - x*x'^2/2 + x/2", "(a - x)*x'^2/2 + x/2"),
+        ("x'^2/2 - (a^4*x^2 - 2*a^2*t^2*x^2 + t^4*x^2)/(t^2 - a^2)", "x'^2/2 + x^2*(a^2 - t^2)"),
+        ("x'^2/2 - b*x^2/2 + a*x^2*cos(2*t) - c*x", "x'^2/2 - b*x^2/2 + a*x^2*cos(2*t) - c*x"),
+    ],
+)
+def test_a_lagrangian_is_written_as_a_reader_would(given: str, shown: str) -> None:
+    found = tidied(tree(given), SYSTEM)
+    assert to_text(found) == shown
+    assert same_value(found, tree(given))
+
+
 def test_a_square_of_a_parameter_in_all_terms_is_left_out() -> None:
     assert same_value(tidied(tree("x'^2/a^2 + b*y/a^2"), SYSTEM), tree("x'^2 + b*y"))
 
