@@ -252,8 +252,16 @@ class ReducedPart(Document):
     without_clock: str = ""
 
 
+class NonholonomicBranch(result.BranchPart):
+    """The answers about the associated system `nonholonomic.main` and about the motion on one of the branches."""
+
+    any_associated: AnyAssociatedPart
+
+
 class NonholonomicResult(result.ResultDocument):
     """The result of a Nonholonomic document: its main fields answer the associated system `nonholonomic.main`."""
+
+    branches: list[NonholonomicBranch] = Field(default_factory=list)  # type: ignore[assignment]
 
     nonholonomic: NonholonomicPart | None
     any_associated: AnyAssociatedPart | None = None

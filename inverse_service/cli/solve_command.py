@@ -78,8 +78,9 @@ def _is_open(result: dict[str, Any]) -> bool:
     """Whether a verdict is missing: about the motion where a nonholonomic document names no associated system."""
     given = (result.get("system") or {"given": {}})["given"]
     named = given.get("associated") not in (None, "any") or given.get("multiples")
-    motion = None if named else result.get("any_associated")
-    answers = [motion] if motion else [result, *result.get("branches", ())]
+    from inverse_service.service.documents.text_page import motions_of
+
+    answers = ([] if named else motions_of(result)) or [result, *result.get("branches", ())]
     return any(answer.get("verdict") == "undetermined" for answer in answers)
 
 

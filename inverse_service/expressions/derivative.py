@@ -40,7 +40,7 @@ def _rule(function: str) -> Rule:
     """The derivative of a function; InputError for a step, which has none where its pieces meet."""
     if function in FUNCTION:
         return FUNCTION[function].derivative
-    instead = "piecewise formulas are accepted in the right sides of equations; write the Lagrangian of one piece"
+    instead = "piecewise formulas are accepted in the right sides of equations; write one piece here"
     raise InputError(f"a piecewise formula has no derivative where its pieces meet: {instead}.")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service.errors import InputError
-from inverse_service.service.documents.text_page import conditions_of, first_answer
+from inverse_service.service.documents.text_page import branches_of, common_verdict, conditions_of, first_answer
 from inverse_service.sympy.result_objects import Result, result_of
 
 COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
@@ -75,11 +75,13 @@ def table_of(results: Iterable[Mapping[str, Any]]) -> Any:
 def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
     """The columns that are compared first: verdicts, L, H, where they hold, how many multipliers, seconds, size.
 
-    All of them are of the first of the `branches`.
+    All of them are of the first of the `branches`, but the verdicts: "mixed" where the branches differ.
     """
     if not isinstance(result, Mapping):
         raise InputError("A table needs results.")
     row = {key: result.get(key) for key in COLUMNS}
+    for key in ("verdict", "verdict_with_time"):
+        row[key] = common_verdict(branches_of(result), key)
     if error := result.get("error"):
         row |= {"verdict": "error", "reason": error["detail"]}
     first = first_answer(result)
@@ -89,4 +91,4 @@ def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
     row |= {"seconds": sum(seconds.values()) if seconds else None}
-    return row | {"where": ", ".join(conditions_of(first)), "branches": max(1, len(result.get("branches") or ()))}
+    return row | {"where": ", ".join(conditions_of(first)), "branches": len(branches_of(result))}

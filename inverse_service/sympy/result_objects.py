@@ -221,8 +221,9 @@ class Result(Answer):
     """
 
     def __repr__(self) -> str:
-        others = len(self.branches) - 1
-        return super().__repr__()[:-1] + (f"; {others} more in branches)" if others else ")")
+        others, differ = len(self.branches) - 1, len({branch.verdict for branch in self.branches}) > 1
+        more = f"; {others} more in branches{', which differ' * differ})"
+        return super().__repr__()[:-1] + (more if others else ")")
 
     @cached_property
     def branches(self) -> tuple[Answer, ...]:

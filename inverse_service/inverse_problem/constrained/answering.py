@@ -102,11 +102,15 @@ def answer_motion(
     seed: int = 1,
     deadline: float = float("inf"),
     progress: Callable[[str], None] = lambda _: None,
+    positive: Sequence[Expression] = (),
 ) -> MotionAnswer:
-    """Both questions; `known` are Lagrangians of associated systems. There is a report on H for EquationsOfMotion."""
+    """Both questions where all of `positive` are > 0; `known` are Lagrangians of associated systems.
+
+    There is a report on H for EquationsOfMotion.
+    """
     work = _Work(motion, known, seed, deadline, progress)
     try:
-        analyzed = analyze_motion(motion)
+        analyzed = analyze_motion(motion, positive)
     except IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     both = time_dependent is None and not motion.depends_on_time

@@ -53,14 +53,14 @@ class AnalyzedMotion:
         return (*self.motion.free, *self.motion.dependent)
 
 
-def analyze_motion(motion: ConstrainedMotion) -> AnalyzedMotion:
-    """Raises IrreducibleAtoms where the relations among the atoms cannot be settled."""
+def analyze_motion(motion: ConstrainedMotion, positive: Sequence[Expression] = ()) -> AnalyzedMotion:
+    """The motion where all of `positive` are > 0; IrreducibleAtoms where relations of atoms cannot be settled."""
     velocities, forces = (
         tuple(map(to_kernels, motion.dependent_velocities)),
         tuple(map(to_kernels, motion.free_accelerations)),
     )
     variables = variables_of(motion)
-    table = find_real_point([*velocities, *forces], variables, seed=1)
+    table = find_real_point([*velocities, *forces], variables, 1, positive)
     return AnalyzedMotion(motion, velocities, forces, reduce_atoms([*velocities, *forces], variables, table), table)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, TypeVar
 
 from inverse_service.algebra.rational_functions import TooLarge
@@ -18,7 +19,8 @@ from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamilton
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.solutions import Answer, Solution
-from inverse_service.inverse_problem.solving import solve
+from inverse_service.inverse_problem.solving import solve, solve_branches
+from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.nonholonomic.associated_systems import (
     KINDS,
     AssociatedSystem,
@@ -43,6 +45,7 @@ from inverse_service.mechanics.nonholonomic.motion import (
 )
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognized
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
+from inverse_service.mechanics.second_order_system import MOST_BRANCHES, branches_of, on_branch
 
 # Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
 _SHARE_OF_SOLVING = 0.85
@@ -194,9 +197,33 @@ def study(
     return Study(report, tuple(answers), main)
 
 
+def study_branches(
+    report: MotionReport, systems: Sequence[AssociatedSystem], options: SolveOptions, progress: Progress | None = None
+) -> Iterator[Study]:
+    """A study on each of the branches of the system that is the main one on the first; each has its share of the time.
+
+    On a further branch only the systems are decided that have it too.
+    """
+    branches = [_on_branches(one) for one in systems]
+    share = replace(options, time_limit=options.time_limit / max(map(len, branches)))
+    found = study(report, [each[0] for each in branches], share, progress)
+    yield found
+    for main in branches[found.main][1:]:
+        assert main.system is not None
+        here = main.system.positive
+        fitting = [one for each in branches for one in each[1:] if one.system and one.system.positive == here]
+        yield replace(study(report, fitting, share, progress), main=fitting.index(main))
+
+
+def _on_branches(one: AssociatedSystem) -> tuple[AssociatedSystem, ...]:
+    """The system on each of its branches, that of the first answer first; itself where they are too many to solve."""
+    branches = () if one.system is None else branches_of(one.system)
+    return tuple(replace(one, system=each) for each in branches if len(branches) <= MOST_BRANCHES) or (one,)
+
+
 def answer_about(found: Study, options: SolveOptions, deadline: float, progress: Progress | None) -> MotionAnswer:
     """Whether any associated system has a Lagrangian; those found for the known ones are answers."""
-    motion = found.report.motion
+    motion, main = found.report.motion, found.answers[found.main].solution
     return answer_motion(
         motion,
         tuple(_known_lagrangians(found)),
@@ -204,6 +231,7 @@ def answer_about(found: Study, options: SolveOptions, deadline: float, progress:
         options.seed,
         deadline,
         progress or (lambda _: None),
+        () if main is None else main.system.positive,
     )
 
 
@@ -239,6 +267,8 @@ def _answered(
 ) -> AssociatedAnswer:
     if one.system is None:
         return AssociatedAnswer(one, None)
+    if one.system.branch is None:  # too many of them
+        return AssociatedAnswer(one, solve_branches(one.system, options)[0])
     end = now() + options.time_limit
     free = options.time_dependent is not True and not options.ansatz
     known = _known(report, one, end) if free else ()
@@ -252,7 +282,7 @@ def _answered(
     answer = found.answer
     if answer is None or answer.lagrangian is None or now() > end:
         return found
-    made = hamiltonise(report.motion, one.system, answer.lagrangian.expression, options.seed)
+    made = hamiltonise(_motion(report, one), one.system, answer.lagrangian.expression, options.seed)
     return replace(found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),))
 
 
@@ -260,17 +290,41 @@ def _known(report: MotionReport, one: AssociatedSystem, end: float) -> tuple[Kno
     """The Lagrangians of the paper's class that the checker confirms for this system."""
     if report.member is None or one.system is None:
         return ()
+    here = partial(on_branch, system=one.system)
     proposals = [
-        Known(each.lagrangian, each.transform, each.images, each.label)
+        Known(here(each.lagrangian), _mapped(each.transform, here), tuple(map(here, each.images)), each.label)
         for each in propose_lagrangians(report.member, one.kind)
     ]
     return confirmed(one.system, proposals, end) if proposals else ()
 
 
+def _mapped(found: LegendreTransform, here: Callable[[Expression], Expression]) -> LegendreTransform:
+    return replace(
+        found,
+        lagrangian=here(found.lagrangian),
+        hamiltonian=here(found.hamiltonian),
+        momenta=tuple(map(here, found.momenta)),
+        velocities=None if found.velocities is None else tuple(map(here, found.velocities)),
+    )
+
+
 def _report_of_known(report: MotionReport, one: AssociatedSystem, known: Known, seed: int) -> Report:
     assert one.system is not None
-    made = hamiltonise(report.motion, one.system, known.lagrangian, seed, known.transform, known.images)
+    made = hamiltonise(_motion(report, one), one.system, known.lagrangian, seed, known.transform, known.images)
     return Report(one.kind, known.source, "valid", made)
+
+
+def _motion(report: MotionReport, one: AssociatedSystem) -> EquationsOfMotion:
+    """The motion with its roots as they are on the branch of the associated system."""
+    assert one.system is not None
+    motion, here = report.motion, partial(on_branch, system=one.system)
+    return replace(
+        motion,
+        dependent_velocities=tuple(map(here, motion.dependent_velocities)),
+        free_accelerations=tuple(map(here, motion.free_accelerations)),
+        accelerations=tuple(map(here, motion.accelerations)),
+        multipliers=tuple(map(here, motion.multipliers)),
+    )
 
 
 def _named(progress: Progress | None, kind: str) -> Progress | None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.names import Names, escaped
 from inverse_service.expressions.reader import placed_at, read_equations, read_formula, without_accelerations
 from inverse_service.expressions.tokens import LIMITS
-from inverse_service.expressions.tree import ZERO, Expression, Velocity, substitute, walk
+from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.mechanics.document_names import Declared, Parameters, known_names, parameter_values, with_values
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, motion_on
@@ -90,6 +91,14 @@ def read_lagrangian(text: str, names: Names) -> Expression:
     tree = _formula(text, names, "the Lagrangian", pointer)
     if not any(isinstance(node, Velocity) for node in walk(tree)):
         raise InputError("the Lagrangian contains no velocity: write kinetic minus potential energy.", pointer)
+    return _smooth(tree, pointer)
+
+
+def _smooth(tree: Expression, pointer: str) -> Expression:
+    """The tree; InputError where it is piecewise and its derivatives are looked for."""
+    with placed_at(pointer):
+        for leaf in {node for node in walk(tree) if isinstance(node, Symbol | Velocity)}:
+            differentiate(tree, leaf)
     return tree
 
 
@@ -100,7 +109,7 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
             pairs = read_equations(text, names)
         for left, right in pairs:
             tree = substitute(left - right, dict(names.definitions))
-            found.append(without_accelerations(tree, f"constraint {len(found) + 1}", pointer))
+            found.append(_smooth(without_accelerations(tree, f"constraint {len(found) + 1}", pointer), pointer))
     if not found:
         raise InputError(
             "there are no constraints: give at least one, or send the equations of motion as a system.", "/constraints"

@@ -116,12 +116,13 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
 
 def compare_motion(result: dict[str, Any], time_limit: float) -> None:
     """The same for the answer about a motion on constraints, which takes no other answer with it."""
-    for certificate in _claims(result):
-        found = compared_claim(result["system"]["given"], certificate, time_limit)
-        if found.verdict != "valid":
-            why = f"An answer was found, but the motion could not be compared with the document: {found.reasons[0]}"
-            result["any_associated"] = _open(result["any_associated"], why)
-            return
+    for holder in (result, *result["branches"]):
+        for certificate in _claims(holder):
+            found = compared_claim(result["system"]["given"], certificate, time_limit)
+            if found.verdict != "valid":
+                why = f"An answer was found, but the motion could not be compared with the document: {found.reasons[0]}"
+                holder["any_associated"] = _open(holder["any_associated"], why)
+                break
 
 
 def _open(part: dict[str, Any], why: str) -> dict[str, Any]:

@@ -30,7 +30,7 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     if text_page.is_forward_result(result):
         return "\n".join([*lines, *forward_latex(result), *end]) + "\n"
     if result.get("nonholonomic") is not None:
-        lines += any_associated_latex(result.get("any_associated"), explain)
+        lines += [line for each in text_page.motions_of(result) for line in any_associated_latex(each, explain)]
         lines += nonholonomic_latex(result["nonholonomic"])
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
@@ -57,7 +57,8 @@ def _cases(result: dict[str, Any]) -> Iterator[str]:
     """All cases with their verdicts, before the answers, where there are several."""
     branches = text_page.branches_of(result)
     if len(branches) > 1:
-        yield rf"{len(branches)} cases: \begin{{itemize}}"
+        differ = ", which differ" * (text_page.common_verdict(branches) == "mixed")
+        yield rf"{len(branches)} cases{differ}: \begin{{itemize}}"
         for branch in branches:
             where = conditions_latex(branch["domain"], result["system"])
             yield rf"\item {where}: {text_page.spaced(branch['verdict'])}"
@@ -165,10 +166,8 @@ def _items(node: dict[str, Any]) -> Iterator[str]:
     yield r"\end{itemize}"
 
 
-def any_associated_latex(part: Mapping[str, Any] | None, explain: bool) -> Iterator[str]:
+def any_associated_latex(part: Mapping[str, Any], explain: bool) -> Iterator[str]:
     """The answer about the motion itself: L, its restriction and transverse momenta, H and the image."""
-    if part is None:
-        return
     yield escaped(f"{part['statement']} {part['reason']}".strip())
     if part["checked"]:
         yield f"Independent check: {part['checked']}."

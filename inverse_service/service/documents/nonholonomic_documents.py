@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
+from api_schemas.nonholonomic import (
+    NonholonomicBranch,
+    NonholonomicDocument,
+    NonholonomicParseAnswer,
+    NonholonomicResult,
+)
 from api_schemas.result import AdvicePart, ResultDocument
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
@@ -60,26 +65,28 @@ def solve_nonholonomic(
         ansatz=() if defined is None else accepting.to_ansatz(schema, defined),
         series_order=schema.series_order,
     )
-    found = nonholonomic_study.study(report, systems, asked, progress)
-    third = now() + SHARE_OF_ANY * options.time_limit
-    any_associated = nonholonomic_study.answer_about(
-        found, asked, min(end - SHARE_LEFT * options.time_limit, third), progress
-    )
+    found, *others = studies = list(nonholonomic_study.study_branches(report, systems, asked, progress))
     main = found.answers[found.main]
-    if main.solution is None:
-        raise InputError(main.associated.explanation, "/associated")
-    result = translate.to_result(_with_images(main), schema)
+    last, answers = end - SHARE_LEFT * options.time_limit, []
+    for study in studies:
+        third = now() + SHARE_OF_ANY * options.time_limit / len(studies)
+        answers.append(nonholonomic_study.answer_about(study, asked, min(last, third), progress))
+    result = translate.to_result(_with_images(main), schema, [_with_images(each.answers[each.main]) for each in others])
     if schema.special_cases:
         assert main.associated.system is not None
         result = documents.with_special_cases(result, main.associated.system, asked, (end, progress))
-    whole = _whole(result, found, any_associated, options, end)
-    if whole.verdict == "not_variational" and any_associated.verdict != "variational":
+    whole = _whole(result, found, answers, options, end)
+    if whole.verdict == "not_variational" and not whole.branches and answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
     return documents.ordered(documents.checked(whole, end - now()))
 
 
 def _whole(
-    result: ResultDocument, found: nonholonomic_study.Study, answer: MotionAnswer, options: SolveOptions, end: float
+    result: ResultDocument,
+    found: nonholonomic_study.Study,
+    answers: Sequence[MotionAnswer],
+    options: SolveOptions,
+    end: float,
 ) -> NonholonomicResult:
     """The result of an associated system with what is known of the motion, which is what one simulates.
 
@@ -87,10 +94,13 @@ def _whole(
     """
     system, left = found.report.motion.system, end - now() - SHARE_LEFT * options.time_limit
     taken = for_constraints(system.lagrangian, system.constraints, system.coordinates)
+    motions = [translate_nonholonomic.to_any_associated(answer) for answer in answers]
+    parts = zip(result.branches, motions, strict=False)
+    branches = [NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
     return NonholonomicResult(
-        **dict(result) | {"advice": AdvicePart(**taken)},
+        **dict(result) | {"advice": AdvicePart(**taken), "branches": branches},
         nonholonomic=translate_nonholonomic.to_nonholonomic_part(found),
-        any_associated=translate_nonholonomic.to_any_associated(answer),
+        any_associated=motions[0],
         reduced=reduced_of_report(found.report, options.seed, left),
     )
 
@@ -112,7 +122,7 @@ def _about_the_motion(
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     answer = nonholonomic_study.answer_about(found, asked, end, progress)
     result = translate.to_result(solution, schema)
-    document = _whole(result, found, answer, options, end).model_dump(mode="json")
+    document = _whole(result, found, [answer], options, end).model_dump(mode="json")
     compare_motion(document, end - now())
     return documents.ordered(document)
 

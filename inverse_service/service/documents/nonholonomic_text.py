@@ -8,10 +8,8 @@ from typing import Any
 LONG = 300
 
 
-def any_associated_lines(part: dict[str, Any] | None, explain: bool) -> list[str]:
-    """The answer about the motion itself, line by line; nothing where there is none."""
-    if part is None:
-        return []
+def any_associated_lines(part: dict[str, Any], explain: bool) -> list[str]:
+    """The answer about the motion itself, line by line."""
     lines = [part["statement"]]
     lines += [f"  {part['reason']}"] if part["reason"] else []
     lines += [f"  independent check: {part['checked']}"] if part["checked"] else []
@@ -77,7 +75,8 @@ def _kept(part: dict[str, Any]) -> Iterator[str]:
 
 def _verdict(one: dict[str, Any]) -> str:
     checked = f" (independent check: {one['checked']})" if one["checked"] is not None else ""
-    return (one["verdict"] or "not defined").replace("_", " ") + checked
+    where = f" where {', '.join(one['domain'])}" if one.get("domain") else ""
+    return (one["verdict"] or "not defined").replace("_", " ") + where + checked
 
 
 def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:

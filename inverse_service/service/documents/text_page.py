@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service.errors import InputError
@@ -26,9 +26,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     if is_forward_result(result):
         return forward_text(result)
     part = result.get("nonholonomic")
-    lines = any_associated_lines(result.get("any_associated"), explain) + (
-        [] if part is None else [*nonholonomic_lines(part), ""]
-    )
+    lines = [line for each in motions_of(result) for line in any_associated_lines(each, explain)]
+    lines += [] if part is None else [*nonholonomic_lines(part), ""]
     lines += [f"  {words}" for words in guessed_words(result)]
     lines += [*_system(result["system"]), *_cases(result)]
     for place, branch in enumerate(branches_of(result)):
@@ -53,9 +52,21 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def branches_of(result: dict[str, Any]) -> list[dict[str, Any]]:
+def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The answers on each branch; the result itself where there is one."""
     return result.get("branches") or [result]
+
+
+def motions_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The answers about a motion on constraints, one for each branch; none for another document."""
+    parts = [one.get("any_associated") for one in result.get("branches") or ()]
+    return [one for one in (parts if any(parts) else [result.get("any_associated")]) if one]
+
+
+def common_verdict(answers: Iterable[Mapping[str, Any]], key: str = "verdict") -> Any:
+    """The verdict where all of the answers have it, else "mixed"."""
+    verdicts = {one.get(key) for one in answers}
+    return verdicts.pop() if len(verdicts) == 1 else "mixed"
 
 
 _YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
@@ -97,12 +108,12 @@ DEFINITE = "positive_definite"
 def _cases(result: dict[str, Any]) -> Iterator[str]:
     branches = branches_of(result)
     if len(branches) > 1:
-        yield f"{len(branches)} cases:"
+        yield f"{len(branches)} cases{', which differ' * (common_verdict(branches) == 'mixed')}:"
         yield from (f"  {', '.join(each['domain'])}: {spaced(each['verdict'])}" for each in branches)
         yield ""
 
 
-def _both_answers(branch: dict[str, Any], result: dict[str, Any], explain: bool) -> Iterator[str]:
+def _both_answers(branch: Mapping[str, Any], result: dict[str, Any], explain: bool) -> Iterator[str]:
     for place, (answer, with_time) in enumerate(answers_of(branch, result)):
         yield from [""] * place
         yield from _answer(answer, with_time, explain)

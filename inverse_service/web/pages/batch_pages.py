@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.mechanics.document_names import GUESS
-from inverse_service.service.documents.text_page import conditions_of, first_answer
+from inverse_service.service.documents.text_page import branches_of, common_verdict, conditions_of, first_answer
 from inverse_service.service.jobs.batch_output import answer_line
 from inverse_service.service.jobs.batches import BatchAnswer
 from inverse_service.web.asking import FACTORS
@@ -166,5 +166,5 @@ def row_of(answer: BatchAnswer) -> Row:
     where = ", ".join(conditions_of(first))
     others = len(found.get("branches") or ()) - 1
     where += f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else ""
-    verdict = found.get("verdict") or "done"  # results of other kinds have none
+    verdict = common_verdict(branches_of(found)) or "done"  # results of other kinds have none
     return Row(answer.number, name, verdict, lagrangian, found.get("reason", ""), proof_of(first) or "", where)

@@ -17,6 +17,7 @@ from starlette.responses import HTMLResponse
 from inverse_service.errors import InputError
 from inverse_service.expressions.reader import equation_line
 from inverse_service.service.documents.latex_page import latex_page
+from inverse_service.service.documents.text_page import branches_of, common_verdict, motions_of
 from inverse_service.service.jobs.model import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.tasks import check_task
@@ -213,7 +214,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     if "verdict" not in found:
         lines = shown_results.equations_of(system)
         return page("forward.html", active="", job=job, result=found, names=names, equations=lines)
-    motion = found.get("any_associated")
+    motions = motions_of(found)
     main, other = shown_results.shown_of(found, found)
     return page(
         "result.html",
@@ -234,8 +235,10 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         further=shown_results.further_of(found),
         names=names,
         cases=found.get("special_cases"),
-        motion=motion,
-        motion_steps=[steps.step_of(step, names, []) for step in motion["explanation"]] if motion else [],
+        motion=motions[0] if motions else None,
+        motions=motions,
+        motion_steps=[[steps.step_of(step, names, []) for step in one["explanation"]] for one in motions],
+        differ=common_verdict(motions or branches_of(found)) == "mixed",
         constrained=found.get("nonholonomic"),
         also=shown_results.other_question(found, main),
         advice=advice_for(found, look.time_limit),

@@ -14,7 +14,13 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import equation_line
 from inverse_service.mechanics.document_names import GUESS, Declared, known_names
 from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
-from inverse_service.service.documents.text_page import answers_of, regular_where
+from inverse_service.service.documents.text_page import (
+    answers_of,
+    branches_of,
+    common_verdict,
+    motions_of,
+    regular_where,
+)
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.form_documents import right_side
 from inverse_service.web.pages.rendering import duration
@@ -22,6 +28,7 @@ from inverse_service.web.pages.steps import Step, matrices_of, said_once, step_o
 
 QUESTIONS = {"L(q, q')": "L(q, q\u2032)", "L(t, q, q')": "L(t, q, q\u2032)"}
 VERDICTS = {"variational": "a Lagrangian", "not_variational": "no Lagrangian", "undetermined": "undetermined"}
+VERDICTS["mixed"] = "cases that differ"
 # A page shows so many steps; the whole is in the JSON.
 MAX_STEPS = 200
 
@@ -89,9 +96,10 @@ def glance_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
     if "verdict" not in result:
         energy = typesetting.equation("H", result["hamiltonian"]["text"], typesetting.names_of(result["system"]))
         return {"answers": [], "motion": "", "forward": energy}
-    lean = {**result, "explanation": [], "conditions": None}
-    shown = [answer_of({**part, "explanation": []}, QUESTION[timed], lean) for part, timed in answers_of(lean, lean)]
-    motion = (result.get("any_associated") or {}).get("statement", "")
+    lean: dict[str, Any] = {**result, "explanation": [], "conditions": None}
+    parts = [one for branch in branches_of(lean) for one in answers_of(branch, lean)]
+    shown = [answer_of({**part, "explanation": []}, QUESTION[timed], lean) for part, timed in parts]
+    motion = " ".join(one["statement"] for one in motions_of(result))
     settled = sorted((one for one in shown if one.verdict != "undetermined"), key=lambda one: one.lagrangian is None)
     return {"answers": settled, "motion": motion, "forward": None} if settled or motion else None
 
@@ -164,19 +172,23 @@ def further_of(result: Mapping[str, Any]) -> list[Further]:
         where = ", ".join(part.get("conditions") or ()) or (f"with the clock {c}" if (c := part.get("clock")) else "")
         found.append(Further(f"Instead: {KINDS[part['kind']]} {where}", _formulas_of(part, names), part["checked"]))
     for name, part in (result.get("kinds") or {}).items():
-        headline = f"A Lagrangian of the kind \u201c{name}\u201d: {SAID[part['verdict']]}"
+        headline = f"A Lagrangian of the kind \u201c{name}\u201d: {SAID[part['verdict']]}{_on_branch(result)}"
         found.append(Further(headline, _formulas_of(part, names), part["checked"] or ""))
     reduced = result.get("reduced") or {}
     if reduced:
         over = Markup(", ").join(typesetting.formula(name, names) for name in reduced["coordinates"])
-        said = Markup("The reduced system in {}: {}").format(over, SAID[reduced["verdict"]])
+        said = Markup("The reduced system in {}: {}").format(over, SAID[reduced["verdict"]] + _on_branch(reduced))
         found.append(Further(said, _formulas_of(reduced, names), reduced["checked"] or ""))
     clock = result.get("with_clock") or reduced.get("with_clock")
     if clock:
         factor = typesetting.formula(clock["factor"], names)
-        said = Markup("With the clock d\u03c4 = {} dt: {}").format(factor, SAID[clock["verdict"]])
+        said = Markup("With the clock d\u03c4 = {} dt: {}").format(factor, SAID[clock["verdict"]] + _on_branch(clock))
         found.append(Further(said, _formulas_of(clock, names), clock["checked"] or ""))
     return found
+
+
+def _on_branch(part: Mapping[str, Any]) -> str:
+    return f", where {', '.join(part['domain'])}" if part.get("domain") else ""
 
 
 def _formulas_of(part: Mapping[str, Any], names: Names) -> list[Markup]:
@@ -236,7 +248,7 @@ def title_of(result: Mapping[str, Any]) -> str:
     given = (system.get("given") or {}).get("lagrangian")
     constrained = f"L = {given} with constraints" if given else ""
     named = constrained or system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")
-    return f"{named[:60]}: {VERDICTS[result['verdict']]}"
+    return f"{named[:60]}: {VERDICTS[common_verdict(branches_of(result))]}"
 
 
 def other_question(result: Mapping[str, Any], main: ShownAnswer) -> str:
