@@ -27,6 +27,8 @@ _ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
 _AMOUNTS: ContextVar[tuple[_Work, ...]] = ContextVar("amounts", default=())
 # A part of the work that is begun has at least so long, in s.
 LEAST = 0.1
+# What a point with its tensors, or a residual, takes besides what is walked through, in units of work.
+STEP = 60
 
 
 class OutOfTime(Exception):

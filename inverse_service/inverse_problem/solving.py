@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from inverse_service import bounds
 from inverse_service.certificate.formulas import MAX_TEXT
 from inverse_service.deadline import now, until
 from inverse_service.errors import IrreducibleAtoms
@@ -56,8 +57,6 @@ _UNSOLVED = (
     "their own that answers this"
 )
 AS_GIVEN = "the equations as given"
-# Nodes of f up to which the space of all multipliers is computed even where L is known already.
-_SHORT = 2_000
 # Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
 _MOST_FOR_FREEDOM = 30_000
 # Rational functions of the velocities, and what is harder to read (`reading_class`).
@@ -164,7 +163,7 @@ def _as_given(work: Work) -> Answer | None:
         if with_time and work.options.time_dependent is False and not system.depends_on_time:
             return None
         if is_confirmed(work, form, with_time):
-            short = not system.is_unsolved and sum(1 for f in system.accelerations for _ in walk(f)) <= _SHORT
+            short = not system.is_unsolved and sum(1 for f in system.accelerations for _ in walk(f)) <= bounds.TERMS
             decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
             found = of_lagrangian(work.analysis, with_time, form, AS_GIVEN, as_given_steps(form), decision)
             others = _with_other_matrices(work, with_time) if short else None

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Generic, Protocol, Self, TypeVar
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
@@ -148,8 +149,6 @@ def antisymmetric(motion: Motion[S], entry: Callable[[int, int, int], S]) -> Ten
 
 Matrix = tuple[tuple[Expression, ...], ...]
 
-# What a reader can still use, and what a warm worker can spare besides the decision.
-TERM_LIMIT = 4_000
 TIME_LIMIT = 2.0
 
 
@@ -198,11 +197,11 @@ def motion_in_ring(
 def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Tensors:
     """N, Phi, nabla Phi and R.
 
-    A tensor with an entry of more than `TERM_LIMIT` terms, and all after it, is left out.
+    A tensor with an entry of more than `bounds.TERMS` terms, and all after it, is left out.
     """
     found = Tensors()
     try:
-        exact = motion_in_ring(system, 3, Budget(TERM_LIMIT, now() + time_limit))
+        exact = motion_in_ring(system, 3, Budget(bounds.TERMS, now() + time_limit))
         n = connection(exact.motion)
         found = replace(found, N=matrix_trees(exact.ring, n))
         phi = jacobi_endomorphism(exact.motion)

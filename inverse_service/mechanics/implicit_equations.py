@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 from mpmath import mp, mpf
 
+from inverse_service import bounds
 from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate
@@ -109,7 +110,6 @@ def _nonlinear(expression: Expression, pointer: str) -> InputError:
     )
 
 
-_DIGITS = 50
 _POINTS = 3
 _ATTEMPTS = 60
 _SEED = 20_040_229
@@ -122,7 +122,7 @@ def vanishes(tree: Expression) -> bool:
     """
     source = random.Random(_SEED)
     values = []
-    with mp.workdps(_DIGITS):
+    with mp.workdps(bounds.DIGITS):
         for attempt in range(_ATTEMPTS):
             try:
                 values.append(_is_small(tree, _point(tree, source, 1 + attempt % 5)))
@@ -159,10 +159,7 @@ def _is_small(tree: Expression, table: Mapping[Expression, Real]) -> bool:
         case _:
             values = [evaluate(tree, table)]
     size = mp.fsum(map(abs, values)) if len(values) > 1 else 1
-    return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - _DIGITS) * size)
-
-
-_EXPANDED_TERMS = 2_000
+    return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - bounds.DIGITS) * size)
 
 
 def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> tuple[Expression, ...]:
@@ -257,7 +254,7 @@ def _solution(
 
 def _gathered(plain: Expression, places: Mapping[Expression, int]) -> Expression:
     """The same over one denominator, in lowest terms; as it is where that would be too large."""
-    if max(expanded_terms(plain)) > _EXPANDED_TERMS:
+    if max(expanded_terms(plain)) > bounds.TERMS:
         return plain
     ring = OpaqueRing([plain], places)
     try:

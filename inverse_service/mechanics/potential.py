@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import flint
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Exponents, Quotient, as_fraction
 from inverse_service.algebra.semidefinite import kernel
@@ -17,9 +18,6 @@ from inverse_service.mechanics.quotient_matrices import common_multiple, solutio
 from inverse_service.mechanics.writing import joined, readable
 
 Partial = Callable[[Quotient], Quotient]
-MOST_CANDIDATES = 200
-# Elimination with symbolic coefficients is for short lists.
-_MOST_SYMBOLIC = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +71,7 @@ def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient
     simple: list[Quotient] = []
     found = _combination(ring, columns, form)
     if found is None:
-        simple = _simple_terms(ring, variables, form)[:MOST_CANDIDATES]
+        simple = _simple_terms(ring, variables, form)[: bounds.SMALL]
         found = _combination(ring, [*columns, *([partial(term) for partial in partials] for term in simple)], form)
     if found is None:
         return None
@@ -151,7 +149,7 @@ def _combination(
     vector = next(rational_null_vectors(ring, [*columns, target]), None)
     if vector is not None and vector[-1]:
         return [ring.constant(-value) for value in vector[:-1]]
-    return solution(ring, columns, target) if len(columns) <= _MOST_SYMBOLIC else None
+    return solution(ring, columns, target) if len(columns) <= bounds.COLUMNS else None
 
 
 def rational_null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> Iterator[list[Fraction]]:

@@ -7,6 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import permutations
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
@@ -28,7 +29,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 
-_TIDIED_TERMS = 2_000
 _MOST_PRODUCTS = 64
 _QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}
 
@@ -113,7 +113,7 @@ def tidied(tree: Expression) -> Expression:
     """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where that is too large."""
     variables = list(dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity)))
     try:
-        ring = exact_ring([tree], variables, 0, Budget(_TIDIED_TERMS), spare=True, slopes=False)
+        ring = exact_ring([tree], variables, 0, Budget(bounds.TERMS), spare=True, slopes=False)
         return readable(ring, ring.value(tree))
     except (TooLarge, ZeroDivisionError):
         return tree

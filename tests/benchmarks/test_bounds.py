@@ -2,26 +2,37 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from benchmarks import bounds
 from benchmarks.ablation import Run
-from inverse_service.inverse_problem.search import linear_ansatz, null_vectors
+from inverse_service import bounds as amounts
+from inverse_service.expressions.tree import Symbol, multiply
+from inverse_service.inverse_problem.search import rungs
+from inverse_service.inverse_problem.search.families import Family
+from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of
 
 
-def test_a_bound_is_changed_where_it_is_written_and_where_it_is_imported() -> None:
-    (spare,) = (one for one in bounds.bounds() if one.place == "null_vectors.SPARE")
-    assert spare.value == linear_ansatz.SPARE == 12
-    with bounds.changed(spare, 5):
-        assert (null_vectors.SPARE, linear_ansatz.SPARE) == (5, 5)
-    assert (null_vectors.SPARE, linear_ansatz.SPARE) == (12, 12)
+def terms_of_rows() -> set[int]:
+    return {rung.terms for rung in rungs.RUNGS if isinstance(rung, Family)}
 
 
-def test_every_bound_is_an_integer_that_is_named_once() -> None:
-    places = [one.place for one in bounds.bounds()]
-    assert len(places) > 50
-    assert len(set(places)) == len(places)
-    assert "families.SPARE" not in places
+def test_a_bound_is_changed_wherever_it_is_met_and_put_back() -> None:
+    product = multiply(*(Symbol(name) + 1 for name in "abc"))
+    assert terms_of_rows() == {0, amounts.SMALL, amounts.LARGE}
+    with bounds.changed("LARGE", 5):
+        assert terms_of_rows() == {0, amounts.SMALL, 5}
+        with pytest.raises(TooManyTerms):
+            terms_of(product)
+    assert terms_of_rows() == {0, amounts.SMALL, amounts.LARGE}
+    assert len(terms_of(product)) == 8
+
+
+def test_every_bound_is_used() -> None:
+    source = "\n".join(path.read_text(encoding="utf-8") for path in Path(amounts.__file__).parent.rglob("*.py"))
+    assert [name for name in bounds.VALUES if f"bounds.{name}" not in source] == []
 
 
 def run(name: str, text: str, seconds: float) -> Run:
@@ -37,7 +48,7 @@ def test_what_is_lost_found_and_written_otherwise_is_told() -> None:
 
 def test_a_table_has_a_row_for_each_bound_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
     told: list[str] = []
-    bounds.main(["--generated", "1", "--limit", "5", "--only", "null_vectors.SPARE"], told.append)
+    bounds.main(["--generated", "1", "--limit", "5", "--only", "RATIO"], told.append)
     assert "1 systems" in told[0]
-    assert "| null_vectors.SPARE | 12 | same; " in told[1]
-    assert "null_vectors.SPARE | 12 | same; " in capsys.readouterr().err
+    assert "| RATIO | 1,000 | same; " in told[1]
+    assert "RATIO | 1,000 | same; " in capsys.readouterr().err

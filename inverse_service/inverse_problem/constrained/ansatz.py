@@ -15,6 +15,7 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
 
+from inverse_service import bounds
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import quotient_tree
@@ -54,7 +55,7 @@ from inverse_service.inverse_problem.solutions import Lagrangian
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_MOST_TERMS, _MOST_PRODUCTS, _TERMS = 6_000, 30_000, 2_000
+_MOST_PRODUCTS = 30_000
 # The widest ansatz last: degree in the free velocities that change, lowest and highest power of those that do not,
 # letters of position in a product, degree in the coordinates.
 _WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1), (2, -3, 2, 2, 2), (2, -3, 3, 4, 2))
@@ -84,7 +85,7 @@ def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
     trees = [to_kernels(f) for f in system.accelerations]
     variables: list[Symbol | Velocity] = [TIME, *map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
     try:
-        ring = exact_ring(trees, variables, 0, Budget(_TERMS, deadline), slopes=False)
+        ring = exact_ring(trees, variables, 0, Budget(bounds.TERMS, deadline), slopes=False)
         return replace(system, accelerations=tuple(quotient_tree(ring, ring.value(tree)) for tree in trees))
     except (TooLarge, ZeroDivisionError):
         return system
@@ -126,7 +127,7 @@ def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Mo
         reduced = [key for key in distinct(reduce(products, others)) if _is_reduced(key)]
         factors = distinct(products(constants, reduced))
         candidates = distinct(products(transverse, products(shapes, factors)))
-        if before <= len(candidates) <= _MOST_TERMS:
+        if before <= len(candidates) <= bounds.TERMS:
             before = len(candidates)
             yield candidates
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations, count, islice
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
@@ -36,10 +37,6 @@ from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessia
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.quotient_matrices import solve_square
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-
-_TERMS = 4_000
-# How many factors of the forces are tried as coordinates, and how many systems that are closed.
-_MOST_FACTORS, _MOST_SYSTEMS = 3, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +70,7 @@ def own_system(lagrangian: Expression, motion: ConstrainedMotion, deadline: floa
     trees = [*right, *(entry for row in matrix for entry in row)]
     variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
-        ring = exact_ring(trees, variables, 0, Budget(_TERMS, deadline), slopes=False)
+        ring = exact_ring(trees, variables, 0, Budget(bounds.TERMS, deadline), slopes=False)
         values = [[ring.value(entry) for entry in row] for row in matrix]
         solved = solve_square(values, [ring.value(tree) for tree in right])
         if solved is None:
@@ -104,7 +101,7 @@ def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[Clo
     found = dict[str, Expression]({name: Symbol(name) for name in motion.coordinates})
     taken = {*motion.coordinates, *motion.parameters, *dict(motion.functions)}
     with suppress(TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
-        for tree in _position_factors(motion, Budget(_TERMS, deadline))[:_MOST_FACTORS]:
+        for tree in _position_factors(motion, Budget(bounds.TERMS, deadline))[: bounds.FEW]:
             name = next(name for k in count(1) if (name := f"R_{k}") not in taken)
             taken.add(name)
             found[name] = tree
@@ -112,7 +109,7 @@ def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[Clo
         functions, system = {name: found[name] for name in chosen}, None
         with suppress(TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
             check()
-            system = _system_of(motion, functions, Budget(_TERMS, deadline))
+            system = _system_of(motion, functions, Budget(bounds.TERMS, deadline))
         if system is not None and chosen != motion.free:
             yield ClosedFunctions(system, functions)
 
@@ -198,7 +195,7 @@ def lagrangian_of_closed(
     where none of the first few has one in closed form.
     """
     end = now() + time_limit
-    for one in islice(closed, _MOST_SYSTEMS):
+    for one in islice(closed, bounds.FEW):
         solution = solve(one.system, SolveOptions(with_time, seed, max(left(end), 0.1), conditions=False))
         answer = solution.with_time if with_time else solution.autonomous
         if answer is not None and answer.lagrangian is not None:

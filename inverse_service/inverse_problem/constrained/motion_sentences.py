@@ -10,6 +10,7 @@ from fractions import Fraction
 from itertools import pairwise
 from math import comb
 
+from inverse_service import bounds
 from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.truncated_series import SingularPoint
@@ -136,7 +137,6 @@ def _gauge(degree: int, variables: int) -> int:
     return comb(variables + degree + 1, variables) - 1 + comb(variables + degree, variables - 1)
 
 
-_POINTS, _MOST_TERMS = 4, 400
 Place = tuple[int, tuple[int, ...]]  # of a coefficient: which function, which exponents
 
 
@@ -150,13 +150,13 @@ def series_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> t
         return ()
     variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
     symbols = [*variables, *map(Symbol, motion.parameters)]
-    for first in range(1, 1 + _POINTS):
+    for first in range(1, 1 + bounds.ATTEMPTS):
         values = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
             coefficients = _coefficients(analyzed, found, with_time, values)
         except SingularPoint:
             continue
-        if coefficients is not None and len(coefficients) <= _MOST_TERMS:
+        if coefficients is not None and len(coefficients) <= bounds.SHOWN:
             return (_written(variables, values, coefficients, len(motion.dependent)),)
     return ()
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import mpmath
 
+from inverse_service import bounds
 from inverse_service.algebra.components import component, extent
 from inverse_service.algebra.elementary import is_even_root, to_kernels
 from inverse_service.algebra.real_point import (
@@ -58,9 +59,6 @@ _SEED = 3
 _NARROW, _INSIDE = 1, Fraction(1, 2)
 # Series are written for so many coordinates, with so many coefficients.
 _MOST_COORDINATES = 4
-_MOST_COEFFICIENTS = 5_000
-# Of a relation between a root of a number and those in it: digits compared, coefficients, steps of the search.
-_MANY_DIGITS, _LARGEST, _MOST_STEPS = 60, 1_000, 1_000
 _MOST_CONDITIONS = 100  # that a certificate may have
 
 
@@ -197,7 +195,7 @@ def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> di
     from inverse_service.inverse_problem.decision.power_series import count, is_rational, regular_series
 
     n = len(analysis.system.coordinates)
-    fitting = [k for k in range(1, order + 1) if count(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
+    fitting = [k for k in range(1, order + 1) if count(n, decision.with_time, k) <= bounds.TERMS]
     if n > _MOST_COORDINATES or not fitting or not is_rational(analysis):
         return {}
     # The data of order R - 1 are complete in degree d, so those of order s + R - 1 - d are in degree s >= d.
@@ -271,9 +269,9 @@ def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:
         whole = node.base ** Fraction(1, node.exponent.value.denominator)
         known: list[Expression] = [number(1), *others]
         try:
-            with mpmath.workdps(_MANY_DIGITS):
+            with mpmath.workdps(bounds.DIGITS):
                 values = [evaluate(one, {}) for one in (whole, *known)]
-                found = mpmath.pslq(values, maxcoeff=_LARGEST, maxsteps=_MOST_STEPS)
+                found = mpmath.pslq(values, maxcoeff=bounds.RATIO, maxsteps=bounds.RATIO)
         except NoRealValue:
             continue
         if found and found[0]:

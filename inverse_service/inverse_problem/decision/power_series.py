@@ -21,6 +21,7 @@ from fractions import Fraction
 from math import comb, isqrt
 from typing import Any, TypeVar
 
+from inverse_service import bounds
 from inverse_service.algebra.echelon import Echelon
 from inverse_service.algebra.modular import reconstruct, safe_prime
 from inverse_service.algebra.point import Point
@@ -34,8 +35,6 @@ from inverse_service.inverse_problem.kinds.helmholtz import matrix_of
 from inverse_service.linear_pde.emission import Prolongation, advance, start
 from inverse_service.linear_pde.involution import matrix_at
 from inverse_service.linear_pde.unknowns import unknown_names
-
-_ATTEMPTS = 8
 
 Coefficients = dict[int, int]  # by column
 # The value of a free coefficient, from its multi-index and the prime.
@@ -62,7 +61,7 @@ def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, s
     """
     if not is_rational(analysis):
         raise ValueError("a series modulo a prime needs a rational f")
-    for attempt in range(_ATTEMPTS):
+    for attempt in range(bounds.ATTEMPTS):
         point = draw_point(analysis.tower, seed + attempt)
         try:
             found = regular_at(analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}"))
@@ -136,7 +135,6 @@ def symbols_of(analysis: Analysis) -> list[Symbol | Velocity]:
 
 
 _MOST_PRIMES = 12
-_POINTS = 4
 
 Index = tuple[int, ...]
 Key = TypeVar("Key")
@@ -165,7 +163,7 @@ def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int 
         return None
     variables = moving_variables(analysis.system, with_time)
     generic = _dimension(analysis, draw_point(analysis.tower, 1), with_time, (order, spare))
-    for first in range(1, 1 + _POINTS):
+    for first in range(1, 1 + bounds.ATTEMPTS):
         point = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
             if _dimension(analysis, _at(point, 0), with_time, (order, spare)) != generic:

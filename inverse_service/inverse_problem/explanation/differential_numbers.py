@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 
+from inverse_service import bounds
 from inverse_service.algebra.point import Point, Variable
 from inverse_service.algebra.semidefinite import kernel as rational_kernel
 from inverse_service.algebra.tower import draw_point
@@ -50,7 +51,7 @@ from inverse_service.inverse_problem.explanation.numbers_at_a_point import (
 MOST_ROWS, HIGHEST_ORDER = 500, 3
 # So many equations are gone through for those that can be left out.
 PRUNED = 60
-_ATTEMPTS, _ENOUGH = 200, 40
+_ENOUGH = 40
 
 FractionRow = Mapping[DerivativeOfEntry, Fraction]
 _Key = Expression | tuple[RowName, DerivativeOfEntry]
@@ -106,7 +107,7 @@ def _shortest(analysis: Analysis, chosen: SufficientRows, deadline: float) -> Di
     """The shortest argument at the points gone through that a second prime confirms."""
     best: DifferentialNumbers | None = None
     met = 0
-    for attempt in range(_ATTEMPTS):
+    for attempt in range(bounds.TRIES):
         if now() > deadline or met == chosen.points_wanted:
             break
         residues = partial(_residues, analysis, chosen, attempt)

@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from inverse_service import bounds
 from inverse_service.errors import InputError
 from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import Formula, listed, row
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 # The order of the series that is written out, and how many coefficients it may have.
 _SERIES_ORDER = 2
 _MOST_COEFFICIENTS = 60
-# Sentences hold formulas up to so many characters.
-_LONGEST_FORMULA = 400
 
 
 def existence_steps(decision: Decision) -> tuple[Step, ...]:
@@ -75,7 +74,7 @@ def terms(count: int) -> str:
 
 def _written(formula: Formula, given: str) -> Piece:
     """The formula, or where it stands if it would fill the page."""
-    return formula if len(formula.text) <= _LONGEST_FORMULA else given
+    return formula if len(formula.text) <= bounds.SHOWN else given
 
 
 def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> tuple[Step, ...]:
@@ -95,7 +94,7 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
     step = said(
         "Near ", *place, f" one regular Lagrangian begins, to total degree {found.order + 2} and up to terms of at "
         "most first degree in the velocities (which the equations of motion then fix), as ",
-        _written(series, "the formula below"), ".", shown=[] if len(series.text) <= _LONGEST_FORMULA else [series],
+        _written(series, "the formula below"), ".", shown=[] if len(series.text) <= bounds.SHOWN else [series],
     )  # fmt: skip
     return (step,)
 
@@ -172,7 +171,7 @@ def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
         return (first,)
     parts = [row(f"C_{k}*(", part, ")") for k, part in enumerate(outcome.found.parts, start=1)]
     general = row("L = ", *separated(parts, " + "))
-    short = len(general.text) <= _LONGEST_FORMULA
+    short = len(general.text) <= bounds.SHOWN
     sentence: list[Piece] = [general, " is a Lagrangian"] if short else ["so is every sum of its parts `C_k L_k`"]
     return (
         first,

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, cast
 
 from flint import nmod_mat
 
+from inverse_service import bounds
 from inverse_service.algebra.tower import draw_point
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
@@ -40,8 +41,6 @@ from inverse_service.mechanics.conditions import (
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.analysis import Analysis
 
-_POINTS = 8
-
 
 def local_motion(analysis: Analysis, seed: int, order: int) -> Motion[LocalScalar]:
     """The motion about the random point of this seed, f known to `order`.
@@ -49,8 +48,8 @@ def local_motion(analysis: Analysis, seed: int, order: int) -> Motion[LocalScala
     A point where a denominator vanishes is passed over for the next one. Raises IrreducibleAtoms
     where no point was found.
     """
-    for attempt in range(_POINTS):
-        point = draw_point(analysis.tower, seed * _POINTS + attempt)
+    for attempt in range(bounds.ATTEMPTS):
+        point = draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
         with suppress(SingularPoint):
             return motion_of_series(*analysis.series(point, analysis.system.depends_on_time, order))
     raise IrreducibleAtoms("the formulas vanish or have no value at every random point tried")

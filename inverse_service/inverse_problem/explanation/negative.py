@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.deadline import now
@@ -55,12 +56,9 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Tensors = Mapping[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]
 
-# An elimination with larger expressions than this is no longer followed by hand.
-TERM_LIMIT = 2_000
 TIME_LIMIT = 1.0
 NUMBERS_LIMIT = 5.0
 LARGEST_N = 5
-MOST_NODES_SHOWN = 400
 # Characters of one step, beyond which numbers at one point are easier to follow.
 LONGEST_SHOWN = 2_000
 
@@ -79,7 +77,7 @@ def explain_negative(
     `with_time` says that the question was for L(t, q, v).
     """
     system = analysis.system
-    budget = Budget(TERM_LIMIT, now() + time_limit)
+    budget = Budget(bounds.TERMS, now() + time_limit)
     summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
     found = None
     try:
@@ -239,6 +237,6 @@ def _det_vanishes(solved: SolvedConditions) -> Step:
         [linear_tree(solved.exact.ring, solved.symbols, result.entry((min(i, j), max(i, j)), one)) for j in range(n)]
         for i in range(n)
     ]
-    if sum(1 for line in rows for entry in line for _ in walk(entry)) > MOST_NODES_SHOWN:
+    if sum(1 for line in rows for entry in line for _ in walk(entry)) > bounds.SHOWN:
         return said(f"With these values {end}", shown=[SINGULAR])
     return said("With these values ", row("g = ", matrix(rows)), f", and {end}", shown=[SINGULAR])

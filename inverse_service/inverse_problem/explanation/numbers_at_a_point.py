@@ -19,6 +19,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any, TypeVar, cast
 
+from inverse_service import bounds
 from inverse_service.algebra.modular import is_positive, reconstruct, safe_prime
 from inverse_service.algebra.point import Point, Variable, evaluate, number_value, variables_in
 from inverse_service.algebra.rules import AngleRule, ExponentialRule, replay
@@ -59,8 +60,6 @@ from inverse_service.mechanics.conditions import Tensor11
 _SMALL, _LARGER, _PATIENCE = 5, 12, 20
 _PLAIN = tuple(tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0 0 1 2", "0 0 1 -1", "0 0 1 2"))
 _SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
-# Numerators and denominators beyond this are no longer numbers for a person.
-_BOUND = 10**8
 CHOSEN = safe_prime(7_003)
 
 Key = TypeVar("Key")
@@ -202,7 +201,7 @@ def fractions_of_one_prime(
     prime = safe_prime(7_001, analysis.tower.residues)
     found: dict[Key, Fraction] = {}
     for key, residue in (residues(prime) or {}).items():
-        value = reconstruct(residue, prime, _BOUND)
+        value = reconstruct(residue, prime, bounds.NUMBER)
         if value is None:
             return None
         found[key] = value
@@ -233,8 +232,6 @@ def residues_at(
         return None
 
 
-_ATTEMPTS = 400
-
 Values = Mapping[object, Fraction]
 
 
@@ -262,7 +259,7 @@ def numbers_at_a_point(
     if not has_points(analysis):
         return None
     size = len(analysis.system.coordinates)
-    for attempt in range(_ATTEMPTS):
+    for attempt in range(bounds.TRIES):
         if now() > deadline:
             break
         values = in_fractions(analysis, partial(_residues, analysis, chosen, attempt))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_ring import quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.deadline import now
@@ -21,7 +22,6 @@ from inverse_service.mechanics.conditions import MotionInRing, connection, jacob
 from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-TERM_LIMIT = 2_000
 TIME_LIMIT = 1.0
 LARGEST_N = 8
 # More terms than this fill pages, and to print them takes seconds.
@@ -35,7 +35,7 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
     `complete` is False where an identity was not recognized (too large, or atoms whose relations are
     not known here): then the steps say what is to be computed only.
     """
-    budget = Budget(TERM_LIMIT, now() + TIME_LIMIT)
+    budget = Budget(bounds.TERMS, now() + TIME_LIMIT)
     try:
         if len(system.coordinates) > LARGEST_N:
             raise TooLarge("too many coordinates to write everything out")
@@ -115,17 +115,13 @@ def _matrix(exact: MotionInRing, entries: Matrix) -> Formula:
     return matrix([[quotient_tree(exact.ring, entry) for entry in line] for line in entries])
 
 
-# Nodes of one equation beyond which nobody follows it line by line.
-_LONGEST = 400
-
-
 def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> tuple[Step, ...]:
     """One step for each coordinate: dL/dv, its derivative along the motion, dL/dq, and the equation that they make.
 
     A single sentence where these formulas are long.
     """
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates]
-    if any(sum(1 for tree in line for _ in walk(tree)) > _LONGEST for line in lines):
+    if any(sum(1 for tree in line for _ in walk(tree)) > bounds.SHOWN for line in lines):
         those = (
             "the equations as they are written" if system.is_unsolved else "equations that `f` satisfies identically"
         )

@@ -14,6 +14,7 @@ from typing import Literal
 
 from flint import nmod_mat
 
+from inverse_service import bounds
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Point, Variable, evaluate
 from inverse_service.algebra.real_point import find_real_point
@@ -42,8 +43,6 @@ from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import tidied
 
-_ATTEMPTS = 6
-
 
 def values_modulo_primes(
     expressions: Sequence[Expression], variables: Sequence[Variable], points: int = 2, seed: int = 1
@@ -57,8 +56,8 @@ def values_modulo_primes(
         table = find_real_point(kernels, variables, seed)
         tower = reduce_atoms(kernels, variables, table)
         found = []
-        for attempt in range(_ATTEMPTS):
-            point = draw_point(tower, seed * _ATTEMPTS + attempt)
+        for attempt in range(bounds.ATTEMPTS):
+            point = draw_point(tower, seed * bounds.ATTEMPTS + attempt)
             known: dict[Expression, int] = {}
             try:
                 found.append((point, [evaluate(kernel, point, known) for kernel in kernels]))

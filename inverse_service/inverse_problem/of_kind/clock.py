@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
+from inverse_service import bounds
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.rational_functions import Budget, TooLarge
@@ -38,7 +39,6 @@ from inverse_service.mechanics.second_order_system import Branch, SecondOrderSys
 
 # Of a factor of f, and of the density of an invariant measure for n coordinates, the powers that are tried.
 _POWERS = tuple(Fraction(k, 2) for k in (-1, 1, -2, 2, -4, 4))
-_MOST_FACTORS = 12
 _ORDER = 4  # of the prolongations
 _SEED = 1
 
@@ -90,7 +90,7 @@ def _clocks(system: SecondOrderSystem, deadline: float) -> Iterator[Expression]:
     density = _density(system, deadline)
     powers = (Fraction(1, n - 1) if n > 1 else Fraction(1), Fraction(-1, n + 1), *_POWERS)
     listed = [] if density is None else [density**k for k in powers]
-    listed += [factor**k for factor in _factors(system)[:_MOST_FACTORS] for k in _POWERS]
+    listed += [factor**k for factor in _factors(system)[: bounds.CANDIDATES] for k in _POWERS]
     for factor in listed:
         if factor not in seen and not isinstance(factor, Number) and TIME not in walk(factor):
             seen.add(factor)

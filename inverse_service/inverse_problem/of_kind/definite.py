@@ -15,6 +15,7 @@ import mpmath
 import numpy as np
 from flint import nmod_mat
 
+from inverse_service import bounds
 from inverse_service.algebra.modular import safe_prime
 from inverse_service.algebra.point import Point, number_value
 from inverse_service.algebra.real_point import RealTable, are_positive, is_defined
@@ -33,7 +34,7 @@ from inverse_service.inverse_problem.decision.power_series import is_rational, p
 from inverse_service.inverse_problem.kinds.helmholtz import matrix_of, unknowns_of
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
 from inverse_service.inverse_problem.of_kind.kind_answers import KindAnswer, is_valid, lagrangians_of
-from inverse_service.inverse_problem.search.members import MOST_PARTS, definite_weights
+from inverse_service.inverse_problem.search.members import definite_weights
 from inverse_service.inverse_problem.search.protocol import describe
 from inverse_service.inverse_problem.solutions import Lagrangian, Solution, Verdict
 from inverse_service.linear_pde.involution import consequences
@@ -178,7 +179,7 @@ def _of_known(
         except (NoRealValue, OverflowError):
             return None
         hessians.append(np.array(rows))
-    for weights in definite_weights(hessians[:MOST_PARTS]):
+    for weights in definite_weights(hessians[: bounds.COLUMNS]):
         parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
         whole = alone.expression if alone else collect(add(*(w * one.expression for w, one in parts)))

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from inverse_service import bounds
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import ONE, Acceleration, Expression, Symbol, Velocity
 from inverse_service.inverse_problem.search.completion import completed, expressions_without_acceleration
@@ -168,9 +169,6 @@ def _ratio(left: Terms, right: Terms, constants: set[Symbol]) -> tuple[Monomial,
     return None
 
 
-_MOST = 12  # coordinates; the comparison takes the fourth power of their number
-
-
 def with_written_masses(
     lagrangian: Expression, system: SecondOrderSystem, given: Sequence[Expression]
 ) -> Expression | None:
@@ -179,7 +177,7 @@ def with_written_masses(
     None where L is not quadratic in the velocities, its Hessian no multiple of dE_i/dq''_j, or nothing changes.
     """
     try:
-        written = written_masses(system, given) if 0 < len(given) <= _MOST else None
+        written = written_masses(system, given) if 0 < len(given) <= bounds.COORDINATES else None
         hessian = _hessian(terms_of(lagrangian), system.coordinates)
     except (TooManyTerms, InputError):
         return None

@@ -12,9 +12,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.deadline import check
+from inverse_service.deadline import STEP, check
 from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, Velocity, walk
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
 from inverse_service.inverse_problem.search.motion_terms import MotionTerms, euler_lagrange, split_velocities
@@ -29,9 +30,6 @@ from inverse_service.inverse_problem.search.terms import (
     tree_of,
 )
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
-
-# In units of the search (see `deadline`).
-_WORK_OF_RESIDUALS = 50
 
 
 def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int) -> list[Monomial]:
@@ -58,7 +56,7 @@ def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int
 
 def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> list[Monomial]:
     """Admissible terms that answer the residuals of one candidate."""
-    check(_WORK_OF_RESIDUALS)
+    check(STEP)
     try:
         residuals = euler_lagrange(material.motion, key)
     except TooManyTerms:
@@ -131,9 +129,6 @@ def is_admissible(material: Material, key: Monomial) -> bool:
     return material.motion.with_time or not any(node == TIME for letter, _ in key for node in walk(letter))
 
 
-_MOST = 200
-
-
 def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> list[Monomial]:
     """B and B v_k for the residuals of a combination; none where they are too large to be written out."""
     system = material.analysis.system
@@ -146,7 +141,7 @@ def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> lis
         residuals = [oriented(terms_of(tree), point) for tree in quotients]
     except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
         return []
-    return _primitives(material, (key for terms in residuals for key in terms))[:_MOST]
+    return _primitives(material, (key for terms in residuals for key in terms))[: bounds.SMALL]
 
 
 def _primitives(material: Material, keys: Iterable[Monomial]) -> list[Monomial]:

@@ -12,6 +12,7 @@ from fractions import Fraction
 from itertools import combinations
 from typing import Any
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import exact_ring, factored
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
@@ -59,12 +60,6 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
             return None
         found[pivot] = row[-1]
     return found
-
-
-# Terms that are tried in addition to four for each term wanted, and how often what is left over is answered.
-_MOST_TERMS, _DEPTH = 60, 3
-# With coefficients that hold parameters: so many terms, in so much work (see `deadline`).
-_MOST_SYMBOLIC = 40
 
 
 def expressions_without_acceleration(names: Sequence[str], terms: Terms) -> list[Terms]:
@@ -166,8 +161,8 @@ def _completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | No
     fresh = [(i, key) for i, terms in enumerate(wanted) for key in terms]
     if any(not _is_affine(key) for _, key in fresh):
         return None
-    right, most = _numbered(wanted), _MOST_TERMS + 4 * len(fresh)
-    for _ in range(_DEPTH):
+    right, most = _numbered(wanted), bounds.COLUMNS + 4 * len(fresh)
+    for _ in range(bounds.FEW):
         raised = dict.fromkeys(m for i, key in fresh for m in _answers(names, i, key) if m not in columns)
         fresh = []
         for m in sorted(raised, key=rank)[: most - len(columns)]:
@@ -187,7 +182,7 @@ def _with_parameters(
 ) -> Expression | None:
     """The same with coefficients from the field of the constants."""
     varying = dict.fromkeys(_varying(names, m) for m in columns)
-    if not varying or len(varying) > _MOST_SYMBOLIC:
+    if not varying or len(varying) > bounds.COLUMNS:
         return None
     plain = {m: expressions_without_acceleration(names, {m: Fraction(1)}) for m in varying if m}
     sides = [_by_varying(names, expressions) for expressions in (*plain.values(), wanted)]

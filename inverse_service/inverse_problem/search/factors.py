@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from math import lcm
 
+from inverse_service import bounds
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
 from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
 from inverse_service.inverse_problem.search.material import (
@@ -33,11 +34,6 @@ from inverse_service.inverse_problem.search.terms import (
     times,
 )
 
-_MOST_FACTORS = 24
-_MOST_COEFFICIENTS = 40
-_MOST_IN_TIME = 6
-_MOST_FITTED = 12
-_HIGHEST_EXPONENTIAL = 5
 HALF = Fraction(1, 2)
 
 
@@ -72,7 +68,7 @@ def find_factors(material: Material, seed: int) -> Factors:
     across: dict[int, Monomial] = {}
     single: dict[Monomial, None] = {EMPTY: None}
     in_time: dict[Monomial, None] = {EMPTY: None}
-    for i, c, variable in integrating_candidates(material)[:_MOST_COEFFICIENTS]:
+    for i, c, variable in integrating_candidates(material)[: bounds.COLUMNS]:
         factor = integrating_factor(material, c, variable, seed)
         if not factor:
             continue
@@ -91,13 +87,13 @@ def find_factors(material: Material, seed: int) -> Factors:
     for i in range(material.motion.size):
         single[times(across.get(i, EMPTY), along.get(i, EMPTY), 2)] = None
     inverted = [times(EMPTY, factor, -1) for factor in single]
-    chosen = tuple(dict.fromkeys([*sorted(single, key=rank), *sorted(inverted, key=rank)]))[:_MOST_FACTORS]
+    chosen = tuple(dict.fromkeys([*sorted(single, key=rank), *sorted(inverted, key=rank)]))[: bounds.CANDIDATES]
     return Factors(along, across, tuple(_first(in_time, whole)), chosen, dict(_fitted(material, seed)))
 
 
 def _fitted(material: Material, seed: int) -> Iterator[tuple[tuple[int, Fraction], Monomial]]:
     """phi for a diagonal g with g_ii = phi v_i^e: (H2) asks for Gamma(log phi) = -df_i/dv_i - e f_i/v_i."""
-    motion, room = material.motion, _MOST_FITTED
+    motion, room = material.motion, bounds.CANDIDATES
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
         for e in sorted({-dict(key).get(v, Fraction(0)) for key in f}, reverse=True):
             phi = None
@@ -133,7 +129,7 @@ def _exponential_of(material: Material, rate: Terms, seed: int) -> Monomial | No
 def _first(in_time: Iterable[Monomial], whole: Monomial | None) -> list[Monomial]:
     """1, the factor of the divergence, and the simplest others."""
     ordered = [EMPTY, *([whole] if whole else []), *sorted(in_time, key=rank)]
-    return list(dict.fromkeys(ordered))[:_MOST_IN_TIME]
+    return list(dict.fromkeys(ordered))[: bounds.CANDIDATES]
 
 
 def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomial]:
@@ -148,7 +144,7 @@ def _exponents(letter: Expression, seen: set[Fraction]) -> list[Fraction]:
         return [one, -one, HALF, -HALF]
     if isinstance(letter, Apply) and letter.function == "exp":
         highest = int(max([one, *(abs(e) for e in seen)]))
-        whole = [k * one for k in range(1, min(highest, _HIGHEST_EXPONENTIAL) + 1)]
+        whole = [k * one for k in range(1, min(highest, bounds.POWER) + 1)]
         unit = Fraction(1, lcm(*(e.denominator for e in seen)))  # e^(x/2) may be a part of e^(3x/2)
         return [sign * e for e in dict.fromkeys((*whole, unit)) for sign in (1, -1)]
     return [one, -one] if any(e < 0 for e in seen) else [one]

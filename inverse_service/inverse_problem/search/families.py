@@ -19,6 +19,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from flint import nmod_mat
 
+from inverse_service import bounds
 from inverse_service.algebra import modular
 from inverse_service.algebra import truncated_series as ps
 from inverse_service.algebra.echelon_kernels import Words
@@ -34,15 +35,10 @@ from inverse_service.inverse_problem.search.linear_ansatz import letters_of, to_
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
 from inverse_service.inverse_problem.search.motion_terms import has_velocity, split_velocities
 from inverse_service.inverse_problem.search.multiplier_ansatz import helmholtz_matrix
-from inverse_service.inverse_problem.search.null_vectors import LARGEST_RATIO, SPARE, random_null_vector
+from inverse_service.inverse_problem.search.null_vectors import SPARE, random_null_vector
 from inverse_service.inverse_problem.search.sample_points import SamplePoints
 from inverse_service.inverse_problem.search.sampling import LetterTable, sampler_of, table_at
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times
-
-# Shapes are left out until there are so few: the elimination is cubic in them. With 120 four of 1,000 generated
-# systems, of exponentials of four velocities, had no L; 250 take a quarter longer than 180.
-_MOST = 180
-
 
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 
@@ -75,13 +71,13 @@ def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -
     try:
         return _possible_shapes(material, shapes, seed)
     except _NO_POINTS:
-        return Possible(list(shapes[:_MOST]))
+        return Possible(list(shapes[: bounds.SMALL]))
 
 
 def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> Possible:
     if not shapes:
         return Possible([])
-    groups = [group[:_MOST] for group in _groups(material, shapes)]
+    groups = [group[: bounds.SMALL] for group in _groups(material, shapes)]
     unknowns = material.motion.size + 1 + material.motion.with_time
     sampler, chosen = sampler_of(material.analysis, [shape for group in groups for shape in group])
     groups = [kept for group in groups if (kept := [shape for shape in group if shape in chosen])]
@@ -122,7 +118,7 @@ def _fixed(material: Material, solution: Sequence[int], count: int) -> list[froz
 def _growth(weights: Sequence[int], rates: Sequence[int], prime: int) -> tuple[Fraction | None, bool]:
     """rho with d_t c_k = rho c_k in a random solution for most k, and whether for all; None without one."""
     pairs = zip(weights, rates, strict=True)
-    known = [reconstruct(rate * pow(c, -1, prime), prime, LARGEST_RATIO) if c else None for c, rate in pairs]
+    known = [reconstruct(rate * pow(c, -1, prime), prime, bounds.RATIO) if c else None for c, rate in pairs]
     most = max(known, key=known.count)
     is_seen = most is not None and 2 * known.count(most) > len(known)
     return (most, set(known) == {most}) if is_seen else (None, False)
@@ -183,12 +179,6 @@ def _used(shapes: Sequence[Monomial], weights: Sequence[int], hessians: Words, p
     return [shape for shape, c in zip(shapes, weights, strict=True) if c]
 
 
-# Plain functions of position that are offered as potentials in addition to what the residuals ask for.
-_MOST_FUNCTIONS = 60
-# Terms beyond the chosen ones that potentials and linear terms may add, and closures.
-_MOST_POTENTIALS, _MOST_CLOSED = 150, 300
-
-
 @dataclass(frozen=True, slots=True)
 class Family:
     """A row of the ansatz: functions of the velocities, and how many terms they make with functions of position.
@@ -212,8 +202,9 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
     if not chosen or not family.terms:
         return chosen
     in_time = possible.in_time(factors.in_time)
-    terms = family.terms if material.motion.size > 1 else min(family.terms, _MOST_OF_ONE)
-    room = max(_FEWEST, terms // (len(chosen) * len(in_time)))
+    # For one coordinate every f has a Lagrangian, so long rows end most searches in vain; they found none there.
+    terms = family.terms if material.motion.size > 1 else min(family.terms, bounds.SMALL)
+    room = max(bounds.CANDIDATES, terms // (len(chosen) * len(in_time)))
     functions = products(in_time, _functions(material, factors, room))
     pairs = [(m, shape) for m in functions for shape in chosen if possible.may_have(m, shape)][: 2 * family.terms]
     pairs += [(m, shape) for shape in chosen for m in _fitted(material, factors, shape) if possible.may_have(m, shape)]
@@ -236,12 +227,6 @@ def _with_roots_of_numbers(material: Material, shapes: Sequence[Monomial]) -> li
     )
     rooted = [s for s in shapes if any(isinstance(p, Sum) and e.denominator > 1 for p, e in s)]
     return [*shapes, *products(constants, rooted)]
-
-
-# For one coordinate every f has a Lagrangian, so the large rows end most searches in vain; they found none there.
-_MOST_OF_ONE = 240
-# Functions of position that every function of the velocities gets at least.
-_FEWEST = 12
 
 
 def _functions(material: Material, factors: Factors, room: int) -> list[Monomial]:
@@ -284,9 +269,9 @@ def all_terms(material: Material, family: Family, chosen: Sequence[Monomial]) ->
     """Chosen kinetic terms with the potentials and linear terms that can go with them."""
     depth = 3 if is_polynomial(material) else 1
     own = family.shapes(material) if family.given else ()
-    every = [*closed(material, chosen, depth, _MOST_CLOSED), *(key for key in own if is_linear(key))]
-    every += _fitting(material, _MOST_FUNCTIONS)[1:_MOST_FUNCTIONS]
-    every += potentials(material, chosen, _MOST_POTENTIALS)
+    every = [*closed(material, chosen, depth, bounds.SMALL), *(key for key in own if is_linear(key))]
+    every += _fitting(material, bounds.COLUMNS)[1 : bounds.COLUMNS]
+    every += potentials(material, chosen, bounds.SMALL)
     return [key for key in distinct(every) if is_admissible(material, key)]
 
 
@@ -328,7 +313,6 @@ def label(family: Family, terms: Sequence[Monomial]) -> str:
 
 
 NAME = "the given terms"
-_MOST_TERMS = 1_000
 
 
 def own_family(given: Sequence[Expression]) -> Family | None:
@@ -337,7 +321,7 @@ def own_family(given: Sequence[Expression]) -> Family | None:
     Potentials and linear terms are added as to any family, so that kinetic terms are enough; those
     that are given go with every choice.
     """
-    monomials = list(dict.fromkeys(key for term in given for key in monomials_of(term)))[:_MOST_TERMS]
+    monomials = list(dict.fromkeys(key for term in given for key in monomials_of(term)))[: bounds.LARGE]
     if not monomials:
         return None
     return Family(NAME, 0, lambda material: monomials, 0, given=True)

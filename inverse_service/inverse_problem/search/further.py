@@ -12,6 +12,7 @@ from fractions import Fraction
 
 import mpmath
 
+from inverse_service import bounds
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
@@ -30,8 +31,6 @@ from inverse_service.inverse_problem.search.terms import (
 )
 from inverse_service.mechanics.euler_lagrange import hessian
 
-# Terms of a part whose energy is squared.
-_MOST_TERMS = 12
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 
 
@@ -56,7 +55,7 @@ def _own_parts(whole: Terms, names: Sequence[str]) -> Iterator[tuple[str, Terms]
     held = {key: _leaves(key, names) for key in whole}
     for name in names:
         part = {key: value for key, value in whole.items() if name in held[key]}
-        if 0 < len(part) <= _MOST_TERMS and all(held[key] == {name} for key in part):
+        if 0 < len(part) <= bounds.CANDIDATES and all(held[key] == {name} for key in part):
             yield name, part
 
 

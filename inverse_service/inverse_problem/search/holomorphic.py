@@ -15,6 +15,7 @@ from functools import partial, reduce
 
 import mpmath
 
+from inverse_service import bounds
 from inverse_service.algebra.point import Expansion
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.algebra.tower import draw_point
@@ -37,7 +38,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.protocol import Smaller
-from inverse_service.inverse_problem.search.terms import LARGEST_POWER
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 
@@ -102,7 +102,7 @@ def _power(base: ComplexTree, exponent: Fraction) -> ComplexTree:
     """z^e, by products for small whole e, else |z|^e e^(i e arg z)."""
     if base.imaginary == ZERO:
         return ComplexTree(base.real**exponent)
-    if exponent.denominator == 1 and abs(exponent) <= LARGEST_POWER:
+    if exponent.denominator == 1 and abs(exponent) <= bounds.POWER:
         whole = reduce(ComplexTree.__mul__, [base] * abs(int(exponent)))
         return whole if exponent > 0 else whole.inverse()
     angle = exponent * logarithm(base).imaginary
@@ -133,8 +133,6 @@ def _applied(function: str, z: ComplexTree) -> ComplexTree:
     raise NotAnalytic
 
 
-_LARGEST = 6
-_DIGITS = 40
 _TINY = mpmath.mpf(10) ** -25
 
 # (x, y, s) for each z = x + i s y.
@@ -143,7 +141,7 @@ Structure = tuple[tuple[str, str, int], ...]
 
 def is_even(material: Material) -> bool:
     """Whether the coordinates can be grouped in pairs, few enough to try all."""
-    return material.motion.size in range(2, _LARGEST + 1, 2)
+    return material.motion.size in range(2, bounds.COORDINATES + 1, 2)
 
 
 def real_systems(material: Material, seed: int) -> Iterator[Smaller]:
@@ -235,7 +233,7 @@ def _is_continuation(
     forces = dict(zip(system.coordinates, system.accelerations, strict=True))
     values = _values(structure)
     try:
-        with mpmath.workdps(_DIGITS):
+        with mpmath.workdps(bounds.DIGITS):
             for (x, y, s), f in zip(structure, reduced.accelerations, strict=True):
                 z = continued(f, values)
                 gaps = (

@@ -19,6 +19,7 @@ from itertools import pairwise
 
 import mpmath
 
+from inverse_service import bounds
 from inverse_service.algebra import truncated_series as ps
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Expansion, Variable, evaluate
@@ -43,8 +44,6 @@ from inverse_service.inverse_problem.search.terms import (
     tree_of,
 )
 
-_MOST_COLUMNS = 40
-
 
 def integrating_factor(material: Material, c: Terms, variable: Variable, seed: int) -> Monomial | None:
     """exp(-int c d variable), or None where it is no such product; logarithms alone are tried first."""
@@ -53,7 +52,7 @@ def integrating_factor(material: Material, c: Terms, variable: Variable, seed: i
     letters = [p for p in dict.fromkeys([variable, *own, *sums]) if not _is_exponential(p)]
     primitives = list(dict.fromkeys(m for key in c for m in antiderivatives(key, variable)))
     for extra in ([], primitives):
-        fits = len(letters) + len(extra) <= _MOST_COLUMNS
+        fits = len(letters) + len(extra) <= bounds.COLUMNS
         solution = _solve(material, c, variable, letters, [monomial_tree(m) for m in extra], seed) if fits else None
         if solution is not None:
             return _assembled(letters, extra, solution)
@@ -114,9 +113,6 @@ def _slope(series: ps.Series) -> int:
     return ps.value_at_point(ps.derivative(series, 0))
 
 
-_MOST_CONSTANTS = 8
-
-
 def divergence_factor(material: Material, seed: int) -> Monomial | None:
     """exp(ct) with c not 0, or None where the divergence asks for none or is no such combination."""
     letters: list[Expression] = [
@@ -124,7 +120,7 @@ def divergence_factor(material: Material, seed: int) -> Monomial | None:
         *material.position_letters,
         *dict.fromkeys([*material.velocity_letters, *moving_letters(material)]),
     ]
-    constants = [monomial_tree(key) for key in material.parameter_monomials[:_MOST_CONSTANTS]]
+    constants = [monomial_tree(key) for key in material.parameter_monomials[: bounds.CANDIDATES]]
     try:
         solution = _constants_of_divergence(material, letters, constants, seed)
     except (IrreducibleAtoms, SingularPoint, ValueError):
@@ -163,18 +159,13 @@ def _constants_of_divergence(
     return small_solution(rows, table.prime)
 
 
-# Of a damping that is seen in numbers: what a larger bound admits are accidents.
-_LARGEST_RATE = 100
-_DIGITS, _SHOWN = 60, 30
-
-
 def hidden_damping(analysis: Analysis) -> Fraction | None:
     """c where f = h - c v + F(q), h of degree 2 in v, as seen at multiples of v at the real point; else None."""
     system, table = analysis.system, analysis.real_point
     if table is None or system.depends_on_time:
         return None
     try:
-        with mpmath.workdps(_DIGITS):
+        with mpmath.workdps(bounds.DIGITS):
             pairs = zip(system.coordinates, system.accelerations, strict=True)
             found = {_rate_of(f, Velocity(name), table) for name, f in pairs}
     except (NoRealValue, KeyError):
@@ -186,9 +177,9 @@ def _rate_of(f: Expression, v: Velocity, table: RealTable) -> Fraction | None:
     """c where f at once, twice, three and four times all velocities fits a square, -c v and a constant."""
     first, second, third = (b - a for a, b in pairwise([real_value(f, _quicker(table, k)) for k in range(1, 5)]))
     rate = (3 * (second - first) / 2 - first) / table[v]
-    near = Fraction(mpmath.nstr(rate, _SHOWN)).limit_denominator(_LARGEST_RATE)
+    near = Fraction(mpmath.nstr(rate, bounds.AGREEING)).limit_denominator(bounds.RATIO)
     defects = (third - 2 * second + first, rate - mpmath.mpf(near.numerator) / near.denominator)
-    return near if max(map(abs, defects)) < mpmath.mpf(10) ** -_SHOWN * (1 + abs(third)) else None
+    return near if max(map(abs, defects)) < mpmath.mpf(10) ** -bounds.AGREEING * (1 + abs(third)) else None
 
 
 def _quicker(table: RealTable, times: int) -> RealTable:

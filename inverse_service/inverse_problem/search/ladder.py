@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import mpmath
 
+from inverse_service import bounds
 from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import OutOfTime, check, until, within
@@ -46,7 +47,6 @@ _DIGITS = 180
 _STEP_DIGITS = 40
 _TOLERANCE = mpmath.mpf(10) ** -40
 _SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
-_POINTS = 2
 
 Direction = Mapping[Expression, mpmath.mpf]
 
@@ -58,7 +58,7 @@ def holds_numerically(analysis: Analysis, tree: Expression, seed: int) -> bool:
         generator = random.Random(seed)
         try:
             with mpmath.workdps(_DIGITS):
-                points = [_perturbed(table, generator) for _ in range(_POINTS)] if table else []
+                points = [_perturbed(table, generator) for _ in range(bounds.FEW)] if table else []
                 if points:
                     return all(_holds_at(system, tree, point) for point in points)
         except NoRealValue:
@@ -113,12 +113,6 @@ def _at(point: RealTable, direction: Direction, h: mpmath.mpf) -> RealTable:
 
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
-# For each smaller system that a reduction makes (see `deadline`).
-_WORK = 1_000_000
-# Their elimination takes a second; a larger ansatz has rational coefficients only.
-_MOST_AT_FIXED_PARAMETERS = 600
-# Lagrangians of one rung that are shown.
-_MOST = 4
 
 
 @dataclass(slots=True)
@@ -217,7 +211,7 @@ def _verified(state: _Search, trees: Sequence[Expression]) -> list[Expression]:
     """The first few that hold."""
     analysis = state.material.analysis
     held = (tree for tree in dict.fromkeys(trees) if holds_numerically(analysis, tree, state.seed))
-    return list(itertools.islice(held, _MOST))
+    return list(itertools.islice(held, bounds.FEW))
 
 
 def _lifted(state: _Search, reduction: Reduction) -> Sequence[Expression]:
@@ -234,7 +228,7 @@ def _of_smaller(smaller: Smaller, seed: int) -> list[tuple[Expression, ...]]:
     """The Lagrangians of each of the systems; none where one has none."""
     found = []
     for system in smaller.systems:
-        with within(_WORK):
+        with within(bounds.WORK):
             one = search(analyze(system), smaller.with_time, seed, math.inf, lambda _: None).found
         if one is None:
             return []
@@ -260,7 +254,8 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
         return None
     try:
         sampler, terms = sampler_of(material.analysis, terms)
-        if material.analysis.system.parameters and not family.given and len(terms) <= _MOST_AT_FIXED_PARAMETERS:
+        # Of short rows: more terms than these have, times monomials of parameters, are too many unknowns.
+        if material.analysis.system.parameters and not family.given and len(terms) <= 2 * bounds.SMALL:
             terms = with_parameters(material, occurring_terms(sampler, terms, seed), family.terms)
         space = solve_multiplier(sampler, terms, seed)
         members = needed_combinations(space, seed)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from inverse_service import bounds
 from inverse_service.algebra import modular
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
@@ -24,8 +25,6 @@ from inverse_service.inverse_problem.search.sampling import (
     monomial_values,
 )
 from inverse_service.inverse_problem.search.terms import Monomial
-
-_CONTROL_POINTS = 4
 
 Combination = dict[Monomial, Fraction]
 
@@ -146,7 +145,7 @@ def _that_hold(
         return []
     chosen = [candidates[k] for k in used]
     letters = letters_of(chosen)
-    table = letter_table(sampler, letters, _CONTROL_POINTS, seed)
+    table = letter_table(sampler, letters, bounds.FEW, seed)
     prime = table.prime
     rows = euler_lagrange_matrix(table, letters, chosen).tolist()
     place = {k: position for position, k in enumerate(used)}

@@ -9,6 +9,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.point import Variable
@@ -183,10 +184,6 @@ def _linear_sums(trees: Iterable[Expression]) -> tuple[Expression, ...]:
     return tuple(found)
 
 
-# Nodes of a sum that is taken as a letter.
-_LONGEST = 60
-
-
 def moving_letters(material: Material) -> list[Expression]:
     """Sums that are factors or radicands in f, and functions other than exponentials, that hold velocities."""
     if "moving letters" not in material.shared:
@@ -226,7 +223,7 @@ def _is_plain(node: Expression) -> bool:
     """A short sum without roots in it."""
     exponents = [part.exponent for part in walk(node) if isinstance(part, Power)]
     whole = all(isinstance(e, Number) and e.value.denominator == 1 for e in exponents)
-    return whole and sum(1 for _ in walk(node)) <= _LONGEST
+    return whole and sum(1 for _ in walk(node)) <= bounds.NODES
 
 
 def depends_on_position(letter: Expression, motion: MotionTerms) -> bool:

@@ -15,6 +15,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service import bounds
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.deadline import check
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
@@ -41,15 +42,14 @@ _ROUNDS = 60
 # Of the largest eigenvalue, the least that counts as positive.
 _POSITIVE = 1e-3
 _DENOMINATORS = (1, 2, 3, 4, 6, 12)
-MOST_PARTS = 40
 
 
 def definite_weights(hessians: Sequence[Matrix]) -> list[list[Fraction]]:
     """Weights w with sum w_k H_k positive definite: nearest to the identity, and as few as will do.
 
-    H_k are symmetric of shape (n, n), finite and not zero; at most `MOST_PARTS` of them.
+    H_k are symmetric of shape (n, n), finite and not zero; at most `bounds.COLUMNS` of them.
     """
-    if not 0 < len(hessians) <= MOST_PARTS:
+    if not 0 < len(hessians) <= bounds.COLUMNS:
         return []
     hessians = _balanced(hessians)
     sizes = [float(np.abs(matrix).max()) for matrix in hessians]
@@ -213,7 +213,7 @@ def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list
     _, matrices = hessians(space, _SEED)
     # A combination that vanishes as a function has small numbers for a Hessian at a real point.
     moving = [c for c, matrix in zip(space.combinations, matrices, strict=True) if any(map(any, matrix))]
-    simplest = sorted(moving, key=complexity)[:MOST_PARTS]
+    simplest = sorted(moving, key=complexity)[: bounds.COLUMNS]
     with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
     found = []
     for weights in definite_weights([matrix for _, matrix in with_hessian]):

@@ -18,7 +18,7 @@ from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
 from inverse_service.algebra.point import Point, evaluate
 from inverse_service.algebra.series_program import SeriesProgram, TooLarge, constants_at, run
-from inverse_service.deadline import check
+from inverse_service.deadline import STEP, check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
@@ -50,9 +50,6 @@ from inverse_service.inverse_problem.search.sampling import (
     values_at,
 )
 from inverse_service.inverse_problem.search.terms import Monomial
-
-# In units of the search (see `deadline`).
-_WORK_OF_TENSORS = 100
 
 
 def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
@@ -128,7 +125,7 @@ def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matri
 
 def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix, Matrix]:
     """(N, Phi) at a point, each (n, n)."""
-    check(_WORK_OF_TENSORS + sum(1 for f in sampler.analysis.accelerations for _ in walk(f)))
+    check(STEP + sum(1 for f in sampler.analysis.accelerations for _ in walk(f)))
     if len(sampler.analysis.accelerations) == 1:  # Phi is in no condition
         f, known = sampler.analysis.accelerations[0], dict[Expression, int]()
         evaluate(f, point, known)  # SingularPoint where it has no value

@@ -15,13 +15,11 @@ from functools import partial
 import numpy as np
 from flint import nmod_mat
 
+from inverse_service import bounds
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import reconstruct
 from inverse_service.deadline import check
 
-_LARGEST_NUMBER = 10**7
-# Exponents and rates are small: what a larger bound admits are accidents.
-LARGEST_RATIO = 1_000
 # So many equations more than unknowns: a random one holds by accident with the probability 1/P, P the prime.
 SPARE = 12
 
@@ -47,7 +45,7 @@ def _rational(row: list[int], prime: int) -> dict[int, Fraction] | None:
     vector: dict[int, Fraction] = {}
     for k, x in enumerate(row):
         if x:
-            value = reconstruct(x, prime, _LARGEST_NUMBER)
+            value = reconstruct(x, prime, bounds.NUMBER)
             if value is None:
                 return None
             vector[k] = value
@@ -61,7 +59,7 @@ def small_solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] 
     solution = [Fraction(0)] * width
     for i in range(order):
         pivot = next(k for k in range(width + 1) if int(reduced[i, k]))
-        value = reconstruct(int(reduced[i, width]), prime, LARGEST_RATIO)
+        value = reconstruct(int(reduced[i, width]), prime, bounds.RATIO)
         if pivot == width or value is None:
             return None
         solution[pivot] = value

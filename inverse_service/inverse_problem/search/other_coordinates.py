@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 
+from inverse_service import bounds
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
@@ -48,7 +49,6 @@ from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooMan
 from inverse_service.inverse_problem.search.tidy import collected_inside
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-_MOST_SHEARS = 4
 # The terms of a function of position, a set so that equal ones can be counted.
 Form = frozenset[tuple[Monomial, Fraction]]
 
@@ -71,7 +71,7 @@ def suggested(material: Material) -> list[Change]:
     """Changes worth a try, the most conspicuous first."""
     names = material.analysis.system.coordinates
     forms = [form for form, _ in _forms(material).most_common()]
-    shears = list(dict.fromkeys(shear for form in forms for shear in _shears(form, names)))[:_MOST_SHEARS]
+    shears = list(dict.fromkeys(shear for form in forms for shear in _shears(form, names)))[: bounds.FEW]
     rotations = dict.fromkeys(pair for form in forms for pair in _directions(form, names))
     return [
         *(_rotation(*pair) for pair in rotations),
@@ -212,11 +212,6 @@ def _polar(radius: str, angle: str) -> Change:
     )
 
 
-_MOST_CHANGES = 2
-# To write f in other coordinates, in one change and in all; what takes longer is not the shorter system that is wanted.
-_WORK_OF_A_CHANGE, _WORK_OF_CHANGES = 300_000, 500_000
-
-
 def applies(material: Material) -> bool:
     """Whether f suggests other coordinates."""
     return bool(suggested(material))
@@ -224,7 +219,7 @@ def applies(material: Material) -> bool:
 
 def in_shorter_coordinates(material: Material, seed: int) -> Iterator[Smaller]:
     """The system in the shortest of the suggested coordinates; its Lagrangians in the given ones again."""
-    for change, system in shorter(material)[:_MOST_CHANGES]:
+    for change, system in shorter(material)[: bounds.FEW]:
         yield Smaller(
             (system,), material.motion.with_time, partial(_carried_back, _table(change.new, system.coordinates))
         )
@@ -245,7 +240,7 @@ def shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
     system = material.analysis.system
     own = size(system.accelerations)
     found: list[tuple[Change, SecondOrderSystem]] = []
-    with suppress(OutOfTime), within(_WORK_OF_CHANGES):
+    with suppress(OutOfTime), within(bounds.WORK):
         own = min(own, size([_settled(f, system.coordinates) for f in system.accelerations]))
         for pair in _transformed(material, own):
             found.append(pair)
@@ -263,9 +258,8 @@ def _transformed(material: Material, most: int) -> Iterator[tuple[Change, Second
     for change in suggested(material):
         check()
         try:
-            with within(_WORK_OF_A_CHANGE):
-                other = transformed(material.analysis.system, change, most)
-        except (ArithmeticError, ValueError, OutOfTime):
+            other = transformed(material.analysis.system, change, most)
+        except (ArithmeticError, ValueError):
             continue
         if other is not None:
             yield change, other

@@ -15,6 +15,7 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 
+from inverse_service import bounds
 from inverse_service.expressions.tree import Apply, Expression, Sum, walk
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
@@ -34,13 +35,13 @@ from inverse_service.inverse_problem.search.terms import (
 )
 
 _HALF = Fraction(1, 2)
-_FARTHEST = 4
 
 
 def quadratic_antiderivatives(key: Monomial, variable: Expression) -> Iterator[Monomial]:
     """Candidates for the antiderivative of the monomial, constant factors left out."""
     for letter, e in key:
-        if isinstance(letter, Sum) and abs(e) <= _FARTHEST and (e.denominator == 2 or (e.denominator == 1 and e < 0)):
+        whole = e.denominator == 1 and e < 0
+        if isinstance(letter, Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
             try:
                 yield from _of_letter(key, letter, e, variable)
             except TooManyTerms:
@@ -71,8 +72,8 @@ def _of_letter(key: Monomial, letter: Sum, e: Fraction, variable: Expression) ->
 def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
     """(power of p, power of D) of the terms p' p^… D^…: up to the last negative power, or down to the last positive."""
     if e < 0:
-        return [(e + k, -k) for k in range(1, _FARTHEST + 1) if e + k < 0]
-    return [(e - k, k) for k in range(_FARTHEST + 1) if e - k > 0]
+        return [(e + k, -k) for k in range(1, bounds.POWER + 1) if e + k < 0]
+    return [(e - k, k) for k in range(bounds.POWER + 1) if e - k > 0]
 
 
 def _of_inverse(slope: Terms, D: Terms) -> list[Monomial]:

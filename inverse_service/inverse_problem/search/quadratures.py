@@ -14,6 +14,7 @@ from fractions import Fraction
 from functools import reduce
 from itertools import count
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Quotient, TooLarge, coefficients_of
 from inverse_service.algebra.real_point import RealTable, is_defined, real_sign
@@ -192,7 +193,7 @@ def _at_most(seconds: float) -> Iterator[None]:
 
 
 # For SymPy, in s of processor time: most integrals that it finds take a tenth of that. And what it is not asked for.
-_SECONDS, _LONGEST, _HIGHEST = 2.5, 80, 12
+_SECONDS, _HIGHEST = 2.5, 12
 _CALLS = 500  # between two looks at the time
 # What was asked for the whole time in vain: parts of a potential come again and again in one search.
 _VAIN: set[tuple[Expression, frozenset[tuple[Symbol, int]]]] = set()
@@ -203,7 +204,7 @@ def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expressi
     """SymPy's antiderivative where it is elementary, real at the point, and its derivative is the slope."""
     nodes = list(walk(slope))
     high = any(isinstance(node, Number) and abs(node.value) > _HIGHEST for node in nodes)
-    if high or len(nodes) > _LONGEST or any(isinstance(node, Arbitrary | Velocity) for node in nodes):
+    if high or len(nodes) > bounds.NODES or any(isinstance(node, Arbitrary | Velocity) for node in nodes):
         return None
     from inverse_service.expressions.sympy_trees import elementary_antiderivatives
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import real_sign
@@ -55,8 +56,6 @@ from inverse_service.inverse_problem.search.quadratures import fresh_names
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-
-_MOST_FACTORED, _MOST_UNDAMPED = 500, 5_000
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
@@ -196,7 +195,7 @@ def _undamped(material: Material, rate: Expression) -> SecondOrderSystem:
     with suppress(TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
         leaves: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
         if not _is_quadratic(material):
-            without = tuple(factored(without, leaves, Budget(_MOST_UNDAMPED, end())))
+            without = tuple(factored(without, leaves, Budget(bounds.TERMS, end())))
     return replace(system, accelerations=without)
 
 
@@ -235,7 +234,7 @@ def _rate_and_rest(force: Expression, carrier: str, material: Material) -> tuple
     v, table, names = Velocity(carrier), material.analysis.real_point, material.analysis.system.coordinates
     moving: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
-        whole = factored([force], moving, Budget(_MOST_FACTORED, end()))[0]
+        whole = factored([force], moving, Budget(bounds.LARGE, end()))[0]
         parts = whole.factors if isinstance(whole, Product) else (whole,)
         rate = multiply(*(part for part in parts if v in walk(part)))
         rest = multiply(*(part for part in parts if v not in walk(part)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inverse_service import bounds
 from inverse_service.inverse_problem.search import (
     constant_velocity,
     holomorphic,
@@ -123,21 +124,19 @@ REDUCTIONS = (
         "The system is one of fewer complex coordinates; part of a Lagrangian of that one is a Lagrangian of this.",
     ),
 )
-# Of terms the first size takes tenths of a second, the second up to some seconds for four coordinates.
-_SMALL, _LARGE = 240, 900
 ANSATZ = (
     Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
-    Family("quadratic in the velocities, short factors", 2, shapes.quadratic, _SMALL),
-    Family("ratios of three velocities", 3.72, shapes.ratios_to_constants, _LARGE),
+    Family("quadratic in the velocities, short factors", 2, shapes.quadratic, bounds.SMALL),
+    Family("ratios of three velocities", 3.72, shapes.ratios_to_constants, bounds.LARGE),
     Family("functions of velocities, constant coefficients", 3.75, shapes.of_velocities, 0),
-    Family("ratios of velocities, short factors", 3.7, shapes.ratios, _SMALL),
-    Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, _LARGE),
-    Family("functions of velocities, short factors", 4, shapes.functions, _SMALL),
+    Family("ratios of velocities, short factors", 3.7, shapes.ratios, bounds.SMALL),
+    Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, bounds.LARGE),
+    Family("functions of velocities, short factors", 4, shapes.functions, bounds.SMALL),
     Family("a multiplier after a contact transformation", 6.6, contact.kinetic_terms, 0, given=True),
-    Family("products of up to four velocities", 7, shapes.polynomials, _LARGE),
-    Family("squares times powers of a velocity", 7.5, shapes.carried, _LARGE),
-    Family("products, roots and logarithms of velocities", 8, shapes.products_and_roots, _LARGE),
-    Family("logarithms and arctangents of two velocities", 9, shapes.complex_logarithms, _SMALL),
+    Family("products of up to four velocities", 7, shapes.polynomials, bounds.LARGE),
+    Family("squares times powers of a velocity", 7.5, shapes.carried, bounds.LARGE),
+    Family("products, roots and logarithms of velocities", 8, shapes.products_and_roots, bounds.LARGE),
+    Family("logarithms and arctangents of two velocities", 9, shapes.complex_logarithms, bounds.SMALL),
 )
 RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)
 REASONS = {rung.name: rung.reason for rung in (*LEAVES, *REDUCTIONS)}

@@ -22,7 +22,7 @@ from inverse_service.algebra.series_kernels import Machine
 from inverse_service.algebra.series_program import SeriesProgram, TooLarge, constants_at, run
 from inverse_service.algebra.tower import Tower, draw_point, moved_point
 from inverse_service.algebra.truncated_series import SingularPoint
-from inverse_service.deadline import check
+from inverse_service.deadline import STEP, check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 
@@ -71,7 +71,7 @@ def _program(
 ) -> _LetterProgram:
     series = SeriesProgram([variables[k] for k in names], order)
     registers = np.array([series.expand(letter) for letter in letters], np.int64)
-    work = sum(_WORK_OF_A_LETTER + sum(1 for _ in walk(letter)) for letter in letters)
+    work = sum(1 for letter in letters for _ in walk(letter))
     return _LetterProgram(letters, series, np.ravel(series.instructions), np.array(names, np.int64), registers, work)
 
 
@@ -190,8 +190,6 @@ def _letter_rows(program: _LetterProgram, point: Point, drift: Words, order: int
     return found if done else None
 
 
-# In units of the search (see `deadline`).
-_WORK_OF_A_POINT, _WORK_OF_A_LETTER = 60, 10
 Matrix = list[list[int]]
 
 
@@ -227,7 +225,7 @@ class SamplePoints:
 
     def place(self, k: int) -> _AtPoint:
         while len(self.places) <= k:
-            check(_WORK_OF_A_POINT)
+            check(STEP)
             point = self._drawn(len(self.places))
             self.places.append(_AtPoint(point, self._drift(point)))
         return self.places[k]

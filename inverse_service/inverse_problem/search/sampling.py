@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeGuard, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from inverse_service import bounds
 from inverse_service.algebra import modular
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.modular import Field, compiled, multiply, positive_power
@@ -28,9 +29,6 @@ from inverse_service.inverse_problem.search.terms import Monomial
 
 Words = npt.NDArray[np.uint64]
 Integers = npt.NDArray[np.int64]
-_ATTEMPTS = 8
-# Of f, where the terms of an ansatz have none in common.
-_POINTS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +114,7 @@ def _defined_together(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Re
     items = dict.fromkeys(item for term in terms for item in term)
     kernels = {(p, e): to_kernels(p ** Fraction(1, e.denominator)) for p, e in items}
     wanted = [*analysis.accelerations, *analysis.constrained.values()]
-    for seed in range(2, 2 + _POINTS):
+    for seed in range(2, 2 + bounds.ATTEMPTS):
         table = find_real_point(wanted, variables_of(analysis.system), seed, analysis.system.positive)
         if table is not None:
             valued = {item for item, kernel in kernels.items() if is_defined([kernel], table)}
@@ -234,7 +232,7 @@ def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
         if len(found) == count:
             break
         check()
-        if k >= _ATTEMPTS * count:
+        if k >= bounds.ATTEMPTS * count:
             raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
         row = at(k)
         if row is not None:

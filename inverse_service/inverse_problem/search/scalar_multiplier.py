@@ -19,6 +19,7 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
@@ -28,8 +29,8 @@ from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given, masses
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.members import MOST_PARTS, definite_weights
 from inverse_service.inverse_problem.search.members import Matrix as RealMatrix
+from inverse_service.inverse_problem.search.members import definite_weights
 from inverse_service.inverse_problem.search.quadratures import (
     exponential,
     exponential_with_integrals,
@@ -55,7 +56,6 @@ from inverse_service.mechanics.conditions import (
 from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.quotient_matrices import common_multiple, null_vectors, reduced_rows
 
-_MOST = 3
 Matrix = list[list[Quotient]]
 
 
@@ -203,13 +203,13 @@ def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:
         return []
     real = [_real(setting, matrix, table) for matrix in basis]
     known = [matrix for matrix in real if matrix is not None]
-    weights = definite_weights(known) if len(known) == len(basis) <= MOST_PARTS else []
+    weights = definite_weights(known) if len(known) == len(basis) <= bounds.COLUMNS else []
     plain = [Fraction(int(_is_diagonal(matrix))) for matrix in basis]
     alone = [[Fraction(int(j == k)) for j in range(len(basis))] for k in range(len(basis))]
     choices = [plain, *weights, [Fraction(1)] * len(basis), *alone]
     sums = [_combined(setting, basis, choice) for k, choice in enumerate(choices) if choice not in choices[:k]]
     found = [matrix for matrix in sums if len(reduced_rows(matrix, range(len(matrix))).pivots) == len(matrix)]
-    return sorted(found, key=lambda one: (not _is_definite(_real(setting, one, table)), _entries(one)))[:_MOST]
+    return sorted(found, key=lambda one: (not _is_definite(_real(setting, one, table)), _entries(one)))[: bounds.FEW]
 
 
 def _constant_vectors(setting: _Setting) -> list[list[Quotient]]:

@@ -14,6 +14,7 @@ from math import gcd, lcm
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
+from inverse_service import bounds
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     ONE,
@@ -36,8 +37,6 @@ Monomial = frozenset[tuple[Expression, Fraction]]
 Terms = dict[Monomial, Fraction]
 
 EMPTY: Monomial = frozenset()
-_LARGEST_EXPANSION = 400
-LARGEST_POWER = 6
 _CIRCULAR, _HYPERBOLIC = ("sin", "cos"), ("sinh", "cosh")
 _PARITY = {"sin": -1, "cos": 1, "sinh": -1, "cosh": 1, "asin": -1, "atan": -1, "asinh": -1, "atanh": -1}
 # Each as powers of such a pair.
@@ -77,7 +76,7 @@ def times(left: Monomial, right: Monomial, exponent: Fraction | int = 1) -> Mono
 
 
 def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms:
-    if len(left) * len(right) > 20 * _LARGEST_EXPANSION:
+    if len(left) * len(right) > 20 * bounds.LARGE:
         raise TooManyTerms
     result: Terms = {}
     for a, x in left.items():
@@ -101,7 +100,7 @@ def add_terms(left: Terms, right: Mapping[Monomial, Fraction], factor: Fraction 
 
 
 def _bounded(terms: Terms) -> Terms:
-    if len(terms) > _LARGEST_EXPANSION:
+    if len(terms) > bounds.LARGE:
         raise TooManyTerms
     return terms
 
@@ -215,7 +214,7 @@ def terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[Expression]) -
 
 
 def _is_small_power(count: int, exponent: Fraction) -> bool:
-    return exponent.denominator == 1 and 0 < exponent <= LARGEST_POWER and count**exponent <= _LARGEST_EXPANSION
+    return exponent.denominator == 1 and 0 < exponent <= bounds.POWER and count**exponent <= bounds.LARGE
 
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:

@@ -11,6 +11,7 @@ from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import InputError, IrreducibleAtoms
@@ -93,8 +94,6 @@ def _multiple(argument: Expression) -> tuple[Fraction, Apply | None]:
     return Fraction(1), None
 
 
-# Past so many nodes nothing gets short enough to read.
-_LARGEST_TIDY = 4_000
 _BEFORE_A_BRACKET = 12
 # Terms of a potential stay apart, as they are known, where one bracket is not much shorter.
 _MUCH = 2
@@ -109,7 +108,7 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
     Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
     """
     tree = _merged(without_arctangents(tree))
-    if _size(tree) > _LARGEST_TIDY:
+    if _size(tree) > bounds.TERMS:
         return tree
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter

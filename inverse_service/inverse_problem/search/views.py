@@ -14,6 +14,7 @@ from functools import lru_cache, partial
 
 import mpmath
 
+from inverse_service import bounds
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.real_point import varies
 from inverse_service.algebra.rules import AngleRule
@@ -39,9 +40,6 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.search.protocol import Found
 from inverse_service.inverse_problem.search.tidy import collected_inside, without_arctangents
-
-_LONGEST = 10**6
-_MOST_LETTERS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,9 +88,6 @@ def _plainer(tower: Tower, force: Expression) -> Expression:
     return min(force, plain, key=lambda tree: sum(1 for _ in walk(tree)))
 
 
-_PLACES, _LARGEST_COEFFICIENT, _MOST_ROOTS = 60, 10**4, 3
-
-
 @lru_cache(maxsize=256)
 def denested(tree: Expression) -> Expression:
     """The tree with each root of a constant sum of roots as a short sum of these, where it is one to 60 digits."""
@@ -113,10 +108,10 @@ def _short_sum(tree: Expression, base: Expression) -> Expression | None:
     """Rationals times 1 and the roots in the base that add up to the tree."""
     basis: list[Expression] = [ONE]
     basis += dict.fromkeys(node for node in walk(base) if isinstance(node, Power))
-    basis = basis[: 1 + _MOST_ROOTS]
-    with mpmath.workdps(_PLACES):
+    basis = basis[: 1 + bounds.FEW]
+    with mpmath.workdps(bounds.DIGITS):
         values = [evaluate(part, {}) for part in (tree, *basis)]
-        relation = mpmath.pslq(values, maxcoeff=_LARGEST_COEFFICIENT, maxsteps=_LARGEST_COEFFICIENT)
+        relation = mpmath.pslq(values, maxcoeff=bounds.RATIO, maxsteps=bounds.RATIO)
     if not relation or not relation[0]:
         return None
     weights = (number(Fraction(-c, relation[0])) for c in relation[1:])
@@ -148,7 +143,7 @@ def with_letters(analysis: Analysis) -> Lettered | None:
         return found[size]
 
     forces = tuple(_rewritten(force, letter) for force in system.accelerations)
-    if not found or len(found) > _MOST_LETTERS:
+    if not found or len(found) > bounds.CANDIDATES:
         return None
     letters = tuple(found.values())
     branch = system.branch and replace(system.branch, positive=(*system.branch.positive, *letters))
@@ -163,7 +158,7 @@ def with_letters(analysis: Analysis) -> Lettered | None:
 def _rewritten(tree: Expression, letter: Callable[[Number], Symbol]) -> Expression:
     """The tree with letters for long numbers that are no exponents."""
     match tree:
-        case Number(value) if max(abs(value.numerator), value.denominator) > _LONGEST:
+        case Number(value) if max(abs(value.numerator), value.denominator) > bounds.NUMBER:
             return (1 if value > 0 else -1) * letter(number(abs(value)))
         case Power(base, exponent):
             return _rewritten(base, letter) ** exponent

@@ -12,6 +12,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+from inverse_service import bounds
 from inverse_service.deadline import now
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, Number, Power, Product, Symbol, walk
@@ -31,7 +32,6 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 MOST_CASES = 120
 DEEPEST = 8
-LONGEST_CONDITION = 300
 
 
 @dataclass(frozen=True)
@@ -210,9 +210,9 @@ def _together(trees: Sequence[Expression]) -> str:
     """Equations that hold together; the first of them where they fill pages."""
     texts = sorted((f"{to_text(tree)} = 0" for tree in trees), key=len)
     whole = " and ".join(texts)
-    if len(whole) <= LONGEST_CONDITION:
+    if len(whole) <= bounds.SHOWN:
         return whole
-    shown = texts[0] if len(texts[0]) <= LONGEST_CONDITION else "a long condition on the functions holds"
+    shown = texts[0] if len(texts[0]) <= bounds.SHOWN else "a long condition on the functions holds"
     return shown if len(texts) == 1 else f"{shown} and {len(texts) - 1} more equations hold with it"
 
 

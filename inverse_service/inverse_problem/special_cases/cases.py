@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from flint import fmpq, fmpq_mpoly
 
+from inverse_service import bounds
 from inverse_service.algebra.rational_functions import Budget, TooLarge, as_fraction, factored
 from inverse_service.deadline import now, until
 from inverse_service.errors import IrreducibleAtoms
@@ -47,7 +48,7 @@ Progress = Callable[[str], None]
 # Names of the functions that are polynomials: linear ones of one argument, else constants.
 FunctionCase = frozenset[str]
 
-_TERMS, _EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 4_000, 3.0, 6.0, 2
+_EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 3.0, 6.0, 2
 UNDEFINED = "undefined"
 _DIFFERENTIAL = "the {} rests on differential conditions, whose side conditions are not known"
 _DOUBTFUL = "the functions of f that contain parameters may become dependent for further values"
@@ -216,7 +217,7 @@ def _with_ideals(question: Question, analysis: Analysis, case: Case) -> Case:
 
 
 def _budget(question: Question) -> Budget:
-    return Budget(_TERMS, min(question.deadline, now() + _EXACT_SECONDS))
+    return Budget(bounds.TERMS, min(question.deadline, now() + _EXACT_SECONDS))
 
 
 def _negative(question: Question, analysis: Analysis, case: Case) -> Case:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
 
+from inverse_service import bounds
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, terms_tree
 from inverse_service.expressions.tree import (
@@ -138,9 +139,6 @@ def linear_coefficients(terms: Iterable[Term], names: Sequence[str]) -> Mapping[
     return found
 
 
-_MOST_CHOICES = 12
-
-
 @dataclass(frozen=True, slots=True)
 class _Parts:
     """rest + linear[i] w_i + w^T G w/2, with G^-1."""
@@ -172,7 +170,7 @@ def _choices(block: Block) -> Iterator[tuple[str, ...]]:
     count = 0
     for size in range(min(len(fit), len(block.names) - 1), 0, -1):
         for chosen in combinations(fit, size):
-            if count < _MOST_CHOICES and all(_degree(monomial, chosen) <= 2 for monomial, _ in _terms(block)):
+            if count < bounds.CANDIDATES and all(_degree(monomial, chosen) <= 2 for monomial, _ in _terms(block)):
                 count += 1
                 yield chosen
 

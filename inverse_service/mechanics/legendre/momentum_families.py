@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice, product
 
+from inverse_service import bounds
 from inverse_service.deadline import now
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.tree import Expression, Symbol, add, substitute
 from inverse_service.mechanics.legendre.blocks import Block, Branch, resolved, split
 from inverse_service.mechanics.legendre.quadratic import form_matrix, quadratic_branches
-
-_MOST_BRANCHES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +59,7 @@ def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symb
     parts = split(function, names, momenta)
     found = [_up_to_certain(block, reach) for block in parts.blocks]
     table = momentum_shifts(parts.linear, momenta)
-    for choice in islice(product(*found), _MOST_BRANCHES):
+    for choice in islice(product(*found), bounds.CANDIDATES):
         rates = {
             name: substitute(tree, table)
             for block, branch in zip(parts.blocks, choice, strict=True)
@@ -75,7 +74,7 @@ def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symb
 def _up_to_certain(block: Block, reach: Reach) -> list[Branch]:
     """The candidates up to the first that claims to hold everywhere."""
     found = []
-    for branch in islice(block_branches(block, reach), _MOST_BRANCHES):
+    for branch in islice(block_branches(block, reach), bounds.CANDIDATES):
         found.append(branch)
         if not branch.conditions:
             break

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 from flint import nmod_mat, nmod_poly
 
+from inverse_service import bounds
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.tower import draw_point
 from inverse_service.algebra.truncated_series import SingularPoint
@@ -44,8 +45,6 @@ from inverse_service.mechanics.legendre.radial import radial_branches, ratio_bra
 from inverse_service.mechanics.legendre.scalar import LARGEST_BLOCK, last_equations
 from inverse_service.mechanics.legendre.short_forms import quotient, simplified
 
-_DEPTH = 4
-
 
 @dataclass(frozen=True, slots=True)
 class Integral:
@@ -66,7 +65,7 @@ def equation_of(blocks: Sequence[Block], seconds: float) -> Equation | Integral 
     """
     deadline, named = now() + seconds, None
     others = [block for block in blocks if form_matrix(expand(block.function), block.names) is None]
-    for problem in (problem for block in others for problem in _problems(block, _DEPTH)):
+    for problem in (problem for block in others for problem in _problems(block, bounds.FEW)):
         if now() > deadline:
             break
         for reading in (equation_of_root, _integral):

@@ -10,6 +10,7 @@ from typing import Any
 
 from mpmath import mp, mpf
 
+from inverse_service import bounds
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate_once
 from inverse_service.expressions.tree import (
@@ -27,14 +28,11 @@ from inverse_service.expressions.tree import (
     walk,
 )
 
-DIGITS = 60
-AGREEING_DIGITS = 40
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
 _MOST_POINTS, _FEWER_POINTS = 20, 8
 _MANY_NAMES = 100
 _MOST_POSITIVE = 6
 _FEWEST_POINTS = 3
-_ATTEMPTS = 500
 _SEED = 18_340_115
 _WIDTHS = ("1", "1", "3", "0.4", "6", "0.1")
 
@@ -72,9 +70,9 @@ def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = 
     most = _MOST_POINTS if len(leaves) <= _MANY_NAMES else _FEWER_POINTS
     found: list[Point] = []
     in_all = 0
-    with mp.workdps(DIGITS):
+    with mp.workdps(bounds.DIGITS):
         least = mpf("0.05")
-        for attempt in range(_ATTEMPTS):
+        for attempt in range(bounds.TRIES):
             width = mpf(_WIDTHS[attempt // 2 % len(_WIDTHS)])
             in_quadrant = attempt % 2 == 0
             if in_quadrant and in_all == _MOST_POSITIVE:
@@ -139,7 +137,7 @@ def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point
     """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
     nodes = distinct_nodes((*claim.velocities, claim.hamiltonian))
     calls = [node for node in nodes if isinstance(node, Arbitrary)]
-    with mp.workdps(DIGITS):
+    with mp.workdps(bounds.DIGITS):
         known = [_with_momenta(claim, point, calls) for point in points]
         holds = [point is not None and (_holds(claim, point) or _holds_closer(claim, point, calls)) for point in known]
         signs = [[point is not None and _is_positive(c, point) for c in conditions] for point in known]
@@ -186,7 +184,7 @@ def _with_equal_calls(calls: Sequence[Arbitrary], point: Point) -> Point:
 def _are_equal(left: Sequence[Expression], right: Sequence[Expression], point: Point) -> bool:
     """Whether the values agree to 40 digits, each pair."""
     pairs = [(value(a, point), value(b, point)) for a, b in zip(left, right, strict=True)]
-    near = mpf(10) ** -AGREEING_DIGITS
+    near = mpf(10) ** -bounds.AGREEING
     return all(a is not None and b is not None and abs(a - b) <= near * (1 + abs(a)) for a, b in pairs)
 
 
@@ -201,7 +199,7 @@ def _holds_closer(claim: Claim, point: Point, calls: Sequence[Arbitrary]) -> boo
         return closer is not None and _holds(claim, closer)
 
 
-def _holds(claim: Claim, point: Point, digits: int = AGREEING_DIGITS) -> bool:
+def _holds(claim: Claim, point: Point, digits: int = bounds.AGREEING) -> bool:
     """v(q, p(q, v)) = v and H(q, p(q, v)) = p v - L at a point, to so many digits."""
     lagrangian = value(claim.lagrangian, point)
     if lagrangian is None:
@@ -228,7 +226,7 @@ def signs_of_momenta(
     bounded = {p: tree for p, tree in claim.momenta.items() if not (every and _is_affine(tree))}
     if not bounded:
         return ()
-    with mp.workdps(DIGITS):
+    with mp.workdps(bounds.DIGITS):
         known = [point for point in (_with_momenta(claim, point, []) for point in points) if point is not None]
         return tuple(
             tree if sign > 0 else -tree
@@ -272,7 +270,7 @@ def _leaves_the_image(
     claim: Claim, symbol: Symbol, tree: Expression, positive: Sequence[Expression], points: Sequence[Point]
 ) -> bool:
     """Whether H and v(p) have values with the other sign of p - A, and p(v(p)) is never p where L is defined."""
-    wrong, near = False, mpf(10) ** -AGREEING_DIGITS
+    wrong, near = False, mpf(10) ** -bounds.AGREEING
     for point in points:
         mirrored: Point = {leaf: point[leaf] for leaf in point if isinstance(leaf, Symbol | Arbitrary)}
         mirrored[symbol] -= 2 * point[tree]
@@ -290,15 +288,15 @@ def _leaves_the_image(
 
 def vanishes_at(tree: Expression, points: Sequence[Point]) -> bool:
     """Whether the tree is 0 to 40 digits at every point at which it is real (one at least)."""
-    with mp.workdps(DIGITS):
+    with mp.workdps(bounds.DIGITS):
         values = [number for number in (value(tree, point) for point in points) if number is not None]
-        return bool(values) and all(abs(number) <= mpf(10) ** -AGREEING_DIGITS for number in values)
+        return bool(values) and all(abs(number) <= mpf(10) ** -bounds.AGREEING for number in values)
 
 
 def is_singular(matrix: Sequence[Sequence[Expression]], points: Sequence[Point]) -> bool:
     """Whether the determinant vanishes at every point at which the entries are real (one at least)."""
     verdicts = []
-    with mp.workdps(DIGITS):
+    with mp.workdps(bounds.DIGITS):
         for point in points:
             rows = [[value(entry, point) for entry in row] for row in matrix]
             if all(entry is not None for row in rows for entry in row):
@@ -311,4 +309,4 @@ def is_singular(matrix: Sequence[Sequence[Expression]], points: Sequence[Point])
 def _vanishes(rows: list[list[Real]]) -> bool:
     """|det| against the product of the lengths of the rows (Hadamard)."""
     bound = mp.fprod(mp.norm(row) for row in rows)
-    return bool(bound == 0 or abs(mp.det(mp.matrix(rows))) <= mpf(10) ** -AGREEING_DIGITS * bound)
+    return bool(bound == 0 or abs(mp.det(mp.matrix(rows))) <= mpf(10) ** -bounds.AGREEING * bound)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from inverse_service import bounds
 from inverse_service.errors import LimitError
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import Term, merge_powers, terms_tree
@@ -25,7 +26,6 @@ from inverse_service.mechanics.opaque_fractions import (
 )
 
 Matrix = tuple[tuple[Expression, ...], ...]
-_MOST_TERMS = 4_000  # an inverse with more nobody would read
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,9 +67,9 @@ def invert(matrix: Sequence[Sequence[Expression]]) -> Inverse | None:
     ring = OpaqueRing([entry for row in plain for entry in row])
     try:
         fractions = [[ring.fraction(entry) for entry in row] for row in plain]
-        common = common_denominator(ring, [entry for row in fractions for entry in row], _MOST_TERMS)
-        rows = [cleared(row, common, _MOST_TERMS) for row in fractions]
-        solved = solved_rows(ring, rows, [ring.constant(1)] * len(rows), _MOST_TERMS)
+        common = common_denominator(ring, [entry for row in fractions for entry in row], bounds.TERMS)
+        rows = [cleared(row, common, bounds.TERMS) for row in fractions]
+        solved = solved_rows(ring, rows, [ring.constant(1)] * len(rows), bounds.TERMS)
         return None if solved is None else _reduced(ring, solved[0], solved[1], common)
     except (LimitError, ZeroDivisionError):
         return None
@@ -77,7 +77,7 @@ def invert(matrix: Sequence[Sequence[Expression]]) -> Inverse | None:
 
 def _reduced(ring: OpaqueRing, adjugate: Rows, determinant: Polynomial, scale: Polynomial) -> Inverse:
     """scale * adjugate / determinant, reduced as a whole and entry by entry."""
-    rows = [[times(scale, entry, _MOST_TERMS) for entry in row] for row in adjugate]
+    rows = [[times(scale, entry, bounds.TERMS) for entry in row] for row in adjugate]
     common = determinant
     for row in rows:
         for entry in row:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
+from inverse_service import bounds
 from inverse_service.expressions.collecting import collect, expand
 from inverse_service.expressions.collecting_trees import terms_tree
 from inverse_service.expressions.derivative import differentiate
@@ -53,10 +54,6 @@ from inverse_service.mechanics.legendre.short_forms import (
     with_cosines,
 )
 
-_MOST_TERMS = 4
-# Nodes of a formula that is written shorter: a cubic whose coefficients are sums has roots of thousands.
-_LONGEST = 1_000
-
 
 def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     """All branches found of a block of one velocity."""
@@ -70,7 +67,7 @@ def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     for root in roots_for(differentiate(block.function, rate), rate, momentum):
         velocity = simplified(root.value)
         trees = [substitute(energy, {rate: velocity}) for energy in energies]
-        short = [tree for tree in trees if size(tree) <= _LONGEST]
+        short = [tree for tree in trees if size(tree) <= bounds.LARGE]
         forms = [simplified(tree) for tree in short] + [simplified(factored_inside(tree)) for tree in short[2:3]]
         forms += [with_cosines(factored_inside(form)) for form in forms]
         yield Branch((velocity,), shortest(forms or trees), root.conditions)
@@ -112,7 +109,7 @@ def _energies(block: Block, rate: Velocity) -> Iterator[Expression]:
         over, under, value = logs
         yield simplified(momentum * rate - substitute(function, {over: under + value}))
     terms = function.terms if isinstance(function, Sum) else (function,)
-    for place, term in enumerate(terms[:_MOST_TERMS]):
+    for place, term in enumerate(terms[: bounds.FEW]):
         others = add(*terms[:place], *terms[place + 1 :])
         ratio = quotient(term / differentiate(term, rate))
         rest = (momentum - differentiate(others, rate)) * ratio

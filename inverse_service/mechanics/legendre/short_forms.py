@@ -7,6 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import isqrt
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import end
@@ -36,7 +37,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
 
 # Nodes of a tree that is worth exact work, and how much of that.
-_LONG, _TERMS, _WORK = 60, 500, 20_000
+_WORK = 20_000
 
 
 @lru_cache(maxsize=512)
@@ -103,14 +104,14 @@ def _outermost(tree: Expression) -> dict[Expression, None]:
 
 def related(tree: Expression) -> Expression:
     """A long tree as one quotient, with the relations among its roots and functions used, where that is shorter."""
-    return tree if size(tree) <= _LONG else shortest([tree, exact_quotient(tree)])
+    return tree if size(tree) <= bounds.NODES else shortest([tree, exact_quotient(tree)])
 
 
 def exact_quotient(tree: Expression) -> Expression:
     """The tree as one factored quotient in which all relations are used; as it is where that is too large."""
     letters = dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity))
     try:
-        return factored([tree], list(letters), Budget(_TERMS, end(), _WORK))[0]
+        return factored([tree], list(letters), Budget(bounds.LARGE, end(), _WORK))[0]
     except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
         return tree
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 
+from inverse_service import bounds
 from inverse_service.algebra.real_point import own_requirements
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
@@ -48,7 +49,6 @@ from inverse_service.mechanics.legendre.short_forms import (
 )
 from inverse_service.mechanics.writing import joined
 
-_MOST_BRANCHES = 16
 _MANY, _FEW = 16, 4
 TIME_LIMIT = 3.0
 # For the reason why there is no closed form.
@@ -200,7 +200,7 @@ def _best(block: Block, points: Sequence[Point], reach: Reach, few: Sequence[Poi
     functions = momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
     best: _Chosen | None = None
-    for branch in _with_variants(islice(block_branches(block, reach), _MOST_BRANCHES)):
+    for branch in _with_variants(islice(block_branches(block, reach), bounds.CANDIDATES)):
         velocities = resolved(branch.velocities, block.names)
         claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
         quick = judge(claim, (), few) if few and not branch.conditions else None

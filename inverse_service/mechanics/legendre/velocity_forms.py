@@ -12,6 +12,7 @@ from contextlib import suppress
 
 from mpmath import mp, mpf
 
+from inverse_service import bounds
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import monomial_tree
@@ -19,7 +20,7 @@ from inverse_service.expressions.evaluation import Real
 from inverse_service.expressions.tree import ONE, ZERO, Expression, Sum, Symbol, Velocity, substitute, walk
 from inverse_service.mechanics.legendre.blocks import Block, Branch
 from inverse_service.mechanics.legendre.linear import Form, Table, after_change, linear_coefficients
-from inverse_service.mechanics.legendre.points import DIGITS, Point, judge, sample_points, value
+from inverse_service.mechanics.legendre.points import Point, judge, sample_points, value
 from inverse_service.mechanics.legendre.quadratic import invert
 from inverse_service.mechanics.legendre.short_forms import velocities_in
 from inverse_service.mechanics.legendre.transform import LegendreTransform, claim_of, legendre, on_branch
@@ -60,7 +61,7 @@ def _closed_form(function: Expression, names: Sequence[str], momenta: Mapping[st
 
 def _is_positive_at(condition: Expression, points: Sequence[Point]) -> bool:
     """Whether the condition holds at all points, so that it tells nothing."""
-    with mp.workdps(DIGITS):
+    with mp.workdps(bounds.DIGITS):
         numbers = [value(condition, point) for point in points]
     return all(number is not None and number > 0 for number in numbers)
 
@@ -92,7 +93,7 @@ def _basis(lagrangian: Expression, names: Sequence[str], point: Point) -> list[t
     """n independent forms, the first that can be had; none where only velocities are left."""
     chosen: list[tuple[Expression, Form]] = []
     reduced: list[list[Real]] = []
-    with mp.workdps(DIGITS):
+    with mp.workdps(bounds.DIGITS):
         for form, row in _forms(lagrangian, names):
             numbers = [value(entry, point) for entry in row]
             rest = _eliminated(numbers, reduced) if None not in numbers else None

@@ -20,6 +20,7 @@ from fractions import Fraction
 from itertools import combinations
 from typing import Literal
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import ONE, Expression, Velocity
@@ -103,9 +104,6 @@ def gradient(partials: Sequence[Partial], closure: Closure) -> tuple[Quotient, .
     return form
 
 
-MOST_FACTORS = 24
-
-
 @dataclass(frozen=True, slots=True)
 class Integrability:
     """`integrable` of the `count` constraints are holonomic; `growth` are the ranks of the derived flag.
@@ -176,7 +174,7 @@ def _scales(parts: Geometry, form: Sequence[Quotient]) -> list[Quotient]:
         if not slope.is_zero:
             elements = [element for _, element in factors_of(ring, slope)]
             scales += [other for element in elements for other in (element, element.inverse(), element * element)]
-    return scales[:MOST_FACTORS]
+    return scales[: bounds.CANDIDATES]
 
 
 Status = Literal["found", "does_not_exist", "not_found"]

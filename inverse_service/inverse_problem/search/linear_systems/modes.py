@@ -17,6 +17,7 @@ from math import factorial
 
 from flint import fmpq_mpoly, fmpz
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Quotient, coefficients_of, factored
 from inverse_service.algebra.real_point import RealTable, real_sign
@@ -76,17 +77,13 @@ def _square_part(value: int) -> tuple[int, int]:
     return outside, inside
 
 
-# Symbolic characteristic polynomials of greater matrices take too long.
-_LARGEST_SYMBOLIC = 12
-
-
 def factors_of(ring: ExactRing, matrix: Matrix) -> list[tuple[list[Quotient], int]]:
     """(coefficients, the constant one first, and multiplicity) of the factors of det(x - matrix) by degree.
 
     Empty for large matrices with parameters.
     """
     symbolic = any(entry.constant_value is None for row in matrix for entry in row)
-    if symbolic and len(matrix) > _LARGEST_SYMBOLIC:
+    if symbolic and len(matrix) > bounds.COORDINATES:
         return []
     variable = ring.atoms[EIGENVALUE]
     terms = [c * variable**k for k, c in enumerate(characteristic_polynomial(matrix)) if not c.is_zero]

@@ -16,6 +16,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service import bounds
 from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
@@ -36,12 +37,10 @@ from inverse_service.inverse_problem.search.linear_systems.modes import (
     invariant_multipliers,
 )
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.members import MOST_PARTS, definite_weights
+from inverse_service.inverse_problem.search.members import definite_weights
 from inverse_service.inverse_problem.search.motion_terms import MotionTerms
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 
-_MOST = 3
-_DIGITS = 20
 # Of the largest eigenvalue, the least that counts as one.
 _TINY = 1e-9
 
@@ -53,18 +52,18 @@ def choose(system: LinearSystem, branches: Sequence[Branch], table: RealTable) -
     count, found = len(branches), dict[tuple[Fraction, ...], tuple[bool, int]]()
     alone = [[Fraction(int(j == k)) for j in range(count)] for k in range(count)]
     first = [[Fraction(int(j < k)) for j in range(count)] for k in range(2, count + 1)]
-    for weights in [*definite_weights(starts[:MOST_PARTS]), *alone, *first]:
+    for weights in [*definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
         padded = [*weights, *[Fraction(0)] * (count - len(weights))]
         values = np.linalg.eigvalsh(sum(float(w) * start for w, start in zip(padded, starts, strict=True)))
         sign = -1 if values[-1] <= 0 else 1
         if min(abs(values)) > _TINY * max(abs(values)):
             size = sum(_size(branch) for w, branch in zip(padded, branches, strict=True) if w)
             found[tuple(sign * w for w in padded)] = (values[0] < 0 < values[-1], size)
-    return [_combined(weights, branches) for weights in sorted(found, key=lambda one: found[one])[:_MOST]]
+    return [_combined(weights, branches) for weights in sorted(found, key=lambda one: found[one])[: bounds.FEW]]
 
 
 def _numeric(system: LinearSystem, matrix: Matrix, table: RealTable) -> NDArray[np.float64]:
-    with mpmath.workdps(_DIGITS):
+    with mpmath.workdps(bounds.DIGITS):
         rows = [[float(evaluate(quotient_tree(system.ring, entry), table)) for entry in row] for row in matrix]
     return np.array(rows)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
+from inverse_service import bounds
 from inverse_service.algebra import exact_atoms
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.tree import (
@@ -26,8 +27,6 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
-
-_LARGEST_SQUARE = 100
 
 
 def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
@@ -103,7 +102,7 @@ def extracted_root(tree: Expression) -> Expression:
 def _number_root(value: Fraction) -> tuple[Fraction, Fraction]:
     """(r, s) with r^2 s = value, s an integer without small square factors."""
     rest, out = value.numerator * value.denominator, Fraction(1, value.denominator)
-    for k in range(2, _LARGEST_SQUARE):
+    for k in range(2, bounds.RATIO):
         while rest and rest % (k * k) == 0:
             rest, out = rest // (k * k), out * k
     return out, Fraction(rest)

@@ -19,6 +19,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from inverse_service import bounds
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
@@ -92,8 +93,6 @@ def montgomery_values(samples: Samples, terms: Sequence[Monomial]) -> list[list[
     return [[int(a) for a in row] for row in monomial_values(samples.table, list(samples.places), terms)]
 
 
-_MOST_TERMS = 40
-_DEPTH = 4
 _LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
 _QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
 EXPONENTS = (
@@ -176,11 +175,11 @@ def candidate_terms(material: Material, degree: int) -> list[Monomial]:
     slope = derivative_of_terms(motion.forces[0], velocity)
     found: dict[Monomial, None] = {frozenset([(velocity, Fraction(degree))]): None}
     fresh = list(found)
-    for _ in range(_DEPTH):
+    for _ in range(bounds.FEW):
         added: dict[Monomial, None] = {}
         for key in fresh:
             added.update(dict.fromkeys(m for m in _cancelling(material, key, slope, degree) if m not in found))
-        fresh = sorted(added, key=rank)[: _MOST_TERMS - len(found)]
+        fresh = sorted(added, key=rank)[: bounds.COLUMNS - len(found)]
         found.update(dict.fromkeys(fresh))
     return sorted(found, key=rank)
 

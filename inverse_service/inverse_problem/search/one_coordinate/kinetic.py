@@ -18,6 +18,7 @@ from fractions import Fraction
 
 import mpmath
 
+from inverse_service import bounds
 from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
@@ -45,7 +46,6 @@ from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     shortest,
 )
 from inverse_service.inverse_problem.search.terms import (
-    LARGEST_POWER,
     Terms,
     TooManyTerms,
     split_content,
@@ -174,7 +174,7 @@ def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
         return _of_inverse_square(form, place)
     if e == Fraction(-1, 2):
         return _with_root(form, place)
-    if abs(e) > LARGEST_POWER or e.denominator > 2:
+    if abs(e) > bounds.POWER or e.denominator > 2:
         raise NotElementary
     if e < -1:
         weight = 2 * (e + 2) * (2 * e + 3)
@@ -228,7 +228,6 @@ def _with_root(form: _Quadratic, place: Place) -> Expression:
 
 
 _SPEEDS = (Fraction(0), Fraction(1), Fraction(2), Fraction(1, 2), Fraction(-1))
-_DIGITS = 40
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 
 
@@ -263,7 +262,7 @@ def potential(kinetic: Expression, force: Expression, place: Place) -> Expressio
 
 def _is_free_of_velocity(residual: Expression, place: Place) -> bool:
     """Seen in its values at the real point and close to it: what d2K/dv2 is no multiplier is left early."""
-    with mpmath.workdps(_DIGITS):
+    with mpmath.workdps(bounds.DIGITS):
         first = evaluate(residual, place.point)
         moved = {**place.point, place.v: place.point[place.v] * _STEP}
         second = evaluate(residual, moved)

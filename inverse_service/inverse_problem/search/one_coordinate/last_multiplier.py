@@ -15,6 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from inverse_service import bounds
 from inverse_service.algebra.real_point import real_sign
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import check
@@ -80,9 +81,6 @@ from inverse_service.inverse_problem.search.terms import (
     tree_of,
 )
 
-_MOST_FACTORS = 5
-_MOST_LETTERS = 6
-
 
 @dataclass(frozen=True, slots=True)
 class LastMultiplier:
@@ -116,7 +114,7 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
         except TooManyTerms:
             continue
     bases = list(dict.fromkeys(base for multiplier in found for base, _ in multiplier.moving))
-    found.update(dict.fromkeys(_combined(material, bases[:_MOST_FACTORS], seed)))
+    found.update(dict.fromkeys(_combined(material, bases[: bounds.CANDIDATES], seed)))
     return sorted(found, key=lambda multiplier: len(multiplier.moving))
 
 
@@ -159,7 +157,7 @@ def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Ite
     """One base, or two linear ones with e_1 + e_2 = -3, with exponents of letters of f, for df/dv."""
     if not bases:
         return
-    letters = [p for p in material.position_letters if not isinstance(p, Number)][:_MOST_LETTERS]
+    letters = [p for p in material.position_letters if not isinstance(p, Number)][: bounds.CANDIDATES]
     try:
         samples = sampled(material, [_alone(p) for p in (*bases, *letters)], len(letters) + SPARE, seed)
     except (IrreducibleAtoms, SingularPoint, ValueError):
@@ -285,21 +283,17 @@ def _of_function(material: Material, function: Expression) -> Expression | None:
     return None if potential_part is None else tree_of(terms_of(kinetic)) + potential_part
 
 
-_MOST_TERMS_OF_FORCE = 30
-_MOST_TRIED = 16
-
-
 def applies(material: Material) -> bool:
     """One coordinate, f of moderate size with a real point."""
     motion = material.motion
-    moderate = motion.size == 1 and len(motion.forces[0]) <= _MOST_TERMS_OF_FORCE
+    moderate = motion.size == 1 and len(motion.forces[0]) <= bounds.COLUMNS
     return moderate and material.analysis.real_point is not None
 
 
 def propose(material: Material, seed: int) -> Sequence[Expression]:
     """Lagrangians whose multiplier is a product of Darboux factors, the simplest first; each is a candidate only."""
     found: dict[Expression, None] = {}
-    for multiplier in last_multipliers(material, find_factors(material, seed), seed)[:_MOST_TRIED]:
+    for multiplier in last_multipliers(material, find_factors(material, seed), seed)[: bounds.CANDIDATES]:
         check()
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:
