@@ -24,9 +24,8 @@ from benchmarks.lagrangians import generated, percentile
 from benchmarks.tables import table
 from inverse_service import catalogue
 from inverse_service.expressions.printing import to_text
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import ladder, rungs
-from inverse_service.inverse_problem.solutions import Answer, Solution
+from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -30,8 +30,7 @@ from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
 from inverse_service.inverse_problem.of_kind.kind_answers import answer_kind
 from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer, Solution
+from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.tables import MISSING, table
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer
+from inverse_service.inverse_problem.solutions import Answer, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 

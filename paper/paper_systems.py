@@ -24,7 +24,7 @@ from inverse_service.expressions.tree import (
     subtract,
 )
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 
 CLASSICAL = (

@@ -28,7 +28,7 @@ from inverse_service.inverse_problem.solutions import Answer, Solution, Step
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.analysis import Analysis
     from inverse_service.inverse_problem.decision.deciding import Decision
-    from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.inverse_problem.solutions import SolveOptions
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]

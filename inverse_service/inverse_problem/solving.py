@@ -35,12 +35,11 @@ from inverse_service.inverse_problem.explanation.finding import (
     series_steps,
 )
 from inverse_service.inverse_problem.explanation.wording import printed_conditions, said, with_shared_letters
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given, with_written_masses
 from inverse_service.inverse_problem.search.motion_terms import reading_class
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome
 from inverse_service.inverse_problem.search.tidy import tidied
-from inverse_service.inverse_problem.solutions import Answer, Conditions, Solution, Step
+from inverse_service.inverse_problem.solutions import Answer, Conditions, Solution, SolveOptions, Step
 from inverse_service.linear_pde.involutive_form import MOST_UNKNOWNS, Limits
 from inverse_service.mechanics.second_order_system import (
     MOST_BRANCHES,

@@ -17,7 +17,7 @@ from inverse_service.certificate.constraints import Along, FlowExpansion
 from inverse_service.certificate.numbers import Balls
 from inverse_service.inverse_problem.constrained import motion_certificate
 from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from tests.inverse_problem.constrained.motions import disk, motion_of
 

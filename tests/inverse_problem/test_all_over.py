@@ -8,7 +8,7 @@ import pytest
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from tests.generator import random_systems
 from tests.inverse_problem.all_over import assert_holds_all_over

@@ -9,7 +9,7 @@ import pytest
 
 from inverse_service.cli import solve_command
 from inverse_service.cli.exits import ExitCode
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.latex_page import latex_page

@@ -10,8 +10,8 @@ import pytest
 
 from inverse_service.deadline import OutOfTime, check, now, until, within
 from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.ladder import search
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents.documents import solve_document
 

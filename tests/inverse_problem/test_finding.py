@@ -6,10 +6,9 @@ import pytest
 
 from inverse_service.expressions.printing import to_text
 from inverse_service.inverse_problem.explanation.finding import not_found
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.protocol import SearchOutcome
 from inverse_service.inverse_problem.search.rungs import LEAVES, REASONS, REDUCTIONS
-from inverse_service.inverse_problem.solutions import Answer
+from inverse_service.inverse_problem.solutions import Answer, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer
+from inverse_service.inverse_problem.solutions import Answer, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

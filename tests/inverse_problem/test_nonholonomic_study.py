@@ -19,7 +19,7 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     motion_report,
     study,
 )
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.nonholonomic.associated_systems import with_multiples
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
 

@@ -16,7 +16,7 @@ from inverse_service.cli.exits import ExitCode
 from inverse_service.errors import InputError
 from inverse_service.expressions.pieces import STEP
 from inverse_service.expressions.tree import Apply, Symbol, number, subtract
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_system

@@ -13,7 +13,7 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.decision.power_series import count, is_rational, prolonged, regular_series
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.linear_pde.unknowns import unknown_names
 from inverse_service.mechanics.reading import read_system

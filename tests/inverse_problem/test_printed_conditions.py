@@ -9,7 +9,7 @@ import pytest
 from inverse_service.inverse_problem.explanation import negative
 from inverse_service.inverse_problem.explanation.wording import with_conditions
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import associated_systems, motion_report, study
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system

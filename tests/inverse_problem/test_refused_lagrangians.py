@@ -10,7 +10,7 @@ import pytest
 from inverse_service import check, solve
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.inverse_problem import confirming, solving
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.reading import read_system
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from inverse_service.inverse_problem.explanation.finding import energy_step
 from inverse_service.inverse_problem.explanation.wording import with_shared_letters
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Solution, Step
+from inverse_service.inverse_problem.solutions import Solution, SolveOptions, Step
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 

@@ -13,10 +13,9 @@ from inverse_service.errors import CertificateRefused
 from inverse_service.expressions.tree import Symbol, add, multiply, number, power
 from inverse_service.inverse_problem import confirming
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import ladder
 from inverse_service.inverse_problem.search.protocol import SearchOutcome
-from inverse_service.inverse_problem.solutions import Solution
+from inverse_service.inverse_problem.solutions import Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 

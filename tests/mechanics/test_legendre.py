@@ -17,7 +17,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, walk
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.legendre.on_constraints import constraint_images
 from inverse_service.mechanics.legendre.short_forms import size
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre

@@ -10,7 +10,7 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions.printing import to_text
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.legendre.short_forms import quotient
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.service.documents.plain_data import read_json, read_toml, read_yaml
 from inverse_service.service.jobs import tasks

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
 from inverse_service.service.scenes.simulating import run_document

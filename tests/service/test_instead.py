@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_document
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import pytest
 
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
 

@@ -12,7 +12,7 @@ import pytest
 
 from inverse_service import check, solve
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.comparison import compared_claim
 from inverse_service.service.documents.documents import parse_document, solve_document, understand_document

@@ -12,7 +12,7 @@ from inverse_service import catalogue
 from inverse_service.certificate.checker import check_certificate, check_text
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import associated_systems, motion_report
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.service.documents.documents import look, parse_document, solve_document, understand_document
 from inverse_service.service.documents.latex_page import latex_page

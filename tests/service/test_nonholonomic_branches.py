@@ -10,7 +10,7 @@ import pytest
 
 from inverse_service.cli.solve_command import _is_open
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.latex_page import latex_page

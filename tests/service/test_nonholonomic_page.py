@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 from tests.service.test_nonholonomic import solved

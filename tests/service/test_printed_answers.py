@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from inverse_service.expressions.printing_latex import LINE, lines_of_latex
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.latex_page import display, latex_page
 from inverse_service.service.documents.text_page import answers_of, text_page

@@ -9,7 +9,7 @@ import pytest
 import sympy
 
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import motion_report
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_document
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.reduced_documents import reduced_of_report

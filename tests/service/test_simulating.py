@@ -219,7 +219,7 @@ def test_the_third_lagrangian_keeps_the_constraint_through_zero() -> None:
 
 
 def test_a_solve_result_is_simulated_with_its_lagrangian() -> None:
-    from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.inverse_problem.solutions import SolveOptions
     from inverse_service.service.documents.documents import solve_system
 
     result = solve_system({"coordinates": ["x"], "equations": {"x": "-4*x"}}, SolveOptions(time_limit=20))

@@ -9,7 +9,7 @@ import pytest
 
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.inverse_problem import confirming
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.event_log import described
 from inverse_service.web.pages.rendering import Visitor

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from inverse_service.cli.command_line import application
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.documents.text_page import text_page

@@ -11,7 +11,7 @@ import sympy
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.errors import LimitError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
 from inverse_service.service.documents.own_lagrangian import check_lagrangian

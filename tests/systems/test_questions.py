@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_system
 
 Document = dict[str, Any]

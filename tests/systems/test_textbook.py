@@ -26,7 +26,7 @@ from inverse_service.expressions.tree import (
     multiply,
     subtract,
 )
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import answers_of
 

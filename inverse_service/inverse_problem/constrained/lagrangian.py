@@ -29,9 +29,8 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.hamiltonisation.reduced import reduced_system
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
-from inverse_service.inverse_problem.solutions import Lagrangian
+from inverse_service.inverse_problem.solutions import Lagrangian, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion

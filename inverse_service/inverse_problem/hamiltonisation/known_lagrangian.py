@@ -15,9 +15,8 @@ from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import existence_steps, legendre_steps, verification_steps
 from inverse_service.inverse_problem.explanation.wording import printed_conditions, said
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.protocol import describe
-from inverse_service.inverse_problem.solutions import Answer, Hamiltonian, Solution, Step
+from inverse_service.inverse_problem.solutions import Answer, Hamiltonian, Solution, SolveOptions, Step
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

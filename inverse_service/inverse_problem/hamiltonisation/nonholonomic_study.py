@@ -17,8 +17,7 @@ from inverse_service.inverse_problem.constrained.answering import KnownLagrangia
 from inverse_service.inverse_problem.explanation.wording import with_conditions
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise, vanish
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer, Solution
+from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve, solve_branches
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.nonholonomic.associated_systems import (

@@ -17,8 +17,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.tree import TIME, Arbitrary, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer
+from inverse_service.inverse_problem.solutions import Answer, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity

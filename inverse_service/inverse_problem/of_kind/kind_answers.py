@@ -14,8 +14,7 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer, Lagrangian, Solution, Verdict
+from inverse_service.inverse_problem.solutions import Answer, Lagrangian, Solution, SolveOptions, Verdict
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -10,7 +10,7 @@ from typing import Any
 from api_schemas.result import ResultDocument, UnderstoodSystem
 from inverse_service import __version__
 from inverse_service.errors import InputError, Place
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.jobs.outcome import Outcome, value_of
 
 UNDERSTAND_DEADLINE = 2.0

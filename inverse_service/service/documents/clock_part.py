@@ -13,8 +13,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Acceleration, Arbitrary, Expression, Velocity, walk
 from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer
+from inverse_service.inverse_problem.solutions import Answer, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, translate

@@ -17,7 +17,7 @@ from api_schemas.base import ParseAnswer
 from inverse_service.certificate.checker import check_result
 from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, translate

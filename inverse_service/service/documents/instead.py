@@ -20,8 +20,7 @@ from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, substitute, walk
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Solution
+from inverse_service.inverse_problem.solutions import Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.service.documents import accepting

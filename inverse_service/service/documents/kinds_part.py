@@ -19,8 +19,7 @@ from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
 from inverse_service.inverse_problem.of_kind.kind_answers import KindAnswer, answer_kind, lagrangians_of
 from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Solution
+from inverse_service.inverse_problem.solutions import Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.service.documents.accepting import formula_about

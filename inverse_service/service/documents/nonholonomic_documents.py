@@ -17,8 +17,7 @@ from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer, Solution
+from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion

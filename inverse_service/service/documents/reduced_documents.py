@@ -15,8 +15,7 @@ from inverse_service.inverse_problem.constrained.ansatz import first_system
 from inverse_service.inverse_problem.constrained.answering import answer_motion
 from inverse_service.inverse_problem.hamiltonisation import reduced as deciding
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
-from inverse_service.inverse_problem.options import SolveOptions
-from inverse_service.inverse_problem.solutions import Answer, Solution
+from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_motion
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from inverse_service.errors import DocumentRefused, InputError, Place
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.plain_data import decode, read_json
 from inverse_service.service.jobs.model import (
     INTERACTIVE,

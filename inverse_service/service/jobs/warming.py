@@ -36,7 +36,7 @@ def is_warm() -> bool:
 
 def warm_up() -> None:
     """Solve the systems; each kernel is kept as soon as it is compiled."""
-    from inverse_service.inverse_problem.options import SolveOptions
+    from inverse_service.inverse_problem.solutions import SolveOptions
     from inverse_service.service.documents.documents import solve_document
 
     for name in SYSTEMS:

@@ -21,7 +21,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_condition
 from inverse_service.expressions.tree import Expression, Symbol, walk
 from inverse_service.integrators.trajectory import Array
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry

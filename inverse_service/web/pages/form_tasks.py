@@ -9,7 +9,7 @@ from typing import Any
 from inverse_service import catalogue
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.jobs.model import split_options, write_json
 from inverse_service.service.jobs.tasks import check_task, solve_task, understand_task
 from inverse_service.web.pages import reading_back

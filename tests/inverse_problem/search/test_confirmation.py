@@ -9,7 +9,7 @@ import pytest
 
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.inverse_problem import confirming
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 

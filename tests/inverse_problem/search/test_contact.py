@@ -7,9 +7,9 @@ import pytest
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import ZERO
 from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.inverse_problem.search.one_coordinate.contact import kinetic_terms
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.euler_lagrange import hessian
 from inverse_service.mechanics.reading import read_system

@@ -7,12 +7,12 @@ from fractions import Fraction
 import pytest
 
 from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.integrating import (
     divergence_factor,
     hidden_damping,
     is_free_of_divergence,
 )
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents.documents import solve_document
 from tests.inverse_problem.search.given import material, monomial_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 
 

@@ -10,8 +10,8 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ZERO, subtract
 from inverse_service.inverse_problem.confirming import OF_ENERGIES
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.further import with_squared_energies
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import AS_GIVEN, solve
 from inverse_service.mechanics.reading import read_given, read_system
 

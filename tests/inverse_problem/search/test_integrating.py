@@ -9,11 +9,11 @@ import sympy
 
 from benchmarks.sympy_form import to_sympy
 from inverse_service.expressions.tree import Symbol
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.factors import find_factors
 from inverse_service.inverse_problem.search.integrating import integrating_factor
 from inverse_service.inverse_problem.search.material import coefficient, integrating_candidates
 from inverse_service.inverse_problem.search.terms import monomial_tree, tree_of
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from tests.inverse_problem.search.forty_digits import same_value
 from tests.inverse_problem.search.given import material, monomial_of, tree

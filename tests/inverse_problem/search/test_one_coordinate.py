@@ -17,7 +17,6 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity, negate, power, walk
 from inverse_service.inverse_problem.decision.analysis import analyze, variables_of
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
@@ -27,6 +26,7 @@ from inverse_service.inverse_problem.search.one_coordinate.kinetic import (
 )
 from inverse_service.inverse_problem.search.one_coordinate.last_multiplier import applies, propose
 from inverse_service.inverse_problem.search.terms import terms_of
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.other_coordinates import shorter, size, suggested, transformed
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 from tests.generator import disguised, random_system

@@ -15,8 +15,8 @@ import sympy
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import Integral, Symbol, Velocity, multiply, walk
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import quadratures
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents.documents import solve_system

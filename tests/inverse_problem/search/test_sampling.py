@@ -31,10 +31,10 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.kinds import helmholtz
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search import multiplier_ansatz, sample_points
 from inverse_service.inverse_problem.search.sampling import sampler_of
 from inverse_service.inverse_problem.search.terms import Monomial, monomial
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents.documents import solve_document
 

@@ -11,7 +11,6 @@ from inverse_service.algebra.point import variables_in
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Apply, Expression, Symbol, add, multiply, number, power, square_root
 from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.options import SolveOptions
 from inverse_service.inverse_problem.search.factors import find_factors
 from inverse_service.inverse_problem.search.families import kinetic_terms, possible_shapes
 from inverse_service.inverse_problem.search.material import Material, gather
@@ -19,6 +18,7 @@ from inverse_service.inverse_problem.search.motion_terms import irreducible_fact
 from inverse_service.inverse_problem.search.rungs import ANSATZ
 from inverse_service.inverse_problem.search.shapes import carried, functions, polynomials, quadratic
 from inverse_service.inverse_problem.search.terms import EMPTY, Monomial, monomial, terms_of, tree_of
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.service.documents.documents import solve_document
 from tests.generator import random_systems

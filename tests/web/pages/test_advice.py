@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.web.pages.form_documents import document_of, fields_from, lean_fields
 from inverse_service.web.pages.forms import Form

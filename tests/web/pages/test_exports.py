@@ -6,7 +6,7 @@ import json
 import shlex
 
 from inverse_service import __version__, catalogue
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents import documents
 from inverse_service.web.pages.result_tasks import curl_of, exports, python_call
 

@@ -12,7 +12,7 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import read_formula
-from inverse_service.inverse_problem.options import SolveOptions
+from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.model import JobOptions
 from inverse_service.service.jobs.tasks import KINDS
