@@ -9,8 +9,10 @@ from __future__ import annotations
 
 # Terms of an expansion, and nodes of a formula, beyond which it is no longer worked with exactly.
 TERMS = 4_000
-# Terms of a long ansatz, and of an expansion that is one of many.
-LARGE = 600
+# Terms of an expansion that is one of many, which may be left out.
+EXPANSION = 500
+# Terms of a long ansatz, and nodes of roots that are written shorter.
+LARGE = 1_000
 # Terms of a short ansatz, of a potential or of a closure: elimination takes the third power.
 SMALL = 200
 # Columns of a small linear system, whose coefficients may hold parameters.

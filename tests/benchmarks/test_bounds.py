@@ -24,8 +24,8 @@ def test_a_bound_is_changed_wherever_it_is_met_and_put_back() -> None:
     assert terms_of_rows() == {0, amounts.SMALL, amounts.LARGE}
     with bounds.changed("LARGE", 5):
         assert terms_of_rows() == {0, amounts.SMALL, 5}
-        with pytest.raises(TooManyTerms):
-            terms_of(product)
+    with bounds.changed("EXPANSION", 5), pytest.raises(TooManyTerms):
+        terms_of(product)
     assert terms_of_rows() == {0, amounts.SMALL, amounts.LARGE}
     assert len(terms_of(product)) == 8
 

@@ -234,7 +234,7 @@ def _rate_and_rest(force: Expression, carrier: str, material: Material) -> tuple
     v, table, names = Velocity(carrier), material.analysis.real_point, material.analysis.system.coordinates
     moving: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
-        whole = factored([force], moving, Budget(bounds.LARGE, end()))[0]
+        whole = factored([force], moving, Budget(bounds.EXPANSION, end()))[0]
         parts = whole.factors if isinstance(whole, Product) else (whole,)
         rate = multiply(*(part for part in parts if v in walk(part)))
         rest = multiply(*(part for part in parts if v not in walk(part)))

@@ -76,7 +76,7 @@ def times(left: Monomial, right: Monomial, exponent: Fraction | int = 1) -> Mono
 
 
 def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms:
-    if len(left) * len(right) > 20 * bounds.LARGE:
+    if len(left) * len(right) > 20 * bounds.EXPANSION:
         raise TooManyTerms
     result: Terms = {}
     for a, x in left.items():
@@ -100,7 +100,7 @@ def add_terms(left: Terms, right: Mapping[Monomial, Fraction], factor: Fraction 
 
 
 def _bounded(terms: Terms) -> Terms:
-    if len(terms) > bounds.LARGE:
+    if len(terms) > bounds.EXPANSION:
         raise TooManyTerms
     return terms
 
@@ -214,7 +214,7 @@ def terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[Expression]) -
 
 
 def _is_small_power(count: int, exponent: Fraction) -> bool:
-    return exponent.denominator == 1 and 0 < exponent <= bounds.POWER and count**exponent <= bounds.LARGE
+    return exponent.denominator == 1 and 0 < exponent <= bounds.POWER and count**exponent <= bounds.EXPANSION
 
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:

@@ -111,7 +111,7 @@ def exact_quotient(tree: Expression) -> Expression:
     """The tree as one factored quotient in which all relations are used; as it is where that is too large."""
     letters = dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity))
     try:
-        return factored([tree], list(letters), Budget(bounds.LARGE, end(), _WORK))[0]
+        return factored([tree], list(letters), Budget(bounds.EXPANSION, end(), _WORK))[0]
     except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
         return tree
 

@@ -283,10 +283,14 @@ def _of_function(material: Material, function: Expression) -> Expression | None:
     return None if potential_part is None else tree_of(terms_of(kinetic)) + potential_part
 
 
+# With 60 a force of many terms takes 6 s in vain.
+_MOST_TERMS_OF_FORCE = 30
+
+
 def applies(material: Material) -> bool:
     """One coordinate, f of moderate size with a real point."""
     motion = material.motion
-    moderate = motion.size == 1 and len(motion.forces[0]) <= bounds.COLUMNS
+    moderate = motion.size == 1 and len(motion.forces[0]) <= _MOST_TERMS_OF_FORCE
     return moderate and material.analysis.real_point is not None
 
 
