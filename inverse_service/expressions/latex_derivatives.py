@@ -8,7 +8,7 @@ from fractions import Fraction
 from inverse_service.expressions.latex_scanner import Raw
 from inverse_service.expressions.latex_words import LatexWords, open_brackets, role_before, time_argument
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tokens import LIMITS, Token, at_most, refusal
+from inverse_service.expressions.tokens import LETTER_COMMANDS, LIMITS, Token, at_most, refusal
 
 
 class LatexDerivatives(LatexWords, ABC):
@@ -82,11 +82,42 @@ class LatexDerivatives(LatexWords, ABC):
         if partial and "t" in variables and not any(map(self._time_argument_at, range(operand, self._place))):
             instead = "write \\frac{d}{dt}\\left( and \\right) for the derivative along the motion"
             raise refusal("a partial derivative by the time occurs", raw.column, instead)
+        self._end_derivative(raw, variables)
+        return True
+
+    def _derivative_of_call(self, raw: Raw) -> bool:
+        r"""\frac{dV(x)}{dx} as diff(V(x), x); else nothing is taken."""
+        start, length = self._place, len(self._tokens)
+        self._emit_name("diff", raw)
+        self._emit("(", raw, space=False)
+        if self._take().is_character("{") and not self._names.role("d") and self._differential():
+            order, name = self._small_power(), len(self._tokens)
+            is_name = self._ahead.kind == "letter" or self._ahead.is_command(*LETTER_COMMANDS)
+            self._piece() if is_name else None
+            arguments = self._named_arguments(self._place) if self._is_call(self._place, name) else []
+            if arguments and self._application() and self._take().is_character("}"):
+                variables = self._variables_part()
+                if len(variables) == order and {*variables} <= {*arguments} - {"t"}:
+                    self._end_derivative(raw, variables)
+                    return True
+        self._place = start
+        del self._tokens[length:]
+        return False
+
+    def _end_derivative(self, raw: Raw, variables: list[str]) -> None:
         for variable in variables:
             self._emit(",", raw)
             self._emit_name(variable, raw)
         self._emit(")", raw)
-        return True
+
+    def _is_call(self, place: int, start: int = 0) -> bool:
+        """Whether names alone stand in the brackets at a place, after a name of a function or of nothing yet."""
+        last = len(self._tokens) - 1
+        while last > start and self._tokens[last].kind == "prime":
+            last -= 1
+        if last < start or self._tokens[last].kind != "name" or not all(self._named_arguments(place) or [""]):
+            return False
+        return role_before(self._tokens, self._names) in ("function", None)
 
     def _refuse_differentials(self, raw: Raw) -> None:
         """InputError for \\frac{dV(x)}{dx}, whose d would be a factor of both; d is one where it is declared."""
@@ -114,7 +145,7 @@ class LatexDerivatives(LatexWords, ABC):
         arguments = not bracket and self._application()
         self._depth -= 1
         if self._ahead.is_character("^") or not (bracket or self._ends_a_term() or (arguments and self._multiplies())):
-            instead = "write \\frac{d}{dt}\\left( and \\right)"
+            instead = "write \\left( and \\right) around what is differentiated"
             raise refusal("where the derivative ends is not clear", self._ahead.column, instead)
 
     def _application(self) -> bool:
@@ -124,7 +155,7 @@ class LatexDerivatives(LatexWords, ABC):
             return True
         group = self._ahead.is_character("{") and self._raw[self._place + 1].is_command("left")
         opens = group or self._ahead.is_character("(") or self._ahead.is_command("left")
-        if opens and role_before(self._tokens, self._names) == "function":
+        if opens and (role_before(self._tokens, self._names) == "function" or self._is_call(self._place)):
             self._piece()
             return True
         return False

@@ -69,7 +69,7 @@ def scan(text: str) -> list[Raw]:
         if piece:
             pieces.append(piece)
             at_most(len(pieces), LIMITS.tokens, "the formula has too many parts", pieces[-1].column)
-    return [*_with_fractions(pieces), Raw("end", "", stop + 1)]
+    return [*_with_single_braces(_with_fractions(pieces)), Raw("end", "", stop + 1)]
 
 
 def _with_fractions(pieces: list[Raw]) -> list[Raw]:
@@ -89,6 +89,26 @@ def _with_fractions(pieces: list[Raw]) -> list[Raw]:
             openings.pop()
         found.append(piece)
     return found
+
+
+def _with_single_braces(pieces: list[Raw]) -> list[Raw]:
+    r"""{\rm d} as \mathrm{d}, _{{1}} as _{1}, \frac{{a}}{{b}} as \frac{a}{b}: what Maple and Maxima print."""
+    closing: dict[int, int] = {}
+    opened: list[int] = []
+    for place, piece in enumerate(pieces):
+        if piece.is_character("{"):
+            opened.append(place)
+        elif piece.is_character("}") and opened:
+            closing[opened.pop()] = place
+    found: dict[int, Raw] = dict(enumerate(pieces))
+    for place, end in closing.items():
+        argument = place and (pieces[place - 1].is_character("_", "}") or pieces[place - 1].is_command("frac"))
+        if argument and closing.get(place + 1) == end - 1 and not pieces[place + 2].is_command("rm"):
+            del found[place + 1], found[end - 1]
+        if pieces[place + 1].is_command("rm"):
+            found[place], found[place + 1] = replace(pieces[place + 1], text="mathrm"), pieces[place]
+            found[place + 2] = replace(pieces[place + 2], space_before=False)
+    return [found[place] for place in sorted(found)]
 
 
 def _inside_wrappers(text: str) -> tuple[int, int]:

@@ -113,7 +113,9 @@ class LatexTranslator(LatexDerivatives):
             raise refusal("a parameter depends on time", raw.column, "", declare="functions")
         if role == "coordinate":
             self._place += pieces - 1
-        elif self._ahead.is_command("left") and role_before(self._tokens, self._names) == "function":
+        elif self._derivative_in_braces():
+            return
+        elif self._ahead.is_command("left") and role_before(self._tokens, self._names) in ("function", None):
             start = len(self._tokens)
             self._group(raw)  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
             inner = self._tokens[start + 1 : -1]
@@ -122,6 +124,19 @@ class LatexTranslator(LatexDerivatives):
             self._tokens[start] = replace(self._tokens[start], space_before=False)
         else:
             self._group(raw)
+
+    def _derivative_in_braces(self) -> bool:
+        r"""{\frac{d}{dt}} x, as Maple prints it, without the outer braces; else nothing is taken."""
+        start = self._place
+        end = self._after_group(self._after_group(start + 1))
+        if not self._ahead.is_command(*_FRACTIONS) or not self._raw[end].is_character("}"):
+            return False
+        closing, raw = self._raw.pop(end), self._take()
+        if self._time_derivative(raw) or self._derivative_operator(raw):
+            return True
+        self._raw.insert(end, closing)
+        self._place = start
+        return False
 
     def _misplaced(self, raw: Raw) -> InputError:
         reasons = {
@@ -260,7 +275,7 @@ class LatexTranslator(LatexDerivatives):
         self._emit(")", raw)
 
     def _fraction(self, raw: Raw) -> None:
-        if self._time_derivative(raw) or self._derivative_operator(raw):
+        if self._time_derivative(raw) or self._derivative_operator(raw) or self._derivative_of_call(raw):
             return
         self._refuse_differentials(raw)
         self._begin_factor(raw)

@@ -10,13 +10,13 @@ from inverse_service.expressions.names import Names, Role
 from inverse_service.expressions.tokens import LETTER_COMMANDS, LIMITS, Token, refusal
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS, REFUSED
 
-_TIME_ARGUMENT = ["{", "left", "(", "t", "right", ")", "}"]
+_TIME_ARGUMENTS = (["{", "left", "(", "t", "right", ")", "}"], ["left", "(", "t", "right", ")"], ["(", "t", ")"])
 
 
 def time_argument(pieces: Sequence[Raw]) -> int:
-    r"""How many pieces {\left(t \right)} takes where it comes first, else 0."""
-    length = len(_TIME_ARGUMENT)
-    return length if [piece.text for piece in pieces[:length]] == _TIME_ARGUMENT else 0
+    r"""How many pieces {\left(t \right)}, \left(t\right) or (t) takes where it comes first, else 0."""
+    texts = [piece.text for piece in pieces]
+    return next((len(each) for each in _TIME_ARGUMENTS if texts[: len(each)] == each), 0)
 
 
 def open_brackets(tokens: Sequence[Token]) -> int:
@@ -118,7 +118,8 @@ class LatexWords:
             raw = self._ahead
             if raw.kind == "digit":
                 return self._digits()
-            return self._plain_piece(self._take())
+            is_font = self._take().is_command(*FONTS) and self._ahead.is_character("{")
+            return self._name_part() if is_font else self._plain_piece(raw)
         self._take()
         parts: list[str] = []
         while not self._ahead.is_character("}"):
@@ -142,6 +143,31 @@ class LatexWords:
         if raw.kind == "command":
             return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
         return raw.text if raw.kind in ("letter", "digit") else ""
+
+    def _after_group(self, place: int) -> int:
+        """The place after the { … } that begins at a place; the place itself where none begins."""
+        depth = 0
+        for end in range(place, len(self._raw)):
+            depth += self._raw[end].is_character("{") - self._raw[end].is_character("}")
+            if depth == 0:
+                return end + (end > place)
+        return place
+
+    def _named_arguments(self, place: int) -> list[str]:
+        r"""x, y of (x, y), \left(x, y\right) or this in braces at a place; [] where anything else stands there."""
+        place += self._raw[place].is_character("{")
+        left = self._raw[place].is_command("left")
+        found: list[str] = []
+        if not self._raw[place + left].is_character("("):
+            return []
+        for opening, raw in enumerate(self._raw[place + left + 1 : place + 2 * LIMITS.coordinates], place + left):
+            if raw.is_character(")") or raw.is_command("right"):
+                return found
+            if self._raw[opening].is_character("(", ","):
+                found.append(self._plain_piece(raw))
+            elif not raw.is_character(","):
+                return []
+        return []
 
     def _derivative_part(self) -> tuple[str, int, int]:
         """(name, order, dots) of {d^k name}, {d name^k}, {d \\dot name}, ('', 0, 0) if it is not one."""
@@ -179,10 +205,12 @@ class LatexWords:
         while not self._ahead.is_character("}"):
             if not self._differential():
                 return []
+            braces = self._ahead.is_character("{")
+            self._place += braces
             raw = self._take()
             self._place -= raw.kind == "letter"
             name = self._word() if raw.kind == "letter" else self._plain_piece(raw)
-            if not name:
+            if not name or (braces and not self._take().is_character("}")):
                 return []
             name = self._with_subscript(name)
             self._place += time_argument(self._raw[self._place : self._place + 7])

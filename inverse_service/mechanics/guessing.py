@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.errors import InputError
@@ -47,6 +47,7 @@ NEVER_GUESSED = (
 _SPECIAL = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li"))
 FUNCTION_LETTERS = frozenset("fFhHUVW")
 # Of t these are impulses and steps to most.
+Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 
 
@@ -83,12 +84,18 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     found_parameters: dict[str, tuple[str, Token]] = {}
     called: dict[str, tuple[str, Token]] = {}  # U_x(x, y) may be a derivative
     known = {*coordinates, *declared.declared(), *NEVER_GUESSED}
+    calls = {
+        (token.text, arguments)
+        for line in lines.values()
+        for place, token in enumerate(line)
+        if (arguments := _call_arguments(line, place + 1, (*coordinates, "t"))) and not _is_apart(line, place)
+    }
     for pointer, line in lines.items():
         for place, token in enumerate(line):
             names = {token.text, declared.spelling(token.text), derived_stem(token.text)}
             if token.kind != "name" or names & known:
                 continue
-            _refuse_operators(line, place, pointer, coordinates)
+            _refuse_operators(line, place, pointer, coordinates, calls)
             if error := remark(line, place):
                 raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
@@ -156,7 +163,9 @@ def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
     return tuple(other for other in coordinates if other != name and other.lower() == meant)
 
 
-def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinates: Sequence[str]) -> None:
+def _refuse_operators(
+    line: Sequence[Token], place: int, pointer: str, coordinates: Sequence[str], calls: Collection[Call]
+) -> None:
     """InputError for x^T, Delta x (a difference to most), diff(V, x) of a constant V, and 2j."""
     token = line[place]
     before = [other.text for other in line[max(place - 2, 0) : place]]
@@ -181,7 +190,7 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
     if is_unit and place and line[place - 1].kind == "number":
         instead = "leave units out, write * between a number and a name"
         raise refusal("m/s could be a unit", token.column, instead).at(pointer)
-    if error := _raised_call(line, place, coordinates):
+    if error := _raised_call(line, place, coordinates, calls):
         raise error.at(pointer)
     if token.text == "d" and after is not None and after.text == "t":
         raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
@@ -191,8 +200,13 @@ def _refuse_operators(line: Sequence[Token], place: int, pointer: str, coordinat
                       (f"Delta*{after.text}",)).at(pointer)  # fmt: skip
 
 
-def _raised_call(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> InputError | None:
-    """The refusal of k^2(t), a square of k(t) or a product, and f^(2)(x), a derivative; k^2(x - y) is a product."""
+def _raised_call(
+    line: Sequence[Token], place: int, coordinates: Sequence[str], calls: Collection[Call]
+) -> InputError | None:
+    """The refusal of k^2(t), a square of k(t) or a product, and f^(2)(x), a derivative; k^2(x - y) is a product.
+
+    Where k(t) is among the `calls` of the texts, k^2(t) is its square.
+    """
     name, start = line[place], place + 2
     if start >= len(line) or not line[place + 1].is_operator("^"):
         return None
@@ -204,7 +218,7 @@ def _raised_call(line: Sequence[Token], place: int, coordinates: Sequence[str]) 
         instead = f"write {name.text}''({line[opening + 1].text}) for a derivative, ^{raised.text}* for a product"
         return refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
     inside = [token.text for token in line[opening:end] if not token.is_operator("(", ",")]
-    if not inside or not {")", "t", *coordinates}.issuperset(inside):
+    if not inside or not {")", "t", *coordinates}.issuperset(inside) or (name.text, tuple(inside)) in calls:
         return None
     power, of = "".join(token.text for token in line[start:opening]).strip("()"), inside[0]
     instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"

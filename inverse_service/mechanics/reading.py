@@ -219,19 +219,27 @@ def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
                 continue
             if first.text != "L" and not any(map(_moves, texts.values())):
                 continue  # what is missing is the motion
-            key = '"lagrangian": "…"' if first.text == "L" else f'"where": {{"{first.text}": "…"}}'
-            what = f"{first.text} = … is a definition, not an equation of motion; it occurs"
-            if [token.text for token in rest[1:]] == ["0"]:
+            is_zero = [token.text for token in rest[1:]] == ["0"]
+            key = (
+                '"lagrangian": "…"'
+                if first.text == "L"
+                else f'"where": {{"{first.text}": "{"0" if is_zero else "…"}"}}'
+            )
+            what, instead = f"{first.text} = … is a definition, not an equation of motion; it occurs", ""
+            if is_zero:
                 what = f"{first.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
-            raise refusal(what, first.column, f"write it in the document as {key}").at(pointer)
+            if any(_moves(each, first.text) for each in texts.values()):  # a definition would leave its own equation
+                instead = f"leave out the equation with {first.text}'' and put {first.text} into the others"
+            raise refusal(what, first.column, instead or f"write it in the document as {key}").at(pointer)
 
 
-def _moves(text: str) -> bool:
-    """Whether a name of the text has a derivative in time."""
+def _moves(text: str, name: str = "") -> bool:
+    """Whether a name of the text has a derivative in time; with `name`, whether this has two."""
     try:
-        return bool(moving_names(read_tokens(text), 1))
+        moving = moving_names(read_tokens(text), 2 if name else 1)
+        return name in moving if name else bool(moving)
     except InputError:
-        return True
+        return not name
 
 
 def _are_pairs(texts: Mapping[str, str], declared: Declared) -> bool:

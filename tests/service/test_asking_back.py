@@ -224,7 +224,7 @@ def test_the_advice_stops_nobody_who_means_it(document: dict[str, Any], f: str) 
         ("x'' = -dV/dx; y'' = -dV/dy", "diff(V(x, y), x)"),
         ("x'' = -\u2202V/\u2202x", "V'(x) or diff(V(x), x)"),
         ("x'' = -V_x", "diff(V(x), x)"),
-        (r"\ddot x = -\frac{dV(x)}{dx}", r"\frac{d}{dx}\left("),
+        (r"\ddot x = -\frac{dV(2x)}{dx}", r"\frac{d}{dx}\left("),
         ("x'' = -|v| v", "did you mean x'?"),
         ("\u0398'' = -\u03b8", "did you mean Theta?"),
         ("x'' = 0x10*x", "decimal digits"),
