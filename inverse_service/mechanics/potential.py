@@ -14,7 +14,7 @@ from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Exponents, Quotient, as_fraction
 from inverse_service.algebra.semidefinite import kernel
 from inverse_service.expressions.tree import Apply, Arbitrary, Expression, add, multiply
-from inverse_service.mechanics.quotient_matrices import common_multiple, solution
+from inverse_service.mechanics.quotient_matrices import numerators, solution
 from inverse_service.mechanics.writing import joined, readable
 
 Partial = Callable[[Quotient], Quotient]
@@ -157,14 +157,10 @@ def rational_null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]
 
     Each has a 1 in a column that depends on those before it, the last such column first, and 0 in the others of them.
     """
-    common = common_multiple(ring, [entry for column in columns for entry in column])
     rows: dict[tuple[int, tuple[int, ...]], dict[int, Fraction]] = {}
-    for k, column in enumerate(columns):
-        for place, entry in enumerate(column):
-            whole = entry * common
-            if whole.exponents:
-                return
-            for exponents, coefficient in whole.numerator.terms():
+    for place, entries in enumerate(zip(*columns, strict=True)):
+        for k, numerator in enumerate(numerators(ring, entries)):
+            for exponents, coefficient in numerator.terms():
                 rows.setdefault((place, tuple(int(e) for e in exponents)), {})[k] = as_fraction(coefficient)
     table = [[row.get(k, Fraction(0)) for k in range(len(columns))] for row in rows.values()]
     yield from reversed(kernel(table, len(columns)))

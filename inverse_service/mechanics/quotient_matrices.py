@@ -8,10 +8,13 @@ multiplies a product of the other generators is one linear equation for the coef
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
+
+from flint import fmpq_mpoly
 
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.rational_functions import Quotient, coefficients_of
@@ -127,23 +130,29 @@ def solution(
     return [values[k][size] if k in values else ring.constant(0) for k in range(size)]
 
 
-def common_multiple(ring: ExactRing, elements: Iterable[Quotient]) -> Quotient:
-    """The least product of listed denominators that clears those of all elements."""
-    greatest: dict[int, int] = {}
+def numerators(ring: ExactRing, elements: Iterable[Quotient]) -> list[fmpq_mpoly]:
+    """The elements times the least product of listed denominators that all of theirs divide, as polynomials.
+
+    Numerators are multiplied by what they lack: where r^2 = x^2 + y^2, trial division does not see that
+    (r + x^2 + y^2)/(r + 1) is r.
+    """
+    elements, greatest = list(elements), Counter[int]()
     for element in elements:
-        for index, exponent in element.exponents:
-            greatest[index] = max(greatest.get(index, 0), exponent)
-    return Quotient(ring.field, ring.field.expand(tuple(sorted(greatest.items()))), ())
+        greatest |= Counter(dict(element.exponents))
+    missing = [greatest - Counter(dict(element.exponents)) for element in elements]
+    return [
+        ring.field.product(element.numerator, ring.field.expand(tuple(sorted(lacks.items()))))
+        for element, lacks in zip(elements, missing, strict=True)
+    ]
 
 
 def _equations(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:
     varying = sorted({index for table in ring.images for index in table})
     rows: list[Row] = []
     for entries in zip(*columns, strict=True):
-        common = common_multiple(ring, entries)
         parts: dict[tuple[int, ...], Row] = {}
-        for k, entry in enumerate(entries):
-            for powers, part in coefficients_of((entry * common).numerator, varying).items():
+        for k, numerator in enumerate(numerators(ring, entries)):
+            for powers, part in coefficients_of(numerator, varying).items():
                 parts.setdefault(powers, [ring.constant(0) for _ in columns])[k] = Quotient(ring.field, part, ())
         rows += parts.values()
     return rows

@@ -54,7 +54,7 @@ from inverse_service.mechanics.conditions import (
     velocity_slopes,
 )
 from inverse_service.mechanics.potential import potential
-from inverse_service.mechanics.quotient_matrices import common_multiple, null_vectors, reduced_rows
+from inverse_service.mechanics.quotient_matrices import null_vectors, numerators, reduced_rows
 
 Matrix = list[list[Quotient]]
 
@@ -239,8 +239,7 @@ def _conditions(setting: _Setting, phi: Tensor11[Quotient], a: int, b: int, zero
 
 
 def _without_denominators(setting: _Setting, vector: Sequence[Quotient]) -> list[Quotient]:
-    common = common_multiple(setting.ring, vector)
-    return [entry * common for entry in vector]
+    return [Quotient(setting.ring.field, numerator, ()) for numerator in numerators(setting.ring, vector)]
 
 
 def _matrix(setting: _Setting, vector: Sequence[Quotient]) -> Matrix:

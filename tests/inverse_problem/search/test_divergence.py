@@ -113,3 +113,19 @@ def test_a_damped_quotient_of_velocities_is_found() -> None:
     equations = {name: formula["text"] for name, formula in given["equations"].items()}
     result = solve_document({"equations": equations}, SolveOptions(time_limit=60))
     assert "exp(t)" in result["with_time"]["lagrangian"]["text"]
+
+
+R = "sqrt(x^2 + y^2)"
+
+
+@pytest.mark.parametrize(
+    ("phi", "slope"),
+    [("1 + 1/r", "-1/(r^2*(r + 1))"), ("1 + r", "1/r/(1 + r)"), ("r/(1 + r)^2", "(1/r - 2/(1 + r))/r")],
+)
+def test_a_conformal_metric_may_hold_a_root_among_sums(phi: str, slope: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Geodesics of phi(r) (dx^2 + dy^2), slope = phi'/(r phi), as those of Jacobi for the Kepler problem."""
+    h = f"({slope.replace('r', R)})"
+    equations = {q: f"-{h}*(x*x' + y*y')*{q}' + {h}*{q}*(x'^2 + y'^2)/2" for q in "xy"}
+    result = solve_document({"coordinates": ["x", "y"], "equations": equations}, SolveOptions())
+    assert result["lagrangian"]["family"] == "one function times a constant matrix"
+    assert not caplog.records  # nothing was proposed that the checker refuses
