@@ -49,7 +49,7 @@ def write_sms(local: LocalEquations, order: int, path: Path) -> tuple[int, int, 
         for block in local.equations:
             if step < block.order or not block.indices:
                 continue
-            rows = rows_of_degree(block.table, step - block.order, local.prime)
+            rows = rows_of_degree(block.table, step - block.order, local.prime).struct
             for first, last in zip(rows.starts[:-1].tolist(), rows.starts[1:].tolist(), strict=True):
                 number += 1
                 columns, places = np.unique(rows.columns[first:last], return_inverse=True)

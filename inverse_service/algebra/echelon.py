@@ -13,7 +13,7 @@ A row that does not depend on the basis vanishes there with probability 1/P (Fre
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar, cast
 
@@ -89,11 +89,11 @@ class Echelon:
     ) -> Flags:
         """Insert rows; entries of equal column in a row are added up.
 
-        `expected` marks rows that should depend on all others, which is then tested at once. The answer
-        marks those that do.
+        `expected` marks rows that should depend on all others, which is then tested at once; no more are inserted
+        than it marks or not. The answer marks those that do.
         """
-        total, most = len(rows.starts) - 1, self.width if in_order else MOST
-        marks = np.zeros(total, np.int8) if expected is None else expected.astype(np.int8)
+        marks = np.zeros(len(rows.starts) - 1, np.int8) if expected is None else expected.astype(np.int8)
+        total, most = len(marks), self.width if in_order else MOST
         while not insert_rows(self.inserted, most, self.width, marks, rows, self.form, self._field):
             self._grow()
         self.count, self.inserted = int(self.form.state[ROWS]), self.inserted + total
@@ -107,9 +107,10 @@ class Echelon:
         used = Uses(_longer(use_starts, rows), _longer(use_rows, uses), _longer(factors, uses))
         self.kept = Kept(self.form._replace(basis=basis, origin=_longer(origin, rows), uses=used))
 
-    def rank_within(self, width: int) -> int:
-        """The number of independent consequences on the first `width` columns."""
-        return int(np.count_nonzero(self.form.basis.pivot_of[:width] >= 0))
+    def ranks_within(self, widths: Sequence[int]) -> list[int]:
+        """The numbers of independent consequences on the first columns, for ascending widths."""
+        pivots = (self.form.basis.pivot_of[: widths[-1]] >= 0).nonzero()[0]
+        return cast(list[int], pivots.searchsorted(widths).tolist())
 
     def random_solution(self, number: int, width: int) -> list[int]:
         """The first entries of the `number`-th random vector on which all rows vanish; what is unknown is random."""

@@ -99,9 +99,12 @@ def constant_value(function: str, value: Fraction, point: Point) -> int:
 
 
 def number_value(value: Fraction, prime: int) -> int:
-    if value.denominator % prime == 0:
+    numerator, denominator = value.as_integer_ratio()
+    if denominator == 1:
+        return numerator % prime
+    if denominator % prime == 0:
         raise SingularPoint("denominator divisible by the prime")
-    return value.numerator * pow(value.denominator, -1, prime) % prime
+    return numerator * pow(denominator, -1, prime) % prime
 
 
 def evaluate(expression: Expression, point: Point, known: dict[Expression, int] | None = None) -> int:
@@ -109,11 +112,10 @@ def evaluate(expression: Expression, point: Point, known: dict[Expression, int] 
 
     `known` keeps the values found at this point, for trees that share parts.
     """
-    if known is None:
-        known = {}
-    elif expression in known:
-        return known[expression]
-    known[expression] = value = _evaluate(expression, point, known)
+    known = {} if known is None else known
+    value = known.get(expression)
+    if value is None:
+        known[expression] = value = _evaluate(expression, point, known)
     return value
 
 

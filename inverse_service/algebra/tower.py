@@ -118,15 +118,19 @@ def draw_point(tower: Tower, seed: int, prime: int | None = None, flipped: froze
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """Variables that are drawn together until some requirements hold, which need no others but earlier ones."""
+    """Variables that are drawn together until some requirements hold, which need no others but earlier ones.
+
+    The rules are not needed to see whether those `without_atoms` hold.
+    """
 
     names: frozenset[Variable]
-    requirements: tuple[Requirement, ...]
+    without_atoms: tuple[Requirement, ...]
+    with_atoms: tuple[Requirement, ...]
 
     @property
     def draws(self) -> range:
         """A requirement holds at every other draw; without variables there is one."""
-        return range(16 << min(len(self.requirements), 8)) if self.names else range(1)
+        return range(16 << min(len(self.without_atoms) + len(self.with_atoms), 8)) if self.names else range(1)
 
 
 def _stages(tower: Tower, moving: Iterable[Variable]) -> list[_Stage]:
@@ -136,13 +140,15 @@ def _stages(tower: Tower, moving: Iterable[Variable]) -> list[_Stage]:
     """
     free = frozenset(moving)
     wanted = [*((w, 1) for w in tower.radicands), *tower.signs]
-    open_ones = [(free.intersection(walk(requirement[0])), requirement) for requirement in wanted]
+    open_ones = [(free.intersection(variables_in(requirement[0])), requirement) for requirement in wanted]
     drawn: frozenset[Variable] = frozenset()
     stages = []
     while open_ones:
         added = min((names - drawn for names, _ in open_ones), key=len)
         drawn |= added
-        stages.append(_Stage(added, tuple(requirement for names, requirement in open_ones if names <= drawn)))
+        met = [requirement for names, requirement in open_ones if names <= drawn]
+        parts = (tuple(one for one in met if _has_no_atoms(one[0]) is without) for without in (True, False))
+        stages.append(_Stage(added, *parts))
         open_ones = [one for one in open_ones if not one[0] <= drawn]
     return stages
 
@@ -158,21 +164,23 @@ def _meet(
 ) -> Point | None:
     """A point with these numbers, the variables of each stage drawn, from one salt on, until its requirements hold."""
     salts, open_names = dict(given), frozenset().union(*(stage.names for stage in stages))
-    point, missing = _replayed(tower, prime, seed, salts, flipped)
+    point, missing = Point(prime, seed, tower.real_signs, dict(salts), flipped), None
     for stage in stages:
         open_names -= stage.names
         for salt in stage.draws:
             if salt:
                 salts.update(dict.fromkeys(stage.names, first + salt))
-                bare = Point(prime, seed, tower.real_signs, dict(salts), flipped)
-                if not all(_holds(p, sign, bare) for p, sign in stage.requirements if _has_no_atoms(p)):
-                    continue  # the rules are not needed to see that
-                point, missing = _replayed(tower, prime, seed, salts, flipped)
+                point, missing = Point(prime, seed, tower.real_signs, dict(salts), flipped), None
+            known: dict[Expression, int] = {}
+            if not _hold(stage.without_atoms, point, known):
+                continue
+            missing = _replayed(tower, point) if missing is None else missing
             valued = not any(open_names.isdisjoint(names) for names in missing)
-            if valued and all(_holds(p, sign, point) for p, sign in stage.requirements):
+            if valued and _hold(stage.with_atoms, point, known):
                 break
         else:
             return None
+    missing = _replayed(tower, point) if missing is None else missing
     return None if missing else point
 
 
@@ -191,17 +199,15 @@ def moved_point(tower: Tower, place: Point, moving: Sequence[Variable], number: 
     raise IrreducibleAtoms("no other point was found at which all roots exist together")
 
 
-def _replayed(
-    tower: Tower, prime: int, seed: int, salts: Mapping[Variable, int], flipped: frozenset[int]
-) -> tuple[Point, list[tuple[Variable, ...]]]:
-    """The point with values of the atoms that have one there, and the variables of each rule that gives none."""
-    point, missing = Point(prime, seed, tower.real_signs, dict(salts), flipped), []
+def _replayed(tower: Tower, point: Point) -> list[tuple[Variable, ...]]:
+    """Give values to the atoms that have one at the point; the variables of each rule that gives none."""
+    missing = []
     for rule in tower.rules:
         try:
             replay(rule, point, tower.scale)
         except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
             missing.append(variables_in(rule.angle if isinstance(rule, AngleRule) else rule.atom))
-    return point, missing
+    return missing
 
 
 @lru_cache(maxsize=1024)
@@ -209,9 +215,9 @@ def _has_no_atoms(expression: Expression) -> bool:
     return not any(isinstance(node, Apply) for node in walk(expression))
 
 
-def _holds(expression: Expression, sign: int, point: Point) -> bool:
+def _hold(requirements: Iterable[Requirement], point: Point, known: dict[Expression, int]) -> bool:
     try:
-        return is_positive(evaluate(expression, point), point.prime) == (sign > 0)
+        return all(is_positive(evaluate(p, point, known), point.prime) == (sign > 0) for p, sign in requirements)
     except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
         return False
 

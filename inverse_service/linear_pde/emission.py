@@ -21,8 +21,8 @@ from inverse_service.machine_code.kernels import Kept
 Integers = npt.NDArray[np.int64]
 Exponents = npt.NDArray[np.int8]
 NO_DERIVATIVE = -1
-# Of a row, before they are counted.
-_ENTRIES = 32
+# Of a row, before they are counted; and of a prolongation, before it needs more.
+_ENTRIES, _ROWS = 32, 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def _emit(
 ) -> None:  # fmt: skip
     """Entries of term * (d_a) entry in the rows of one degree, for all terms; counted or filled in.
 
-    The entries of row k are counted in starts[k + 2]; then starts[k + 1], their sum before row k, is where its next
+    The entries of row k are counted in starts[k + 1]; then starts[k], their sum before row k, is where its next
     entry goes, and in the end where row k + 1 begins.
     """
     monomials, ends = tables.counts, rows.starts
@@ -95,7 +95,7 @@ def _emit(
             start = tables.product_starts[series.degrees[c]] + series.places[c] * count
             if not fill:
                 for k in range(start, start + count):
-                    ends[first_row + tables.products[k] + 2] += 1
+                    ends[first_row + tables.products[k] + 1] += 1
                 continue
             value = field.prime - series.values[c] if terms[t, 2] else series.values[c]
             for k in range(count):
@@ -106,7 +106,7 @@ def _emit(
                     above = tables.raised_starts[low] + k * tables.size + along
                     entry = tables.column_starts[low + 1] + pair * monomials[low + 1] + tables.raised[above]
                     factor = tables.factors[entry] * tables.exponents[above]
-                row = first_row + tables.products[start + k] + 1
+                row = first_row + tables.products[start + k]
                 place = ends[row]
                 rows.columns[place] = tables.columns[entry]
                 rows.values[place] = multiply(value, small[factor], field)
@@ -115,34 +115,42 @@ def _emit(
 
 @compiled
 def _emit_rows(
-    degree: int, series: SparseSeries, terms: Integers, tables: RowTables, small: Words, field: Field, rows: SparseRows
-) -> int:
-    """All rows of one degree, where there is room for their entries; the number of these."""
+    number: int, degree: int, series: SparseSeries, terms: Integers, tables: RowTables, small: Words, field: Field,
+    rows: SparseRows,
+) -> int:  # fmt: skip
+    """The `number` rows of one degree, where there is room for their entries; how many entries these are."""
     starts = rows.starts
-    starts[:] = 0
+    starts[: number + 1] = 0
     _emit(False, degree, series, terms, tables, small, field, rows)
-    for k in range(1, len(starts)):
+    for k in range(1, number + 1):
         starts[k] += starts[k - 1]
-    if starts[-1] <= len(rows.columns):
+    entries = int(starts[number])
+    if entries <= len(rows.columns):
         _emit(True, degree, series, terms, tables, small, field, rows)
-    return int(starts[-1])
+        for k in range(number, 0, -1):
+            starts[k] = starts[k - 1]
+        starts[0] = 0
+    return entries
 
 
-def rows_of_degree(table: TermTable, degree: int, prime: int) -> SparseRows:
-    """The coefficients of all monomials of one degree, equation after equation."""
+def rows_of_degree(table: TermTable, degree: int, prime: int, room: Kept[SparseRows] | None = None) -> Kept[SparseRows]:
+    """The coefficients of all monomials of one degree, equation after equation, in this room or a larger one."""
     tables = row_tables(table.unknowns, degree)
     # A factor is a product of one exponent more than the order, of a monomial of that much more degree.
     most = table.unknowns.most + 1
     small = modular.small_numbers(prime, (degree + most + 1) ** most)
-    given = (degree, table.series.struct, table.terms, tables, small, modular.field_of(prime))
-    starts = np.empty(table.equations * int(tables.counts[degree]) + 2, np.int64)
-    room = _ENTRIES * len(starts)
-    while True:
-        rows = SparseRows(starts, np.empty(room, np.int64), np.empty(room, np.uint64))
-        needed = _emit_rows(*given, rows)
-        if needed <= room:
-            return rows._replace(starts=starts[:-1])
-        room = needed
+    number = table.equations * int(tables.counts[degree])
+    given = (number, degree, table.series.struct, table.terms, tables, small, modular.field_of(prime))
+    if room is None or len(room.struct.starts) <= number:
+        room = _room(number, _ENTRIES * number)
+    while (entries := _emit_rows(*given, room.struct)) > len(room.struct.columns):
+        room = _room(number, entries)
+    return room
+
+
+def _room(number: int, entries: int) -> Kept[SparseRows]:
+    starts = np.empty(number + 1, np.int64)
+    return Kept(SparseRows(starts, np.empty(entries, np.int64), np.empty(entries, np.uint64)))
 
 
 # (kind, *indices, alpha): which equation, which Taylor coefficient of it.
@@ -174,7 +182,7 @@ class Prolongation:
     """The echelon form of all rows up to `order`, columns in ascending degree.
 
     `dependent` marks, for each kind and degree, the rows that depend on those before; `expected` those that
-    did elsewhere.
+    did elsewhere. `rows` are those inserted last.
     """
 
     local: LocalEquations
@@ -183,6 +191,7 @@ class Prolongation:
     row_blocks: list[tuple[Equations, int]] = field(default_factory=list)
     dependent: dict[tuple[str, int], Flags] = field(default_factory=dict)
     expected: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
+    rows: Kept[SparseRows] = field(default_factory=lambda: _room(_ROWS, _ROWS * _ENTRIES))
 
     @property
     def unknowns(self) -> Unknowns:
@@ -198,8 +207,15 @@ class Prolongation:
 
     def dimension(self, degree: int) -> int:
         """D_degree(order): the dimension of the projection of the solutions to degrees <= degree."""
-        width = self.width(degree)
-        return width - self.echelon.rank_within(width)
+        return self._dimensions([self.width(degree)])[0]
+
+    @property
+    def dimensions(self) -> tuple[int, ...]:
+        """D_0, …, D_order."""
+        return self._dimensions([self.width(degree) for degree in range(self.order + 1)])
+
+    def _dimensions(self, widths: list[int]) -> tuple[int, ...]:
+        return tuple(width - rank for width, rank in zip(widths, self.echelon.ranks_within(widths), strict=True))
 
     def row_name(self, number: int) -> RowName:
         """The name of an original row."""
@@ -226,14 +242,14 @@ def advance(prolongation: Prolongation) -> None:
         degree = order - block.order
         if degree < 0 or not block.indices:
             continue
-        rows = rows_of_degree(block.table, degree, prolongation.local.prime)
+        prolongation.rows = rows_of_degree(block.table, degree, prolongation.local.prime, prolongation.rows)
         expected = _expected(prolongation, block, degree)
-        found = prolongation.echelon.insert(rows, expected, in_order=False)
+        found = prolongation.echelon.insert(prolongation.rows.struct, expected, in_order=False)
         prolongation.dependent[block.kind, degree] = found
         prolongation.row_blocks.append((block, degree))
 
 
-def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flags | None:
+def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flags:
     """Which rows will depend on those before them: those that did elsewhere, or by the degree below.
 
     Near a generic point a dependence holds identically; its derivative d_a makes the row of alpha + e_a
@@ -241,11 +257,11 @@ def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flag
     of one equation go on upwards.
     """
     known = prolongation.expected.get((block.kind, degree))
-    below = prolongation.dependent.get((block.kind, degree - 1))
-    if known is not None or below is None or not below.any():
+    if known is not None:
         return known
-    above = raised_places(prolongation.size, degree - 1)
+    below = prolongation.dependent.get((block.kind, degree - 1))
     flags = np.zeros((len(block.indices), len(exponents_of_degree(prolongation.size, degree))), np.bool_)
-    equations, monomials = np.nonzero(below.reshape(len(block.indices), -1))
-    flags[equations[:, None], above[monomials]] = True
+    if below is not None and below.any():
+        equations, monomials = np.nonzero(below.reshape(len(block.indices), -1))
+        flags[equations[:, None], raised_places(prolongation.size, degree - 1)[monomials]] = True
     return flags.reshape(-1)

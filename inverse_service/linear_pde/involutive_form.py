@@ -152,7 +152,7 @@ def _prolong(run: _Run, seed: int) -> Finding:
         began = now()
         advance(prolongation)
         run.lasted = now() - began
-        run.history.append(tuple(prolongation.dimension(d) for d in range(order + 1)))
+        run.history.append(prolongation.dimensions)
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
         if found:
             return replace(found, history=tuple(run.history), points=points, ranks=_ranks(run, prolongation))

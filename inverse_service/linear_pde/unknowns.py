@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import groupby
 from typing import NamedTuple
@@ -56,11 +56,10 @@ class Unknowns:
     size: int
     functions: tuple[Function, ...]
     entries: tuple[Derivative, ...]
+    most: int = field(init=False)  # the highest order of a function
 
-    @property
-    def most(self) -> int:
-        """The highest order of a function."""
-        return max(function.order for function in self.functions)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "most", max(function.order for function in self.functions))
 
 
 @lru_cache(maxsize=_KEPT)

@@ -60,20 +60,18 @@ def kinds_of(arguments: Sequence[Any], words: list[int]) -> Kinds | None:
     """
     kinds: list[Kind] = []
     for argument in arguments:
-        known = _held.get(id(argument))
-        if known is not None and known[2]:
-            words += known[2]
-            kinds.append(known[1])
-            continue
-        kind: Kind | None
-        if isinstance(argument, np.ndarray):
-            kind = _kind_of_array(argument, words)
-        elif isinstance(argument, tuple):
-            kind = _kind_of_struct(argument, words)
-        elif (kind := _SCALARS.get(type(argument))) is not None:
+        kind: Kind | None = _SCALARS.get(type(argument))
+        if kind is not None:
             if type(argument) is int and not -_LARGE <= argument < _LARGE:
                 raise OverflowError("a number does not fit 64 bits")
             words.append(int(argument) & _LARGEST)
+        elif (known := _held.get(id(argument))) is not None and known[2]:
+            words += known[2]
+            kind = known[1]
+        elif isinstance(argument, np.ndarray):
+            kind = _kind_of_array(argument, words)
+        elif isinstance(argument, tuple):
+            kind = _kind_of_struct(argument, words)
         if kind is None:
             return None
         kinds.append(kind)

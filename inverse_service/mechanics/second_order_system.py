@@ -12,7 +12,7 @@ from inverse_service.algebra.real_point import are_positive, find_real_point
 from inverse_service.algebra.sign_cases import Case, sign_cases
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute, walk
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, distinct_nodes, substitute, walk
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
 Functions = tuple[tuple[str, tuple[str, ...]], ...]
@@ -57,7 +57,7 @@ class SecondOrderSystem:
     @property
     def depends_on_time(self) -> bool:
         """Whether t occurs in f, also where it only says which formula holds."""
-        return any(node == TIME for f in (*self.accelerations, *self.given) for node in walk(f))
+        return TIME in distinct_nodes((*self.accelerations, *self.given))
 
     @property
     def letters(self) -> tuple[Symbol, ...]:

@@ -60,10 +60,10 @@ def both(system: SecondOrderSystem, with_time: bool, order: int) -> tuple[tuple[
 @pytest.mark.parametrize("room", [0, 1, 2])
 def test_rows_that_find_no_room_are_written_into_more(room: int, monkeypatch: pytest.MonkeyPatch) -> None:
     found = both(system_of(*SYSTEMS[4][:2]), True, 3)[0][0]
-    wanted = [rows_of_degree(found.table, degree, PRIME) for degree in range(3)]
+    wanted = [rows_of_degree(found.table, degree, PRIME).struct for degree in range(3)]
     monkeypatch.setattr(emission, "_ENTRIES", room)
     for degree, rows in enumerate(wanted):
-        again, count = rows_of_degree(found.table, degree, PRIME), rows.starts[-1]
+        again, count = rows_of_degree(found.table, degree, PRIME).struct, rows.starts[-1]
         assert count > room * len(rows.starts)
         assert again.starts.tolist() == rows.starts.tolist()
         assert again.columns[:count].tolist() == rows.columns[:count].tolist()
@@ -72,7 +72,7 @@ def test_rows_that_find_no_room_are_written_into_more(room: int, monkeypatch: py
 
 def entries(found: Equations, degree: int, prime: int, factor: int) -> list[dict[int, int]]:
     """The rows of one degree as {column: value}, each value times the factor."""
-    rows = rows_of_degree(found.table, degree, prime)
+    rows = rows_of_degree(found.table, degree, prime).struct
     table = []
     for a, b in itertools.pairwise(rows.starts.tolist()):
         row: dict[int, int] = {}
