@@ -35,7 +35,8 @@ _USES = {"Phi": "Phi", "Gamma": "Gamma", "N": "N", "R": "R"}
 class Formula:
     """A formula; `mathml` is what stands inside <math>, `uses` are the tensors that it names.
 
-    `reads_back` says that the reader of formulas understands its text.
+    `letters` are the names of the theory in it, with their lower indices. `reads_back` says that the reader of
+    formulas understands its text.
     """
 
     text: str
@@ -43,6 +44,7 @@ class Formula:
     mathml: str
     uses: tuple[str, ...] = ()
     reads_back: bool = False
+    letters: tuple[str, ...] = ()
 
 
 def of_tree(tree: Expression) -> Formula:
@@ -61,6 +63,7 @@ def row(*pieces: Formula | Expression | str) -> Formula:
         f"<mrow>{''.join(part.mathml for part in parts)}</mrow>",
         uses,
         all(part.reads_back or _READS_BACK.fullmatch(part.text) for part in parts),
+        tuple(letter for part in parts for letter in part.letters),
     )
 
 
@@ -100,12 +103,13 @@ def partial_derivative(of: Formula, by: Expression) -> Formula:
         rf"\frac{{\partial {of.latex}}}{{\partial {under.latex}}}",
         f"<mfrac><mrow><mi>∂</mi>{of.mathml}</mrow><mrow><mi>∂</mi>{under.mathml}</mrow></mfrac>",
         of.uses,
+        letters=of.letters,
     )
 
 
 def theory(text: str) -> Formula:
     """A formula of the theory from its text."""
-    latex, mathml, uses = [], [], []
+    latex, mathml, uses, letters = [], [], [], []
     for match in _TOKEN.finditer(text):
         if match["rate"]:
             latex.append(r"\frac{d}{dt}")
@@ -115,6 +119,7 @@ def theory(text: str) -> Formula:
             marks = _MARK.findall(match["marks"] + (match["power"] or ""))
             latex.append(_with_marks_latex(name, marks, primes))
             mathml.append(_with_marks_mathml(name, marks, primes))
+            letters.append(name + primes + "".join(mark for mark in marks if mark[0] == "_"))
             if name in _USES:
                 uses.append("nabla_Phi" if name == "Phi" and _is_after_nabla(text, match.start()) else _USES[name])
         elif match["above"]:
@@ -130,7 +135,9 @@ def theory(text: str) -> Formula:
             is_first = text[: match.start()].rstrip()[-1:] in ("=", "(", ",", "")
             form = ' form="prefix"' if match["sign"] == "-" and is_first else ""
             mathml.append(f"<mo{form}>{escape(_SIGNS.get(match['sign'], match['sign']))}</mo>")
-    return Formula(text, "".join(latex), f"<mrow>{''.join(mathml)}</mrow>", tuple(dict.fromkeys(uses)))
+    return Formula(
+        text, "".join(latex), f"<mrow>{''.join(mathml)}</mrow>", tuple(dict.fromkeys(uses)), letters=tuple(letters)
+    )
 
 
 def _is_after_nabla(text: str, place: int) -> bool:

@@ -85,7 +85,8 @@ class Hamiltonian:
 class Part:
     """A part of a step: "text", a "formula" in the sentence, one on "display" below it, or what the step is "about".
 
-    `mathml` is what stands inside <math>; `uses` names the tensors and words of the theory that need explaining.
+    `mathml` is what stands inside <math>; `uses` names the tensors and words of the theory that need explaining,
+    `letters` its names in a formula.
     """
 
     kind: str
@@ -93,6 +94,7 @@ class Part:
     latex: str = ""
     mathml: str = ""
     uses: tuple[str, ...] = ()
+    letters: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import pytest
 
+from inverse_service.expressions.tree import Symbol
 from inverse_service.inverse_problem.explanation.finding import energy_step
-from inverse_service.inverse_problem.explanation.wording import with_shared_letters
-from inverse_service.inverse_problem.solutions import Solution, SolveOptions, Step
+from inverse_service.inverse_problem.explanation.wording import Piece, said, with_shared_letters
+from inverse_service.inverse_problem.solutions import Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_system
+
+RADIUS = Symbol("R") * Symbol("g_11")
 
 
 def solved(equations: dict[str, str], parameters: tuple[str, ...] = ()) -> Solution:
@@ -29,11 +32,21 @@ def test_the_g_of_gravity_is_told_from_the_multiplier() -> None:
 
 
 def test_a_coordinate_and_a_parameter_share_letters_in_one_sentence() -> None:
-    text = first_sentence(solved({"L": "-N*L*y", "y": "-L^2*y^2"}, ("N",)))
+    text = first_sentence(solved({"L": "-H*L"}, ("H",)))
     assert text == (
-        "In the sentences below, L is the Lagrangian, N is the matrix -1/2 df/dv; inside their formulas these names "
-        "may also be those of the system."
+        "In the sentences below, L is the Lagrangian, H is the Hamiltonian; inside their formulas these names may also "
+        "be those of the system."
     )
+
+
+@pytest.mark.parametrize(
+    ("equations", "parameters"),
+    [({"L": "-N*L*y", "y": "-L^2*y^2"}, ("N",)), ({"x": "-R*y'^2", "y": "x*y"}, ("R",))],
+)
+def test_a_letter_that_only_the_system_uses_has_one_meaning(
+    equations: dict[str, str], parameters: tuple[str, ...]
+) -> None:
+    assert not first_sentence(solved(equations, parameters)).startswith("In the sentences below")
 
 
 @pytest.mark.parametrize("parameters", [(), ("k",), ("gravity",)])
@@ -49,12 +62,15 @@ def test_one_answer_to_both_questions_stays_one() -> None:
 
 @pytest.mark.parametrize(
     ("sentence", "is_said"),
-    [("(Phi)_12: R*g_11 = 0. As R is not zero identically, g_11 = 0.", False), ("(R)_123: R*g_11 = 0.", True),
-     ("and g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0", True), ("every condition (Phi, ..., R) holds", True)],
+    [(("`(Phi)_12`: ", RADIUS, " = 0. As ", Symbol("R"), " is not zero identically, `g_11 = 0`."), False),
+     (("`(R)_123`: ", RADIUS, " = 0."), True), (("and `g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0`",), True),
+     (("every condition (`Phi`, `nabla R`) holds",), True)],
 )  # fmt: skip
-def test_a_radius_is_told_from_the_curvature_only_where_that_is_spoken_of(sentence: str, is_said: bool) -> None:
+def test_a_radius_is_told_from_the_curvature_only_where_that_is_spoken_of(
+    sentence: tuple[Piece, ...], is_said: bool
+) -> None:
     system = read_system(["x"], {"x": "-R*x"}, ["R"])
-    answer = replace(solve(system, SolveOptions(time_limit=30.0)).with_time, explanation=(Step(sentence, ""),))
+    answer = replace(solve(system, SolveOptions(time_limit=30.0)).with_time, explanation=(said(*sentence),))
     assert (len(with_shared_letters(answer, system).explanation) == 2) is is_said
 
 

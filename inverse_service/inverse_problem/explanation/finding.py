@@ -134,7 +134,7 @@ def as_given_steps(tree: Expression) -> tuple[Step, ...]:
     step = said(
         "The equations are self-adjoint as they are written: the matrix of their accelerations satisfies the Helmholtz "
         "conditions, so it is the Hessian of a Lagrangian, which follows by integration: ",
-        _written(row("L = ", tree), "the L given above"), ".", about=("Helmholtz",),
+        _written(row("L = ", tree), "the `L` given above"), ".", about=("Helmholtz",),
     )  # fmt: skip
     return (step,)
 
@@ -166,7 +166,7 @@ def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
             "equations along the motion are linear in the coefficients; solved, they leave "
         )
     )
-    first = said(reason, _written(row("L = ", tree), "the L given above"), ".")
+    first = said(reason, _written(row("L = ", tree), "the `L` given above"), ".")
     if len(outcome.found.parts) < 2:
         return (first,)
     parts = [row(f"C_{k}*(", part, ")") for k, part in enumerate(outcome.found.parts, start=1)]
@@ -216,6 +216,6 @@ def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
     solved = f"{branch}: " if hamiltonian.implicit else f"They are solved for the velocities{note}; with them "
     result = row("H = p v - L = ", hamiltonian.expression)
     return (
-        said("The momenta `p = dL/dv` are ", _written(momenta, "those given with H"), "."),
-        said(solved, _written(result, "H = p v - L is the one given above"), "."),
+        said("The momenta `p = dL/dv` are ", _written(momenta, "those given with `H`"), "."),
+        said(solved, _written(result, "`H = p v - L` is the one given above"), "."),
     )

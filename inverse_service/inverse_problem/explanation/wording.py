@@ -5,7 +5,6 @@ Phi, nabla Phi and R of a solution, written out for people.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
@@ -53,7 +52,8 @@ def _parts(piece: Piece) -> list[Part]:
 
 
 def _formula(formula: Formula, kind: str) -> Part:
-    return Part(kind, formula.text, formula.latex, "" if formula.reads_back else formula.mathml, formula.uses)
+    mathml = "" if formula.reads_back else formula.mathml
+    return Part(kind, formula.text, formula.latex, mathml, formula.uses, formula.letters)
 
 
 def enumerated(formulas: Sequence[Piece]) -> list[Piece]:
@@ -90,24 +90,15 @@ _MEANING = {
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     """The answer, its explanation begun with what each letter that has two meanings is in the sentences."""
     names = {*system.coordinates, *system.parameters, *dict(system.functions)}
-    texts = " ".join(step.text for step in answer.explanation)
-    shared = [name for name in _MEANING if name in names and _is_said(name, texts)]
+    parts = [part for step in answer.explanation for part in step.parts]
+    words = {word for part in parts for word in (*part.letters, *({"R"} & {*part.uses}))}
+    shared = [name for name in _MEANING if name in names & words]
     if not shared:
         return answer
     meanings = ", ".join(f"{name} is {_MEANING[name]}" for name in shared)
     also = "these names may also be those" if len(shared) > 1 else f"the name {shared[0]} may also be that"
     step = said(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
     return replace(answer, explanation=(step, *answer.explanation))
-
-
-# R stands in many formulas as the radius of the system; as the curvature only in these words.
-_CURVATURE = re.compile(r"\(R\)_|R\^[1-9j]|, R\)|the place of R\b|(?:nabla|components of|sums? of g) R\b|nabla\^\d R\b")
-
-
-def _is_said(name: str, text: str) -> bool:
-    if name == "R":
-        return _CURVATURE.search(text) is not None
-    return re.search(rf"(?<![\w']){re.escape(name)}(?![\w'])", text) is not None
 
 
 _SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
@@ -179,6 +170,7 @@ def component(condition: ConditionName, indices: str) -> Formula:
         rf"({inner.latex.strip()})^{{{above}}}{{}}_{{{below}}}",
         f"<msubsup>{_in_brackets(inner)}<mn>{below}</mn><mn>{above}</mn></msubsup>",
         inner.uses,
+        letters=inner.letters,
     )
 
 
@@ -210,6 +202,7 @@ def equation_name(name: EquationName) -> Formula:
         rf"({inner.latex.strip()})_{{{below}}}",
         f"<msub>{_in_brackets(inner)}<mn>{below}</mn></msub>",
         inner.uses,
+        letters=inner.letters,
     )
 
 
