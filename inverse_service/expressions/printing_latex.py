@@ -14,6 +14,7 @@ from inverse_service.expressions.tokens import greek_letter, written
 from inverse_service.expressions.tree import (
     HALF,
     TIME,
+    TWO,
     Acceleration,
     Apply,
     Arbitrary,
@@ -91,6 +92,8 @@ def _atom(expression: Expression, raised: bool = False) -> str:
             return f"e^{{{to_latex(argument, within=True)}}}"
         case Apply(function, argument) if function != "exp" or isinstance(argument, Number):
             return f"{_command(function)}{_brackets(argument)}"
+        case Power(Power(base, inner), exponent) if (inner, exponent) == (TWO, HALF):
+            return f"\\left|{to_latex(base, within=True)}\\right|"
         case Power(base, exponent) if exponent == HALF:
             return f"\\sqrt{{{to_latex(base, within=True)}}}"
         case Integral() if (known := expression.integrand) and not any(isinstance(n, Apply) for n in walk(known[1])):

@@ -10,6 +10,7 @@ from inverse_service.expressions.printing_layout import Ratio, signed_terms
 from inverse_service.expressions.tokens import greek_letter, written
 from inverse_service.expressions.tree import (
     HALF,
+    TWO,
     Acceleration,
     Apply,
     Arbitrary,
@@ -111,6 +112,8 @@ def _atom(expression: Expression) -> str:
             row = FUNCTION.get(function)
             name = escape((row.shown if row else "") or function)
             return f"<mrow><mi>{name}</mi>{_APPLY}{_brackets(argument)}</mrow>"
+        case Power(Power(base, inner), exponent) if (inner, exponent) == (TWO, HALF):
+            return f"<mrow><mo>|</mo>{_row(base)}<mo>|</mo></mrow>"
         case Power(base, exponent) if exponent == HALF:
             return f"<msqrt>{_row(base)}</msqrt>"
         case Arbitrary():

@@ -175,7 +175,7 @@ class Integral(Arbitrary):
 Expression = Number | Symbol | Velocity | Acceleration | Sum | Product | Power | Apply | Arbitrary
 Operand = _Node | int | Fraction
 
-ZERO, ONE, MINUS_ONE, HALF = (Number(Fraction(k)) for k in ("0", "1", "-1", "1/2"))
+ZERO, ONE, TWO, MINUS_ONE, HALF = (Number(Fraction(k)) for k in ("0", "1", "2", "-1", "1/2"))
 TIME = Symbol("t")
 PI = Symbol("pi")
 

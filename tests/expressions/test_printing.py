@@ -168,6 +168,13 @@ TABLE = [
     (power(power(Symbol("x"), Symbol("y")), 2), "(x^y)^2", r"\left(x^{y}\right)^{2}"),
     (Power(number(2), Symbol("x")), "2^x", "2^{x}"),
     (multiply(number(3), Power(number(2), Symbol("x"))), "3*2^x", r"3 \cdot 2^{x}"),
+    # The reader takes |u| as sqrt(u^2); formulas for eyes show it as it was written.
+    (power(power(Symbol("x"), 2), Fraction(1, 2)), "sqrt(x^2)", r"\left|x\right|"),
+    (
+        power(power(add(Symbol("x"), power(power(Symbol("y"), 2), Fraction(1, 2))), 2), Fraction(1, 2)),
+        "sqrt((x + sqrt(y^2))^2)",
+        r"\left|x + \left|y\right|\right|",
+    ),
     # A decimal number where the fraction is much longer.
     (multiply(number(Fraction("398600.4418")), power(Symbol("x"), -1)), "398600.4418/x", r"\frac{398600.4418}{x}"),
     (multiply(number(Fraction("-0.06171")), Symbol("x")), "-0.06171*x", "-0.06171 x"),
@@ -187,6 +194,7 @@ def test_mathml_shows_dots_subscripts_and_greek_letters() -> None:
     assert "<mover" in shown
     assert "<mn>1</mn>" in shown
     assert "\u03c6" in shown
+    assert "<mo>|</mo><mrow><mi>x</mi></mrow><mo>|</mo>" in to_mathml(read_formula("|x|", NAMES))
 
 
 @pytest.mark.parametrize(

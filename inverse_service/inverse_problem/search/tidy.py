@@ -18,8 +18,10 @@ from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import minus_inside, numbers_outside
 from inverse_service.expressions.tree import (
+    MINUS_ONE,
     ONE,
     TIME,
+    TWO,
     ZERO,
     Apply,
     Expression,
@@ -97,7 +99,7 @@ def _multiple(argument: Expression) -> tuple[Fraction, Apply | None]:
 _BEFORE_A_BRACKET = 12
 # Terms of a potential stay apart, as they are known, where one bracket is not much shorter.
 _MUCH = 2
-_MINUS, _TWO = Number(Fraction(-1)), Number(Fraction(2))
+
 _FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputError, ValueError)
 
 
@@ -212,7 +214,7 @@ def _velocity_sums(tree: Expression) -> int:
     found = set()
     for node in walk(tree):
         match node:
-            case Power(Sum() as base, exponent) if exponent != _TWO:
+            case Power(Sum() as base, exponent) if exponent != TWO:
                 found.add(base)
             case Apply(_, Sum() as argument):
                 found.add(argument)
@@ -242,7 +244,7 @@ def _preference(tree: Expression) -> tuple[int, int]:
 
 
 def _sign(node: Expression) -> int:
-    if not isinstance(node, Product) or node.factors[0] != _MINUS:
+    if not isinstance(node, Product) or node.factors[0] != MINUS_ONE:
         return 0
     if len(node.factors) > 2:
         return -1
