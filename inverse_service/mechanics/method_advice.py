@@ -21,9 +21,12 @@ def for_lagrangian(lagrangian: Expression, coordinates: Sequence[str], walls: Se
     ends = LEAVES.format(" or ".join(walls)) if walls else ""
     with_time = any(node == TIME for node in walk(lagrangian))
     why = "; L contains t, so the energy is no constant to be kept." if with_time else f", {ENERGY}"
-    if is_separable(lagrangian, coordinates):
+    if is_separable(lagrangian, coordinates) and has_constant_masses(lagrangian, coordinates):
         return advice("stormer-verlet", 8, f"L is separable, so its steps are explicit and symplectic{why}{ends}")
-    return advice("variational", 8, f"L is not separable; the steps are implicit and symplectic{why}{ends}", "1/2")
+    form = (
+        "separable, but not quadratic in the velocities" if is_separable(lagrangian, coordinates) else "not separable"
+    )
+    return advice("variational", 8, f"L is {form}; the steps are implicit and symplectic{why}{ends}", "1/2")
 
 
 def for_constraints(
@@ -51,8 +54,12 @@ def advice(method: str, order: int | None, reason: str, alpha: str | None = None
 
 
 def is_separable(lagrangian: Expression, coordinates: Sequence[str]) -> bool:
-    """L = v M v/2 - V(t, q) with a constant M."""
-    moving = {*map(Symbol, coordinates), *map(Velocity, coordinates), TIME}
-    constant = all(not moving & set(walk(entry)) for row in hessian(lagrangian, coordinates) for entry in row)
+    """L = T(t, v) - V(t, q)."""
     rest = [differentiate(differentiate(lagrangian, Velocity(v)), Symbol(q)) for v in coordinates for q in coordinates]
-    return constant and all(collect(slope) == ZERO for slope in rest)
+    return all(collect(slope) == ZERO for slope in rest)
+
+
+def has_constant_masses(lagrangian: Expression, coordinates: Sequence[str]) -> bool:
+    """Whether the second derivatives of L in the velocities are constants."""
+    moving = {*map(Symbol, coordinates), *map(Velocity, coordinates), TIME}
+    return all(not moving & set(walk(entry)) for row in hessian(lagrangian, coordinates) for entry in row)

@@ -1,7 +1,7 @@
 """Which method to take for a scene, seen from its formulas, and what each effect and observed quantity adds to a step.
 
-step_ns      time of a step of the whole scene, best of several runs over the first steps of the scene, less that of a
-             run of one step: to call a kernel takes longer than many steps
+step_ns      time of a step of the whole scene, best of several runs over its first steps, or over more than it has,
+             where these are too few, less that of a run of one step: to call a kernel takes longer than many steps
 operations   floating-point instructions and calls in the text of its kernel, which no load changes
 of a part    the difference to the same scene without it; no time where that is below the noise
 """

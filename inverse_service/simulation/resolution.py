@@ -40,6 +40,7 @@ from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE
 _JUMPS = "the change of the energy, a constant, in two steps: more than {} of the kinetic energy"
 _NOISE = 1e-6
 _ROUND_OFF = 1e-14  # of formulas such as log(cos(x)) near 0, whose parts are of size 1
+_ROUNDINGS = 4.0  # of the places at the ends of two steps
 _OF_TOLERANCE = 1e8  # tolerances that the energy may change in two steps, in kinetic energies: steps of their own may
 # enter a narrow force before they see it, and lose what it did until then
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
@@ -64,9 +65,10 @@ def jump_of_energy(run: Observed) -> Outcome | None:
     if known is None:
         return None
     energies, kinetic = known
-    share, noise = 0.5, 0.0
+    share, noise = 0.5, np.zeros(len(energies) - 1)
     if choice is not None and choice.method in OWN_STEPS:
-        share, noise = min(share, _OF_TOLERANCE * choice.tolerance), _ROUND_OFF
+        share, rounded = min(share, _OF_TOLERANCE * choice.tolerance), rounding_of_energy(run, energies)
+        noise = _ROUND_OFF + _ROUNDINGS * np.maximum(rounded[1:], rounded[:-1])
     near = greatest_near(kinetic)[1:] + kinetic.max() / 10
     allowed = share * near + min(_NOISE, share) * np.abs(energies[1:]) + noise
     before = np.stack([energies[:-1], np.concatenate([energies[:1], energies[:-2]])])  # one step, and two
@@ -89,6 +91,18 @@ def energies_of(run: Observed) -> tuple[Array, Array] | None:
         return None
     points = scene, at.positions, velocities, at.times
     return point_energy(*points), point_kinetic(*points)
+
+
+def rounding_of_energy(run: Observed, energies: Array) -> Array:
+    """How far the next number after each place moves E, (m,): a motion near x = 10^9 is known to 10^-7 only."""
+    at, found = run.trajectory, np.zeros_like(energies)
+    if (velocities := velocities_at_points(run)) is None:
+        return found
+    for k in range(at.positions.shape[1]):
+        places = at.positions.copy()
+        places[:, k] = np.nextafter(places[:, k], np.inf)
+        found += np.abs(point_energy(run.scene, places, velocities, at.times) - energies)
+    return np.nan_to_num(found)
 
 
 def other_way(run: Observed, motion: Problem | Unavailable) -> Outcome | None:

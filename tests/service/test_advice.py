@@ -82,6 +82,7 @@ def test_peers_are_measured_and_bounds_are_told() -> None:
     [
         ({"coordinates": ["x"], "equations": {"x": "-x"}}, "stormer-verlet", "L is separable"),
         ({"coordinates": ["x"], "equations": {"x": "-x'^2"}}, "variational", "L is not separable"),
+        ({"coordinates": ["x"], "equations": "x''/(1 - x'^2)^(3/2) + x = 0"}, "variational", "L is separable, but not"),
         ({"coordinates": ["x"], "equations": {"x": "-x - x'/10"}}, "variational", "L contains t"),
         ({"coordinates": ["x", "y"], "equations": {"x": "y' + x*y", "y": "x^2*x'"}}, "adaptive", "nothing is known"),
         ({"coordinates": ["x", "y", "z"], "lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z' + x*y'"],

@@ -218,6 +218,17 @@ def test_the_time_limit_stops_heyoka() -> None:
     assert found["heyoka"]["outcome"] == "cancelled"
 
 
+@pytest.mark.parametrize("center", [10**9, 10])
+def test_the_rounding_of_a_place_far_off_is_no_jump_of_the_energy(center: int) -> None:
+    pytest.importorskip("heyoka")
+    document = {
+        "system": {"lagrangian": f"x'^2/2 - (x - {center})^2/2", "coordinates": ["x"]},
+        "initial": {"positions": {"x": center + 1}, "velocities": {"x": 0}},
+        "step": 0.05, "steps": 200, "methods": [{"method": "heyoka"}], "observe": ["energy"],
+    }  # fmt: skip
+    assert outcomes(document) == {"heyoka": "completed"}
+
+
 def test_heyoka_is_compiled_once() -> None:
     pytest.importorskip("heyoka")
     scene = OSCILLATOR | {"steps": 100, "methods": [{"method": "heyoka", "label": name} for name in "ab"]}
