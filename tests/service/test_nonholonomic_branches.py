@@ -55,6 +55,22 @@ def test_the_checker_confirms_all_sides_and_refuses_them_changed() -> None:
     assert check_plain(changed)["verdict"] == "invalid"
 
 
+def test_the_checker_compares_the_motion_of_every_side_with_the_document() -> None:
+    free = solve_document(ONE_SIDED | {"lagrangian": KINETIC}, SolveOptions(time_limit=60))["any_associated"]
+    found = one_sided()
+    first, second = found["branches"]
+    sides = (second, second | {"any_associated": free})
+    assert [check_plain(found | {"branches": [first, one]})["verdict"] for one in sides] == ["valid", "invalid"]
+
+
+def test_the_motion_alone_has_an_answer_on_each_side() -> None:
+    found = solve_document(ONE_SIDED | {"associated": "any"}, SolveOptions(time_limit=60))
+    verdicts = {tuple(one["domain"]): one["any_associated"]["verdict"] for one in found["branches"]}
+    assert verdicts == {("y > 0",): "not_variational", ("y < 0",): "variational"}
+    assert {one["verdict"] for one in found["branches"]} == {"undetermined"}
+    assert check_plain(found)["verdict"] == "valid"
+
+
 def test_text_and_latex_say_what_holds_on_each_side() -> None:
     for page in (text_page(one_sided(), False), latex_page(one_sided(), False)):
         assert "cannot be given a Hamiltonian, by any associated system, where y > 0" in page

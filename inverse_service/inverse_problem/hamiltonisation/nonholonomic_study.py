@@ -203,7 +203,7 @@ def study_branches(
 
     On a further branch only the systems are decided that have it too.
     """
-    branches = [_on_branches(one) for one in systems]
+    branches = [on_branches(one) for one in systems]
     share = replace(options, time_limit=options.time_limit / max(map(len, branches)))
     found = study(report, [each[0] for each in branches], share, progress)
     yield found
@@ -214,7 +214,7 @@ def study_branches(
         yield replace(study(report, fitting, share, progress), main=fitting.index(main))
 
 
-def _on_branches(one: AssociatedSystem) -> tuple[AssociatedSystem, ...]:
+def on_branches(one: AssociatedSystem) -> tuple[AssociatedSystem, ...]:
     """The system on each of its branches, that of the first answer first; itself where they are too many to solve."""
     branches = () if one.system is None else branches_of(one.system)
     return tuple(replace(one, system=each) for each in branches if len(branches) <= MOST_BRANCHES) or (one,)

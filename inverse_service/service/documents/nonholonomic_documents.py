@@ -15,10 +15,12 @@ from api_schemas.nonholonomic import (
 from api_schemas.result import AdvicePart, ResultDocument
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
+from inverse_service.expressions.collecting import collect
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.method_advice import for_constraints
+from inverse_service.mechanics.nonholonomic.associated_systems import AssociatedSystem
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -111,19 +113,33 @@ def _about_the_motion(
     end: float,
     progress: Callable[[str], None] | None,
 ) -> dict[str, Any]:
-    """The result where only the motion was asked about: the main fields leave open what was not asked."""
+    """The result where only the motion was asked about: the main fields leave open what was not asked.
+
+    Each branch of the first associated system has its share of the time.
+    """
     one = nonholonomic_study.associated_systems(report, "first")[0]
     if one.system is None:
         raise InputError(one.explanation, "/associated")
-    open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
-    solution = Solution(one.system, open_answer, None, None)
-    found = nonholonomic_study.Study(report, (nonholonomic_study.AssociatedAnswer(one, solution),), 0)
+    branches = nonholonomic_study.on_branches(one)
+    solutions = [_unasked(each) for each in branches]
+    answered = map(nonholonomic_study.AssociatedAnswer, branches, solutions)
+    studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
-    answer = nonholonomic_study.answer_about(found, asked, end, progress)
-    result = translate.to_result(solution, schema)
-    document = _whole(result, found, [answer], options, end).model_dump(mode="json")
+    answers = []
+    for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
+        share = now() + (end - now()) / left
+        answers.append(nonholonomic_study.answer_about(study, asked, share, progress))
+    result = translate.to_result(solutions[0], schema, solutions[1:])
+    document = _whole(result, studies[0], answers, options, end).model_dump(mode="json")
     compare_motion(document, end - now())
     return documents.ordered(document)
+
+
+def _unasked(one: AssociatedSystem) -> Solution:
+    """The solution that leaves open whether a system has a Lagrangian."""
+    assert one.system is not None
+    positive = tuple(map(collect, one.system.positive))
+    return Solution(one.system, Answer("undetermined", reason=ONLY_THE_MOTION, positive=positive), None, None)
 
 
 def _share(schema: NonholonomicDocument) -> float:
