@@ -185,7 +185,7 @@ def factored(trees: Sequence[Expression], symbols: Sequence[Symbol | Velocity], 
 
     TooLarge where the budget ends, ZeroDivisionError where a denominator vanishes, KeyError for an unknown atom.
     """
-    ring = exact_ring(trees, symbols, 0, budget, slopes=False)
+    ring = exact_ring(trees, symbols, 0, budget, spare=True, slopes=False)
     return [quotient_tree(ring, ring.value(tree)) for tree in trees]
 
 
