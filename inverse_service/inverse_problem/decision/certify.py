@@ -57,7 +57,7 @@ _DIGITS = 20
 _SEED = 3
 # A box of less than this times its point is narrow; by how much another point has to be inside.
 _NARROW, _INSIDE = 1, Fraction(1, 2)
-# Series are written for so many coordinates, with so many coefficients.
+# Series are written for so many coordinates.
 _MOST_COORDINATES = 4
 _MOST_CONDITIONS = 100  # that a certificate may have
 

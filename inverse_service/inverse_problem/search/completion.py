@@ -161,7 +161,7 @@ def _completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | No
     fresh = [(i, key) for i, terms in enumerate(wanted) for key in terms]
     if any(not _is_affine(key) for _, key in fresh):
         return None
-    right, most = _numbered(wanted), bounds.COLUMNS + 4 * len(fresh)
+    right, most = _numbered(wanted), 2 * bounds.COLUMNS + 4 * len(fresh)
     for _ in range(bounds.FEW):
         raised = dict.fromkeys(m for i, key in fresh for m in _answers(names, i, key) if m not in columns)
         fresh = []

@@ -129,7 +129,7 @@ def _exponential_of(material: Material, rate: Terms, seed: int) -> Monomial | No
 def _first(in_time: Iterable[Monomial], whole: Monomial | None) -> list[Monomial]:
     """1, the factor of the divergence, and the simplest others."""
     ordered = [EMPTY, *([whole] if whole else []), *sorted(in_time, key=rank)]
-    return list(dict.fromkeys(ordered))[: bounds.CANDIDATES]
+    return list(dict.fromkeys(ordered))[: bounds.FEW]
 
 
 def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomial]:

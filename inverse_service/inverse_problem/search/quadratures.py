@@ -192,7 +192,7 @@ def _at_most(seconds: float) -> Iterator[None]:
         sys.setprofile(before)
 
 
-# For SymPy, in s of processor time: most integrals that it finds take a tenth of that. And what it is not asked for.
+# For SymPy, in s of processor time: most integrals that it finds take a tenth of that. Higher numbers are not asked.
 _SECONDS, _HIGHEST = 2.5, 12
 _CALLS = 500  # between two looks at the time
 # What was asked for the whole time in vain: parts of a potential come again and again in one search.

@@ -36,7 +36,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
 
-# Nodes of a tree that is worth exact work, and how much of that.
+# Terms met on the way (`Budget`) in exact work on one tree.
 _WORK = 20_000
 
 

@@ -114,7 +114,7 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
         except TooManyTerms:
             continue
     bases = list(dict.fromkeys(base for multiplier in found for base, _ in multiplier.moving))
-    found.update(dict.fromkeys(_combined(material, bases[: bounds.CANDIDATES], seed)))
+    found.update(dict.fromkeys(_combined(material, bases[: bounds.FEW], seed)))
     return sorted(found, key=lambda multiplier: len(multiplier.moving))
 
 
@@ -157,7 +157,7 @@ def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Ite
     """One base, or two linear ones with e_1 + e_2 = -3, with exponents of letters of f, for df/dv."""
     if not bases:
         return
-    letters = [p for p in material.position_letters if not isinstance(p, Number)][: bounds.CANDIDATES]
+    letters = [p for p in material.position_letters if not isinstance(p, Number)][: bounds.FEW]
     try:
         samples = sampled(material, [_alone(p) for p in (*bases, *letters)], len(letters) + SPARE, seed)
     except (IrreducibleAtoms, SingularPoint, ValueError):
