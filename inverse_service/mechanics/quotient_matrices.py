@@ -8,7 +8,7 @@ multiplies a product of the other generators is one linear equation for the coef
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -148,11 +148,11 @@ def numerators(ring: ExactRing, elements: Iterable[Quotient]) -> list[fmpq_mpoly
 
 def _equations(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:
     varying = sorted({index for table in ring.images for index in table})
-    rows: list[Row] = []
+    zero, rows = ring.constant(0), list[Row]()
     for entries in zip(*columns, strict=True):
-        parts: dict[tuple[int, ...], Row] = {}
+        parts: defaultdict[tuple[int, ...], Row] = defaultdict(lambda: [zero] * len(columns))
         for k, numerator in enumerate(numerators(ring, entries)):
             for powers, part in coefficients_of(numerator, varying).items():
-                parts.setdefault(powers, [ring.constant(0) for _ in columns])[k] = Quotient(ring.field, part, ())
+                parts[powers][k] = Quotient(ring.field, part, ())
         rows += parts.values()
     return rows

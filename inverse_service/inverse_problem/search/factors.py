@@ -35,6 +35,9 @@ from inverse_service.inverse_problem.search.terms import (
 )
 
 HALF = Fraction(1, 2)
+# Of the functions of t that stand before terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
+# no L: four leave one of them out, and twelve leave too little room for what is multiplied with them.
+_MOST_IN_TIME = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +132,7 @@ def _exponential_of(material: Material, rate: Terms, seed: int) -> Monomial | No
 def _first(in_time: Iterable[Monomial], whole: Monomial | None) -> list[Monomial]:
     """1, the factor of the divergence, and the simplest others."""
     ordered = [EMPTY, *([whole] if whole else []), *sorted(in_time, key=rank)]
-    return list(dict.fromkeys(ordered))[: bounds.FEW]
+    return list(dict.fromkeys(ordered))[:_MOST_IN_TIME]
 
 
 def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomial]:

@@ -35,6 +35,15 @@ def test_the_sum_of_the_blocks_lagrangians_is_a_lagrangian() -> None:
     assert check_certificate(certificate).verdict == "valid"
 
 
+def test_blocks_damped_at_three_rates_have_a_lagrangian() -> None:
+    """That of the first two needs e^(-t/2), the others e^(t/2) and e^(-t/3) to powers of their own."""
+    equations = {"q1": "q1'*(q1*q1'^2*sqrt(q4') - 1)/2", "q2": "q2'*(-1/2 + q2'/q2)", "q3": "q3'/3"}
+    equations["q4"] = "2*q4'*(-2*q1^2 + 4*q1*q1' - 1)/(2*q1^2 + 1)"
+    result = solve({"equations": equations})
+    assert (result["verdict"], result["with_time"]["checked"]) == ("not_variational", "valid")
+    assert result["with_time"]["lagrangian"] is not None
+
+
 def test_a_block_without_a_closed_form_leaves_the_system_without_one() -> None:
     equations = {"x": "(1 - x^2)*x' - x", "y": "-y"}
     analysis = analyze(read_system(list(equations), equations))
