@@ -107,7 +107,7 @@ def test_the_answer_of_one_piece_is_not_accepted_for_another() -> None:
 def test_text_latex_and_command_line_name_the_pieces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = solved(DOUGLAS)
     text = text_page(result, False)
-    assert "3 cases:" in text
+    assert "3 cases, which differ:" in text
     assert "Variational on x > 1, at generic points" in text
     assert "Not variational on x < 0" in text
     assert r"\item" in latex_page(result, False)
@@ -147,7 +147,7 @@ def test_many_cases_of_several_formulas_are_counted() -> None:
 
 
 def test_a_lagrangian_in_pieces_is_refused_with_a_sentence() -> None:
-    with pytest.raises(InputError, match="the Lagrangian of one piece"):
+    with pytest.raises(InputError, match="write one piece here"):
         documents.solve_document(
             {"coordinates": ["x"], "lagrangian": "x'^2/2 - piecewise((x, x > 0), (0, true))"}, SolveOptions()
         )

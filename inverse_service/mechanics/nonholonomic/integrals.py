@@ -174,7 +174,7 @@ def _scales(parts: Geometry, form: Sequence[Quotient]) -> list[Quotient]:
         if not slope.is_zero:
             elements = [element for _, element in factors_of(ring, slope)]
             scales += [other for element in elements for other in (element, element.inverse(), element * element)]
-    return scales[: bounds.CANDIDATES]
+    return scales[: 2 * bounds.CANDIDATES]
 
 
 Status = Literal["found", "does_not_exist", "not_found"]
