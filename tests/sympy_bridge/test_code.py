@@ -270,7 +270,7 @@ def test_branches_are_answers_of_their_own() -> None:
     verdicts = {str(branch.domain): branch.is_variational for branch in mixed.branches}
     assert verdicts == {"(x(t) > 0,)": False, "(x(t) < 0,)": True}
     assert mixed.is_variational is None
-    assert repr(mixed).endswith("; 1 more in branches)")
+    assert repr(mixed).endswith("; 1 more in branches, which differ)")
     both = inverse_service.solve("x'' = -Heaviside(x)")
     assert both.is_variational is True
     x = sp.Function("x")(t)
