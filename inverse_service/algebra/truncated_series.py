@@ -212,14 +212,14 @@ def _powers(ring: SeriesRing, series: Series) -> list[Series]:
 
 def derivative(series: Series, index: int) -> Series:
     """The partial derivative; its top component (unknown) is dropped, so the order falls by one."""
-    return tuple(component.derivative(index) for component in series[1:])
+    return tuple(component.derivative(index) if component else component for component in series[1:])
 
 
 def along(field: Iterable[tuple[int, Series]], series: Series) -> Series:
     """sum_a X^a d_a y for the components (a, X^a) of a field, one order less; what is not known there is dropped."""
     length = len(series) - 1
     total = scale(series, 0)[:length]
-    for index, part in field:
+    for index, part in field if any(series) else ():
         slope = derivative(series, index)
         if any(slope):
             total = add(total, multiply(part[:length], slope))

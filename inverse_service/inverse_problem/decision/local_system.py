@@ -37,9 +37,8 @@ class LocalScalar:
         return LocalScalar(self.ring, ps.multiply(*self._common(other)))
 
     def scaled(self, factor: int | Fraction) -> LocalScalar:
-        fraction = Fraction(factor)
-        residue = fraction.numerator * self.ring.invert_number(fraction.denominator) % self.ring.prime
-        return LocalScalar(self.ring, ps.scale(self.series, residue))
+        residue = factor.numerator * self.ring.invert_number(factor.denominator) % self.ring.prime
+        return self if self.is_zero else LocalScalar(self.ring, ps.scale(self.series, residue))
 
     @property
     def is_zero(self) -> bool:
