@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import signal
 import subprocess
@@ -75,6 +76,12 @@ def workers() -> Iterator[Workers]:
 
 def test_a_worker_answers(workers: Workers) -> None:
     assert workers.run(tasks.load_engine, (), 30.0).status == "done"
+
+
+def test_processes_that_solve_look_for_garbage_seldom(workers: Workers) -> None:
+    # With the 700 objects of Python's default it takes half of a long search, late in the life of a worker.
+    for outcome in (workers.run(gc.get_threshold, (), 30.0), run_alone(gc.get_threshold, (), 30.0, MEMORY)):
+        assert outcome.value[0] >= 100_000
 
 
 def test_a_loop_in_c_that_holds_the_interpreter_is_killed_at_its_deadline(workers: Workers) -> None:

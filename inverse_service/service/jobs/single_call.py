@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import multiprocessing
 import signal
 import time
@@ -17,8 +16,6 @@ from inverse_service.service.jobs.worker_process import Patience, isolate, silen
 Report = Callable[[str], None]
 # Reports of a task that follow each other faster than this, in s, are left out.
 _BETWEEN_REPORTS = 0.1
-# Objects made between collections of cyclic garbage.
-_BETWEEN_COLLECTIONS = 250_000
 
 
 def run_alone(
@@ -73,8 +70,6 @@ def _child(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     silence_standard_error()
     isolate(memory_limit)
-    # The import of the engine makes 100,000 objects that stay; looking through them once takes 0.02 s.
-    gc.set_threshold(_BETWEEN_COLLECTIONS, 10, 10)
     last = 0.0
 
     def report(text: str) -> None:
