@@ -114,7 +114,7 @@ def _rank(matrices: Sequence[Matrix], weights: Sequence[int], prime: int) -> int
     return int(nmod_mat(n, n, total, prime).rank())
 
 
-def complexity(combination: Combination) -> tuple[Fraction, int]:
+def complexity(combination: Combination) -> tuple[Fraction | int, int]:
     """Total weight of its terms, and their number."""
     return sum((rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, combinations_with_replacement
 from typing import Any
 
 from inverse_service import bounds
@@ -18,6 +18,7 @@ from inverse_service.algebra.exact_ring import quotient_tree
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.semidefinite import echelon_of
 from inverse_service.deadline import check
+from inverse_service.errors import InputError
 from inverse_service.expressions.tree import (
     HALF,
     TIME,
@@ -46,6 +47,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
+from inverse_service.mechanics.implicit_equations import vanishes
 from inverse_service.mechanics.quotient_matrices import reduced_rows
 
 
@@ -106,6 +108,8 @@ def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | Non
 
     The coefficients of its terms are rational where that is enough, else they hold parameters.
     """
+    if not _is_self_adjoint(names, wanted):
+        return None
     total, rest = [], list(wanted)
     with suppress(TooLarge, ZeroDivisionError):
         for i, j in combinations(range(len(names)), 2):
@@ -115,6 +119,24 @@ def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | Non
                 total.append(magnetic)
     found = _completed(names, rest)
     return None if found is None else add(*total, found)
+
+
+def _is_self_adjoint(names: Sequence[str], wanted: Sequence[Terms]) -> bool:
+    """Whether E_i = B_ij v_j + C_i can be that of some A_i v_i - V: B_ij = -B_ji and C_i,j - C_j,i = B_ij,t.
+
+    What does not cancel term by term is tried at random points: letters can be related.
+    """
+    rates, left = [Velocity(name) for name in names], list[Terms]()
+    for (i, q), (j, r) in combinations_with_replacement(enumerate(map(Symbol, names)), 2):
+        field = _beside(wanted[i], rates[j])
+        left.append(add_terms(field, _beside(wanted[j], rates[i])))
+        forces = (_at_rest(wanted[i]), _at_rest(wanted[j]))
+        turning = add_terms(derivative_of_terms(forces[0], r), derivative_of_terms(forces[1], q), -1)
+        left.append(add_terms(turning, derivative_of_terms(field, TIME), -1))
+    try:
+        return all(vanishes(tree_of(terms)) for terms in left if terms)
+    except InputError:
+        return True
 
 
 def _less(names: Sequence[str], wanted: Sequence[Terms], known: Terms) -> list[Terms]:
@@ -153,6 +175,11 @@ def _is_round(field: Terms, x: Symbol, y: Symbol) -> bool:
 def _beside(terms: Terms, velocity: Velocity) -> Terms:
     """The coefficient of a velocity."""
     return {key - monomial(velocity): a for key, a in terms.items() if split_velocities(key)[1] == monomial(velocity)}
+
+
+def _at_rest(terms: Terms) -> Terms:
+    """What holds no velocity."""
+    return {key: a for key, a in terms.items() if not split_velocities(key)[1]}
 
 
 def _completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:

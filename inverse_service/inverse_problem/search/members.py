@@ -143,7 +143,7 @@ def best_members(space: LagrangianSpace, seed: int) -> list[Member]:
     return sorted(plain, key=lambda member: _order(member, parameters))
 
 
-def _order(member: Member, parameters: frozenset[Symbol]) -> tuple[bool, Fraction, tuple[Fraction, int]]:
+def _order(member: Member, parameters: frozenset[Symbol]) -> tuple[bool, Fraction, tuple[Fraction | int, int]]:
     weights = (sum((abs(e) + (e < 0) for _, e in part), Fraction(0)) for part in _constants(member.terms, parameters))
     return not member.definite, sum(weights, Fraction(0)), complexity(member.terms)
 
