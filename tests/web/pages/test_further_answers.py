@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from urllib.parse import parse_qsl
 
 import httpx
@@ -103,3 +104,15 @@ def test_an_own_lagrangian_may_begin_with_its_letter(service: str) -> None:
             assert "Yes: the Euler-Lagrange equations of this L are these equations." in page
         page = client.get(f"/results/{address}", params={"lagrangian": "L = x'^2/2 - x^2"}).text
     assert "No: this L has other equations." in page
+
+
+def test_each_side_of_a_kink_has_its_box(service: str) -> None:
+    """Of equations without constraints, too: y'' sees a force of friction on one side of x = 0 alone."""
+    document = {"equations": "x'' = 0; y'' = -y + (x + abs(x))*z; z'' = -z"}
+    with httpx.Client(base_url=service, timeout=120) as client:
+        found = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"})
+        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        assert [one["verdict"] for one in found.json()["branches"]] == ["not_variational", "variational"]
+        page = client.get(f"/results/{address}")
+    assert page.status_code == 200
+    assert re.findall(r'<div class="verdict (\w+)">', page.text)[:3] == ["mixed", "not_variational", "variational"]
