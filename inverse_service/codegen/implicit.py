@@ -309,12 +309,18 @@ class Blocks:
         return noise
 
     def _bounds(self, block: Solve | Iterate) -> dict[str, str]:
-        """What counts as small for the unknowns of each letter: NOISE times the greatest so far."""
-        w, found = self.writer, {}
+        """What counts as small for the unknowns of each letter: NOISE times the greatest so far.
+
+        Multipliers m are h times a change of momenta: what is small compared with h p is small, too, as all of them are
+        noise where a motion needs no force.
+        """
+        w, e, found = self.writer, self.emitter, {}
         for letter in dict.fromkeys(name[0] for name in block.unknowns):
             greatest = w.read(size_name(self._iterated, letter))
-            for name in (name for name in block.unknowns if name[0] == letter):
-                size = w.absolute(self.emitter.value(symbol(name)))
+            sizes = [symbol(name) for name in block.unknowns if name[0] == letter]
+            if letter == "m":
+                sizes += [symbol("h") * symbol(f"p{scale[1:]}") for scale in block.scales if scale]
+            for size in map(w.absolute, e.write(sizes)):
                 greatest = w.select(w.compare(">", size, greatest), size, greatest)
             found[letter] = w.binary("*", w.number(NOISE), greatest)
         return found
