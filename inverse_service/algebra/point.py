@@ -75,9 +75,16 @@ class Point:
         return self.draw((name, arguments, orders))
 
 
-@lru_cache(maxsize=4096)
 def _text(key: Hashable) -> str:
-    """What distinguishes a key of `Point.draw`; the text of a tree takes longer than all else there."""
+    """What distinguishes a key of `Point.draw`: of a tree with salts only the salts are new at each point."""
+    if isinstance(key, tuple):
+        return f"({_known_text(key[0])}, {', '.join(map(repr, key[1:]))})"
+    return _known_text(key)
+
+
+@lru_cache(maxsize=4096)
+def _known_text(key: Hashable) -> str:
+    """The text of a tree takes longer than all else in a draw."""
     return repr(key)
 
 

@@ -141,9 +141,14 @@ def _rounded(near: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matri
 
 def echelon_of(rows: Sequence[Sequence[Fraction]], width: int) -> list[tuple[int, list[Fraction]]]:
     """The reduced echelon form: (column of the pivot, row with 1 in it)."""
-    entries = [fmpq(*x.as_integer_ratio()) for row in rows for x in row]
-    reduced, rank = fmpq_mat(len(rows), width, entries).rref()
-    found = [[Fraction(int(x.p), int(x.q)) for x in row] for row in reduced.tolist()[:rank]]
+    zero = Fraction(0)
+    table = fmpq_mat(len(rows), width)
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            if entry:
+                table[i, j] = fmpq(*entry.as_integer_ratio())
+    reduced, rank = table.rref()
+    found = [[Fraction(int(x.p), int(x.q)) if x else zero for x in row] for row in reduced.tolist()[:rank]]
     return [(next(j for j, x in enumerate(row) if x), row) for row in found]
 
 

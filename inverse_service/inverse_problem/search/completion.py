@@ -53,6 +53,8 @@ from inverse_service.mechanics.quotient_matrices import reduced_rows
 
 def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Fraction]) -> list[Fraction] | None:
     """x with sum_k x_k columns[k] = right, later columns where earlier ones do not suffice; None if there is none."""
+    if any(not any(key in column for column in columns) for key in right):
+        return None
     sides = [*columns, right]
     rows = list(dict.fromkeys(key for side in sides for key in side))
     table = echelon_of([[side.get(key, Fraction(0)) for side in sides] for key in rows], len(sides))
@@ -191,8 +193,10 @@ def _completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | No
     right, most = _numbered(wanted), 2 * bounds.COLUMNS + 4 * len(fresh)
     for _ in range(bounds.FEW):
         raised = dict.fromkeys(m for i, key in fresh for m in _answers(names, i, key) if m not in columns)
-        fresh = []
-        for m in sorted(raised, key=rank)[: most - len(columns)]:
+        fresh, added = [], sorted(raised, key=rank)[: most - len(columns)]
+        if columns and not added:
+            return None
+        for m in added:
             columns[m] = expressions_without_acceleration(names, {m: Fraction(1)})
             fresh += [(i, key) for i, terms in enumerate(columns[m]) for key in terms if _is_affine(key)]
         rational = solution([_numbered(expressions) for expressions in columns.values()], right)
