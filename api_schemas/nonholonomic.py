@@ -216,6 +216,7 @@ class AnyAssociatedPart(Document):
     """
 
     statement: str
+    parts: list[result.ExplanationPart] = Field(default_factory=list)
     verdict: result.Verdict
     verdict_with_time: result.Verdict
     reason: str = ""

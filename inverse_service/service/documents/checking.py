@@ -127,7 +127,7 @@ def compare_motion(result: dict[str, Any], time_limit: float) -> None:
 
 def _open(part: dict[str, Any], why: str) -> dict[str, Any]:
     kept = {"statement": OPEN_MOTION, "reason": why, "verdict": "undetermined", "verdict_with_time": "undetermined"}
-    return dict.fromkeys(part, None) | {"image": [], "freedom": "", "explanation": []} | kept
+    return dict.fromkeys(part, None) | {"parts": [], "image": [], "freedom": "", "explanation": []} | kept
 
 
 def _with_comparison(alone: CheckResult, result: Any, document: object, end: float) -> CheckResult:

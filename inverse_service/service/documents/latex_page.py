@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service import __version__
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_latex import lines_of_latex, to_latex
 from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
@@ -129,10 +128,7 @@ def _condition(condition: str, system: Mapping[str, Any], letters: Iterable[str]
 
 
 def _latex(text: str, system: Mapping[str, Any], letters: Iterable[str] = ()) -> str:
-    functions = {name: tuple(arguments) for name, arguments in system["functions"].items()}
-    return to_latex(
-        read_formula(text, Names(tuple(system["coordinates"]), (*system["parameters"], *letters), functions))
-    )
+    return to_latex(read_formula(text, text_page.names_in(system, letters)))
 
 
 def forward_latex(result: dict[str, Any]) -> Iterator[str]:
@@ -168,7 +164,7 @@ def _items(node: dict[str, Any]) -> Iterator[str]:
 
 def any_associated_latex(part: Mapping[str, Any], explain: bool) -> Iterator[str]:
     """The answer about the motion itself: L, its restriction and transverse momenta, H and the image."""
-    yield escaped(f"{part['statement']} {part['reason']}".strip())
+    yield f"{_sentence(part, 'statement')} {escaped(part['reason'])}".strip()
     if part["checked"]:
         yield f"Independent check: {part['checked']}."
     found = part["lagrangian"]

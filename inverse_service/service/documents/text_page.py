@@ -166,17 +166,21 @@ def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tup
 
 def _complexity(lagrangian: str, system: Mapping[str, Any]) -> int:
     """0 for T + A q' - V, 1 for other polynomials in the velocities, 2 with the time; 3 for quotients; 4 else."""
-    functions = {name: tuple(arguments) for name, arguments in system["functions"].items()}
-    time = system.get("time", "t")
-    letters = tuple(name for name in (*system["parameters"], time) if name != "t")
     try:
-        tree = read_formula(lagrangian, Names(tuple(system["coordinates"]), letters, functions))
+        tree = read_formula(lagrangian, names_in(system))
     except InputError:
         return 4
     degree, is_rational = _degree(tree), _degree(tree, rational=True) is not None
     if degree is None:
         return 3 if is_rational else 4
-    return 2 if Symbol(time) in walk(tree) else int(degree > 2)
+    return 2 if Symbol(system.get("time", "t")) in walk(tree) else int(degree > 2)
+
+
+def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
+    """The names of the formulas of a result, its own name of the time among them; `letters` are further ones."""
+    functions = {name: tuple(arguments) for name, arguments in system["functions"].items()}
+    words = dict.fromkeys((*system["parameters"], *letters, system.get("time", "t")))
+    return Names(tuple(system["coordinates"]), tuple(word for word in words if word != "t"), functions)
 
 
 def _degree(tree: Expression, rational: bool = False) -> int | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any, TypeVar
 
@@ -10,8 +10,10 @@ from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.errors import DocumentRefused, Place
+from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
 from inverse_service.inverse_problem.explanation.wording import Piece, said
@@ -143,7 +145,7 @@ def to_any_associated(answer: MotionAnswer) -> schemas.AnyAssociatedPart:
     return translate.part_of(
         schemas.AnyAssociatedPart,
         answer,
-        statement=_statement(answer),
+        **_stated(*_statement(answer)),
         checked="valid" if certificates else None,
         lagrangian=None if found is None else _motion_lagrangian(found),
         associated=None if found is None else _belongs_to(found),
@@ -155,21 +157,30 @@ def to_any_associated(answer: MotionAnswer) -> schemas.AnyAssociatedPart:
     )
 
 
-def _statement(answer: MotionAnswer) -> str:
+def _statement(answer: MotionAnswer) -> list[Piece]:
     """The answer about the motion in one sentence, with the set that its proof speaks of."""
-    conditions = answer.certificates[0].get("conditions") if answer.certificates else None
-    where = f", where {' and '.join(conditions)}" if conditions else ""
     if "variational" in (answer.verdict, answer.verdict_with_time):
         kind = "" if answer.lagrangian is None else answer.lagrangian.kind
         by = f"the {kind} associated system" if kind not in ("", "own") else "an associated system"
         time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
-        return f"This motion can be given a Hamiltonian, by {by}{time}{where}."
+        return [f"This motion can be given a Hamiltonian, by {by}{time}", *_where(answer), "."]
     if answer.verdict == answer.verdict_with_time == "not_variational":
-        return f"This motion cannot be given a Hamiltonian, by any associated system{where}."
+        return ["This motion cannot be given a Hamiltonian, by any associated system", *_where(answer), "."]
     if answer.verdict == "not_variational":
-        no = "This motion cannot be given a Hamiltonian by any L(q, q')"
-        return f"{no}; with a Lagrangian that depends on time it is open."
-    return OPEN_MOTION
+        no = "This motion cannot be given a Hamiltonian by any `L(q, q')`"
+        return [f"{no}; with a Lagrangian that depends on time it is open."]
+    return [OPEN_MOTION]
+
+
+def _where(answer: MotionAnswer) -> Iterator[Piece]:
+    """ ", where A > 0 and B > 0" with the conditions of the first certificate, in its names; nothing without one."""
+    certificate = answer.certificates[0] if answer.certificates else {}
+    for place, condition in enumerate(certificate.get("conditions") or ()):
+        system = certificate["system"]
+        names = Names(tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"])
+        left, sign, right = condition.partition(" > " if " > " in condition else " < ")
+        yield " and " if place else ", where "
+        yield row(read_formula(left, names), sign, read_formula(right, names))
 
 
 def _motion_lagrangian(found: MotionLagrangian) -> schemas.MotionLagrangianPart:

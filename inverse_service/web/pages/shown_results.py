@@ -169,26 +169,37 @@ def further_of(result: Mapping[str, Any]) -> list[Further]:
     found = []
     part = result.get("instead")
     if part and part["kind"] != "time":  # that with time has a section of its own
-        where = ", ".join(part.get("conditions") or ()) or (f"with the clock {c}" if (c := part.get("clock")) else "")
-        found.append(Further(f"Instead: {KINDS[part['kind']]} {where}", _formulas_of(part, names), part["checked"]))
+        clock = part.get("clock")
+        words, texts = ("with the clock ", [clock]) if clock else ("", part.get("conditions") or [])
+        told = Markup("Instead: {} {}{}").format(KINDS[part["kind"]], words, _listed(texts, names))
+        found.append(Further(told, _formulas_of(part, names), part["checked"]))
     for name, part in (result.get("kinds") or {}).items():
-        headline = f"A Lagrangian of the kind \u201c{name}\u201d: {SAID[part['verdict']]}{_on_branch(result)}"
-        found.append(Further(headline, _formulas_of(part, names), part["checked"] or ""))
+        headline = Markup("A Lagrangian of the kind \u201c{}\u201d: {}{}")
+        said = headline.format(name, SAID[part["verdict"]], _on_branch(result, names))
+        found.append(Further(said, _formulas_of(part, names), part["checked"] or ""))
     reduced = result.get("reduced") or {}
     if reduced:
         over = Markup(", ").join(typesetting.formula(name, names) for name in reduced["coordinates"])
-        said = Markup("The reduced system in {}: {}").format(over, SAID[reduced["verdict"]] + _on_branch(reduced))
+        said = Markup("The reduced system in {}: {}{}").format(
+            over, SAID[reduced["verdict"]], _on_branch(reduced, names)
+        )
         found.append(Further(said, _formulas_of(reduced, names), reduced["checked"] or ""))
     clock = result.get("with_clock") or reduced.get("with_clock")
     if clock:
         factor = typesetting.formula(clock["factor"], names)
-        said = Markup("With the clock d\u03c4 = {} dt: {}").format(factor, SAID[clock["verdict"]] + _on_branch(clock))
+        said = Markup("With the clock d\u03c4 = {} dt: {}{}").format(
+            factor, SAID[clock["verdict"]], _on_branch(clock, names)
+        )
         found.append(Further(said, _formulas_of(clock, names), clock["checked"] or ""))
     return found
 
 
-def _on_branch(part: Mapping[str, Any]) -> str:
-    return f", where {', '.join(part['domain'])}" if part.get("domain") else ""
+def _on_branch(part: Mapping[str, Any], names: Names) -> Markup:
+    return Markup(", where {}").format(_listed(part["domain"], names)) if part.get("domain") else Markup("")
+
+
+def _listed(texts: Sequence[str], names: Names) -> Markup:
+    return Markup(", ").join(typesetting.formula(text, names) for text in texts)
 
 
 def _formulas_of(part: Mapping[str, Any], names: Names) -> list[Markup]:

@@ -6,6 +6,7 @@ import re
 from urllib.parse import parse_qsl
 
 import httpx
+import pytest
 
 from inverse_service.web.pages.form_documents import (
     document_of_fields,
@@ -116,3 +117,21 @@ def test_each_side_of_a_kink_has_its_box(service: str) -> None:
         page = client.get(f"/results/{address}")
     assert page.status_code == 200
     assert re.findall(r'<div class="verdict (\w+)">', page.text)[:3] == ["mixed", "not_variational", "variational"]
+
+
+@pytest.mark.parametrize(
+    ("document", "shown"),
+    [
+        ({"coordinates": ["x"], "equations": "x'' = -sqrt(tau - x)"}, r"where $\tau > x$"),
+        ({"coordinates": ["x"], "equations": "x'' = -tau*x - x'"}, r"-\tau  x"),
+        ({"lagrangian": "(x'^2 + y'^2 + z'^2)/2 - sqrt(y - tau)", "constraints": ["z' - y*x'"]}, r"where $y > \tau$"),
+    ],
+)
+def test_a_time_of_another_name_is_shown(service: str, document: dict[str, object], shown: str) -> None:
+    with httpx.Client(base_url=service, timeout=120, headers={"Prefer": "wait=20"}) as client:
+        found = client.post("/v1/solve", json={**document, "time": "tau"})
+        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        page = client.get(f"/results/{address}")
+        latex = client.post("/v1/solve", json={**document, "time": "tau"}, headers={"Accept": "application/x-latex"})
+    assert (page.status_code, latex.status_code) == (200, 200)
+    assert shown in latex.text
