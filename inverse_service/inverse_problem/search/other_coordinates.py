@@ -240,9 +240,10 @@ def shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
     system = material.analysis.system
     own = size(system.accelerations)
     found: list[tuple[Change, SecondOrderSystem]] = []
+    known: dict[Expression, Expression] = {}
     with suppress(OutOfTime), within(bounds.WORK):
-        own = min(own, size([_settled(f, system.coordinates) for f in system.accelerations]))
-        for pair in _transformed(material, own):
+        own = min(own, size([_settled(f, system.coordinates, known) for f in system.accelerations]))
+        for pair in _transformed(material, own, known):
             found.append(pair)
             if 2 * size(pair[1].accelerations) < own:
                 break
@@ -253,20 +254,28 @@ def size(trees: Sequence[Expression]) -> int:
     return sum(1 for tree in trees for _ in walk(tree))
 
 
-def _transformed(material: Material, most: int) -> Iterator[tuple[Change, SecondOrderSystem]]:
+def _transformed(
+    material: Material, most: int, known: dict[Expression, Expression]
+) -> Iterator[tuple[Change, SecondOrderSystem]]:
     """The changes that make f smaller than that."""
     for change in suggested(material):
         check()
         try:
-            other = transformed(material.analysis.system, change, most)
+            other = transformed(material.analysis.system, change, most, known)
         except (ArithmeticError, ValueError):
             continue
         if other is not None:
             yield change, other
 
 
-def transformed(system: SecondOrderSystem, change: Change, most: float = math.inf) -> SecondOrderSystem | None:
-    """The system in the new coordinates: Q'' = W_q f + (W_qq v) v with q = psi(Q); None where f gets that large."""
+def transformed(
+    system: SecondOrderSystem, change: Change, most: float = math.inf, known: dict[Expression, Expression] | None = None
+) -> SecondOrderSystem | None:
+    """The system in the new coordinates: Q'' = W_q f + (W_qq v) v with q = psi(Q); None where f gets that large.
+
+    `known` keeps the short forms of parts, which changes have in common.
+    """
+    known = {} if known is None else known
     names = system.coordinates
     forces = dict(zip(names, system.accelerations, strict=True))
     table: dict[Expression, Expression] = {**_table(change.old, names), **change.functions}
@@ -276,7 +285,7 @@ def transformed(system: SecondOrderSystem, change: Change, most: float = math.in
         along = [differentiate(rate, Velocity(other)) * forces[other] for other in names]
         whole = add(_rate(rate, names), *along)
         placed = substitute(to_kernels(whole) if change.functions else whole, table)
-        accelerations.append(_settled(placed, names))
+        accelerations.append(_settled(placed, names, known))
         if size(accelerations) >= most:
             return None
     return replace(system, accelerations=tuple(accelerations))
@@ -296,11 +305,15 @@ def _table(functions: Mapping[str, Expression], names: Sequence[str]) -> dict[Ex
     return table
 
 
-def _settled(tree: Expression, names: Sequence[str]) -> Expression:
+def _settled(tree: Expression, names: Sequence[str], known: dict[Expression, Expression]) -> Expression:
     """Each sum and product, the innermost first, as it is, multiplied out or as a factored quotient: the shortest."""
-    tree = rebuild(tree, lambda part: _settled(part, names))
-    if not isinstance(tree, Sum | Product):
-        return tree
+    if tree not in known:
+        whole = rebuild(tree, lambda part: _settled(part, names, known))
+        known[tree] = _shortest(whole, names) if isinstance(whole, Sum | Product) else whole
+    return known[tree]
+
+
+def _shortest(tree: Expression, names: Sequence[str]) -> Expression:
     whole = collect(tree)
     check(size([tree, whole]))  # about what it costs to multiply out
     return min((tree, whole, _quotient(whole, names)), key=lambda form: size([form]))
