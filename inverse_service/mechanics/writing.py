@@ -68,8 +68,9 @@ def joined(tree: Expression) -> Expression:
 
 
 def _replacements(table: Mapping[Expression, Fraction]) -> Iterator[tuple[Expression, Expression, Expression]]:
-    for one, other in permutations(table, 2):
-        both = _both(table, one, other)
+    for (k, one), (j, other) in permutations(enumerate(table), 2):
+        # The product of two sums is the same in both orders.
+        both = _both(table, one, other) if k < j or not isinstance(one, Sum) else None
         if both is not None:
             yield one, other, both
 
