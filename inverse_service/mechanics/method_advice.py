@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.mechanics.euler_lagrange import hessian
 
@@ -16,16 +17,21 @@ NOTHING_KEPT = "nothing is known to be conserved that a geometric method would k
 LEAVES = " It ends where {} changes its sign: a motion that passes there needs adaptive."
 
 
-def for_lagrangian(lagrangian: Expression, coordinates: Sequence[str], walls: Sequence[str] = ()) -> dict[str, Any]:
+def for_lagrangian(
+    lagrangian: Expression, coordinates: Sequence[str], walls: Iterable[Expression] = ()
+) -> dict[str, Any]:
     """The advice for a regular L without constraints and forces; `walls` are formulas at whose zeros L ends."""
-    ends = LEAVES.format(" or ".join(walls)) if walls else ""
+    moving = {*map(Symbol, coordinates), *map(Velocity, coordinates), TIME}
+    reached = dict.fromkeys(to_text(wall) for wall in walls if moving & set(walk(wall)))
+    ends = LEAVES.format(" or ".join(reached)) if reached else ""
     with_time = any(node == TIME for node in walk(lagrangian))
     why = "; L contains t, so the energy is no constant to be kept." if with_time else f", {ENERGY}"
-    if is_separable(lagrangian, coordinates) and has_constant_masses(lagrangian, coordinates):
+    masses = {node for row in hessian(lagrangian, coordinates) for entry in row for node in walk(entry)}
+    separable = is_separable(lagrangian, coordinates)
+    if separable and not moving & masses:
         return advice("stormer-verlet", 8, f"L is separable, so its steps are explicit and symplectic{why}{ends}")
-    form = (
-        "separable, but not quadratic in the velocities" if is_separable(lagrangian, coordinates) else "not separable"
-    )
+    but = "its masses depend on the time" if moving & masses == {TIME} else "not quadratic in the velocities"
+    form = f"separable, but {but}" if separable else "not separable"
     return advice("variational", 8, f"L is {form}; the steps are implicit and symplectic{why}{ends}", "1/2")
 
 
@@ -57,9 +63,3 @@ def is_separable(lagrangian: Expression, coordinates: Sequence[str]) -> bool:
     """L = T(t, v) - V(t, q)."""
     rest = [differentiate(differentiate(lagrangian, Velocity(v)), Symbol(q)) for v in coordinates for q in coordinates]
     return all(collect(slope) == ZERO for slope in rest)
-
-
-def has_constant_masses(lagrangian: Expression, coordinates: Sequence[str]) -> bool:
-    """Whether the second derivatives of L in the velocities are constants."""
-    moving = {*map(Symbol, coordinates), *map(Velocity, coordinates), TIME}
-    return all(not moving & set(walk(entry)) for row in hessian(lagrangian, coordinates) for entry in row)

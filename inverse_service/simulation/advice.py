@@ -17,7 +17,6 @@ import numpy as np
 
 from inverse_service.codegen.compiled import kernel_text
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.mechanics import method_advice
@@ -58,8 +57,8 @@ def advice(
     if scene.constraints:
         return method_advice.for_constraints(lagrangian, scene.constraints, scene.coordinates)
     moving: set[Expression] = set(map(Symbol, scene.coordinates))
-    ends = () if free is None else dict.fromkeys((*walls(lagrangian, moving), *free.domain))
-    return method_advice.for_lagrangian(lagrangian, scene.coordinates, list(map(to_text, ends)))
+    ends = () if free is None else (*walls(lagrangian, moving), *free.domain)
+    return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
 def sentence_of(taken: dict[str, Any] | None) -> str:

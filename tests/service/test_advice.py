@@ -84,6 +84,7 @@ def test_peers_are_measured_and_bounds_are_told() -> None:
         ({"coordinates": ["x"], "equations": {"x": "-x'^2"}}, "variational", "L is not separable"),
         ({"coordinates": ["x"], "equations": "x''/(1 - x'^2)^(3/2) + x = 0"}, "variational", "L is separable, but not"),
         ({"coordinates": ["x"], "equations": {"x": "-x - x'/10"}}, "variational", "L contains t"),
+        ({"coordinates": ["x"], "equations": {"x": "-x - 2*x'/t"}}, "variational", "but its masses depend on the time"),
         ({"coordinates": ["x", "y"], "equations": {"x": "y' + x*y", "y": "x^2*x'"}}, "adaptive", "nothing is known"),
         ({"coordinates": ["x", "y", "z"], "lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z' + x*y'"],
           "associated": "second"}, "nonholonomic", "constraints to round-off"),
@@ -102,6 +103,12 @@ def test_advice_says_where_the_lagrangian_of_a_branch_ends(force: str, wall: str
     system = {"coordinates": ["x"], "equations": {"x": force}}
     found = simulate(scene(system, ["adaptive"], observe=["energy"]))
     assert f"It ends where {wall} changes its sign" in found["advice"]["reason"]
+
+
+def test_advice_does_not_warn_of_constants_that_change() -> None:
+    """x^(2 k) x'^2/2 - l x^(2 k + 2)/(2 (k + 1)): motions end at x = 0, and k + 1 is a constant."""
+    reason = solve({"equations": "x'' = -k*x'^2/x - l*x", "parameters": ["k", "l"]})["advice"]["reason"]
+    assert "It ends where x changes its sign" in reason
 
 
 def test_no_method_is_advised_for_a_degenerate_lagrangian() -> None:

@@ -111,7 +111,7 @@ def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schema
     if not known:
         return schemas.AdvicePart(**method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT))
     best = min(known, key=lambda one: len(one.nonzero) + len(one.positive))
-    walls = [to_text(tree) for tree in (*best.nonzero, *best.positive)]
+    walls = (*best.nonzero, *best.positive)
     return schemas.AdvicePart(**method_advice.for_lagrangian(best.expression, solution.system.coordinates, walls))
 
 
