@@ -142,3 +142,11 @@ def test_effects_of_a_system_without_lagrangian_are_refused() -> None:
 def test_what_is_no_scene_is_refused(scene: Any) -> None:
     with pytest.raises(InputError):
         scene_schema(scene)
+
+
+@pytest.mark.parametrize(("first", "second"), [("energy", "x"), ("x", "v_x"), ("discrete_v_y", "y"), ("error", "work")])
+def test_no_coordinate_has_the_name_of_another_column(first: str, second: str) -> None:
+    """The column v_x was the velocity of x, and the positions of the coordinate v_x were lost."""
+    system = {"coordinates": [first, second], "lagrangian": f"{first}'^2/2 + {second}'^2/2 - {first}^2"}
+    with pytest.raises(InputError, match="another column"):
+        read_scene(scene_schema(DISK | {"system": system, "parameters": {}}))

@@ -57,13 +57,19 @@ def read_observables(
 ) -> tuple[Observable, ...]:
     """The observables that the scene gives by formula, in its order; their names are columns of their own."""
     found: dict[str, Observable] = {}
+    taken = _columns(system.names.coordinates).union(system.names.coordinates)
     for place, item in enumerate(schema.observe):
         for name, text in item.items() if isinstance(item, dict) else ():
             pointer = f"/observe/{place}/{escape(name)}"
-            if name in TAKEN or name in found or name in system.names.coordinates:
+            if name in taken or name in found:
                 raise InputError("this name is taken by another column: give the observable another.", pointer)
             found[name] = Observable(name, _read(text, system, definitions, pointer))
     return tuple(found.values())
+
+
+def _columns(coordinates: Sequence[str]) -> frozenset[str]:
+    """The names of the columns that a table may have besides the coordinates and the observables by formula."""
+    return TAKEN.union(f"{kind}_{name}" for kind in ("v", "p", "discrete_v") for name in coordinates)
 
 
 def read_events(
@@ -138,6 +144,8 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSys
     system = scene_system.mechanical_system(schema.system, extra)
     _refuse_unknown(system, extra, _has_formulas(schema))
     names = system.names
+    if taken := _columns(names.coordinates).intersection(names.coordinates):
+        raise InputError(f"the motion has another column {min(taken)}: give the coordinate another name.", "/system")
     values = _values(schema, system)
     definitions = scene_system.read_definitions(schema.functions, names)
     lagrangian, constraints, effects, without = _with_effects(schema, system, definitions)
