@@ -13,7 +13,7 @@ from html import escape
 
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions.printing_mathml import PRIME, to_mathml
 from inverse_service.expressions.tree import Expression
 
 _TOKEN = re.compile(
@@ -170,12 +170,12 @@ def _with_marks_latex(name: str, marks: Sequence[str], primes: str) -> str:
 def _with_marks_mathml(name: str, marks: Sequence[str], primes: str) -> str:
     body = _body(name)[1]
     sub = "".join(_mark(mark) for mark in marks if mark[0] == "_")
-    sup = "<mo>&#x2032;</mo>" * len(primes) + "".join(_mark(mark) for mark in marks if mark[0] == "^")
+    sup = "".join(_mark(mark) for mark in marks if mark[0] == "^")
     head, base = ("<mi>∂</mi>", body[len("<mi>∂</mi>") :]) if body.startswith("<mi>∂") else ("", body)
-    if sub and sup:
+    if sub and sup and not primes:
         return f"{head}<msubsup>{base}<mrow>{sub}</mrow><mrow>{sup}</mrow></msubsup>"
-    if sub:
-        return f"{head}<msub>{base}<mrow>{sub}</mrow></msub>"
+    base = f"<msub>{base}<mrow>{sub}</mrow></msub>" if sub else base
+    base = f"<mrow>{base}{PRIME * len(primes)}</mrow>" if primes else base
     return f"{head}<msup>{base}<mrow>{sup}</mrow></msup>" if sup else f"{head}{base}"
 
 

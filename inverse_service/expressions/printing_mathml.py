@@ -23,6 +23,8 @@ from inverse_service.expressions.tree import (
 
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 _TIMES = "<mo>&#x2062;</mo>"
+# Of the font of the pages it is raised and small by itself: in a superscript it would be too small to be seen.
+PRIME = '<mo lspace="0" rspace="0">&#x2032;</mo>'
 _APPLY = "<mo>&#x2061;</mo>"
 _DOTS = ("", "&#x02D9;", "&#x00A8;")
 
@@ -145,7 +147,7 @@ def _arbitrary(function: Arbitrary) -> str:
     """The function with primes, or with the orders (1,0) above where it has several arguments."""
     name, orders = _name(function.name, 0), function.orders
     if any(orders):
-        above = "&#x2032;" * orders[0] if len(orders) == 1 else f"({','.join(map(str, orders))})"
-        name = f"<msup>{name}<mo>{above}</mo></msup>"
+        above = f"({','.join(map(str, orders))})"
+        name = f"<mrow>{name}{PRIME * orders[0]}</mrow>" if len(orders) == 1 else f"<msup>{name}<mo>{above}</mo></msup>"
     arguments = "<mo>,</mo>".join(_row(argument) for argument in function.arguments)
     return f"<mrow>{name}{_APPLY}<mo>(</mo>{arguments}<mo>)</mo></mrow>"
