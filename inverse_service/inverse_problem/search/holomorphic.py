@@ -69,7 +69,21 @@ class ComplexTree:
 
 
 def squared_modulus(value: ComplexTree) -> Expression:
-    return value.real**2 + value.imaginary**2
+    return _signed(value.real)[1] ** 2 + _signed(value.imaginary)[1] ** 2
+
+
+def _signed(tree: Expression) -> tuple[int, Expression]:
+    """(-1, u) of -u; (1, u) of anything else."""
+    match tree:
+        case Product((Number(value), *_)) if value < 0:
+            return -1, -tree
+    return 1, tree
+
+
+def _function(name: str, argument: Expression) -> Expression:
+    """One of sin, cos, sinh, cosh; of -u by its parity."""
+    sign, inside = _signed(argument)
+    return (sign if name in ("sin", "sinh") else 1) * Apply(name, inside)
 
 
 def logarithm(value: ComplexTree) -> ComplexTree:
@@ -107,7 +121,7 @@ def _power(base: ComplexTree, exponent: Fraction) -> ComplexTree:
         return whole if exponent > 0 else whole.inverse()
     angle = exponent * logarithm(base).imaginary
     modulus = ComplexTree(squared_modulus(base) ** (exponent / 2))
-    return modulus * ComplexTree(Apply("cos", angle), Apply("sin", angle))
+    return modulus * ComplexTree(_function("cos", angle), _function("sin", angle))
 
 
 def _applied(function: str, z: ComplexTree) -> ComplexTree:
@@ -117,17 +131,17 @@ def _applied(function: str, z: ComplexTree) -> ComplexTree:
     if function == "log":
         return logarithm(z)
     if function == "exp":
-        turned = ComplexTree(Apply("cos", z.imaginary), Apply("sin", z.imaginary))
+        turned = ComplexTree(_function("cos", z.imaginary), _function("sin", z.imaginary))
         return ComplexTree(Apply("exp", z.real)) * turned
     if function in ("sin", "cos"):
-        sine, cosine = (Apply(name, z.real) for name in ("sin", "cos"))
-        odd, even = (Apply(name, z.imaginary) for name in ("sinh", "cosh"))
+        sine, cosine = (_function(name, z.real) for name in ("sin", "cos"))
+        odd, even = (_function(name, z.imaginary) for name in ("sinh", "cosh"))
         if function == "sin":
             return ComplexTree(sine * even, cosine * odd)
         return ComplexTree(cosine * even, -(sine * odd))
     if function in ("sinh", "cosh"):
-        odd, even = (Apply(name, z.real) for name in ("sinh", "cosh"))
-        sine, cosine = (Apply(name, z.imaginary) for name in ("sin", "cos"))
+        odd, even = (_function(name, z.real) for name in ("sinh", "cosh"))
+        sine, cosine = (_function(name, z.imaginary) for name in ("sin", "cos"))
         pair = (odd, even) if function == "sinh" else (even, odd)
         return ComplexTree(pair[0] * cosine, pair[1] * sine)
     raise NotAnalytic

@@ -8,6 +8,7 @@ import pytest
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
+from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import analyze, variables_of
@@ -18,6 +19,7 @@ from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from tests.inverse_problem.search.given import proposed
 
+NAME = "real and imaginary parts of complex Lagrangians"
 HOLOMORPHIC = {
     "the group aff(C)": {"x": "-w'*y'-x'*z'", "y": "w'*x'-y'*z'", "z": "0", "w": "0"},
     "a complex square": {"x": "-x^2+y^2", "y": "-2*x*y"},
@@ -46,9 +48,16 @@ def assert_is_lagrangian(system: SecondOrderSystem, tree: Expression) -> None:
 
 
 @pytest.mark.parametrize("name", HOLOMORPHIC)
+def test_functions_and_squares_of_negatives_are_written_by_their_parity(name: str) -> None:
+    texts = [to_text(tree) for tree in proposed(material_of(HOLOMORPHIC[name]), NAME)]
+    assert texts
+    assert not any(sign in text for text in texts for sign in ("cos(-", "sin(-", "(-w')^2"))
+
+
+@pytest.mark.parametrize("name", HOLOMORPHIC)
 def test_both_parts_of_a_complex_lagrangian_are_lagrangians(name: str) -> None:
     material = material_of(HOLOMORPHIC[name])
-    found = proposed(material, "real and imaginary parts of complex Lagrangians")
+    found = proposed(material, NAME)
     assert found
     for tree in found:
         assert_is_lagrangian(material.analysis.system, tree)
