@@ -21,6 +21,7 @@ from inverse_service.expressions.tree import ZERO, Acceleration, Expression, sub
 from inverse_service.expressions.vocabulary import FUNCTIONS
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
+_ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
 
 
@@ -243,4 +244,9 @@ def _side(tokens: list[Token], end_column: int, names: Names) -> Expression:
 
 def equation_line(name: str, text: str) -> str:
     """x'' = f, or E = 0 for an equation that is not solved for the accelerations."""
-    return f"{text} = 0" if "''" in text else f"{name}'' = {text}"
+    return f"{text} = 0" if has_acceleration(text) else f"{name}'' = {text}"
+
+
+def has_acceleration(text: str) -> bool:
+    """Whether a printed formula has an x'' in it; A''(x) is the derivative of a function."""
+    return _ACCELERATION.search(text) is not None

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import html
 import json
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from inverse_service.expressions.reader import has_acceleration
 
 if TYPE_CHECKING:
     from inverse_service.sympy.symbol_names import Table
@@ -210,7 +211,7 @@ class Answer(dict[str, Any]):
 
     @property
     def _is_unsolved(self) -> bool:
-        return any("''" in text and not re.search(r"\w''\(", text) for text in self._texts.values())
+        return any(map(has_acceleration, self._texts.values()))
 
 
 class Result(Answer):

@@ -10,7 +10,7 @@ from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.expressions.reader import has_acceleration, read_formula
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import LARGEST_N
@@ -67,7 +67,7 @@ def _certificate(result: dict[str, Any]) -> dict[str, Any]:
 def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]:
     given = certificate["system"]
     functions = {name: tuple(arguments) for name, arguments in (given.get("functions") or {}).items()}
-    if any("''" in text for text in given["equations"].values()):
+    if any(map(has_acceleration, given["equations"].values())):
         raise NoTheorem("the equations are not solved for the accelerations")
     system = read_system(given["coordinates"], given["equations"], given.get("parameters") or (), functions)
     budget = Budget(TERM_LIMIT, now() + TIME_LIMIT)

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from inverse_service.errors import InputError, Place
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.reader import equation_line
+from inverse_service.expressions.reader import equation_line, has_acceleration
 from inverse_service.expressions.tokens import LETTER_COMMANDS, PRIMES
 from inverse_service.expressions.tree import Acceleration, Symbol
 from inverse_service.web.pages import typesetting
@@ -100,7 +100,7 @@ def _equations(answer: Mapping[str, Any]) -> list[Line]:
     for coordinate, found in answer["equations"].items():
         left = to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
         right = str(typesetting.parsed(found["mathml"])).partition(">")[2].removesuffix("</math>")
-        solved = "''" not in found["text"]
+        solved = not has_acceleration(found["text"])
         line = f"{left}<mo>=</mo>{right}" if solved else f"{right}<mo>=</mo><mn>0</mn>"
         lines.append(Line(equation_line(coordinate, found["text"]), typesetting.math(f"<mrow>{line}</mrow>")))
     return lines

@@ -15,7 +15,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
-from inverse_service.expressions.reader import equation_line
+from inverse_service.expressions.reader import equation_line, has_acceleration
 from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
@@ -159,7 +159,7 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> scenes.SceneFor
         shown = system["result"]["system"]
         kept = ("coordinates", "parameters", "functions", "equations")
         solved = {key: shown[key] for key in kept if key in shown}
-        unsolved = any("''" in text for text in shown.get("equations", {}).values())
+        unsolved = any(has_acceleration(text) for text in shown.get("equations", {}).values())
         form = scenes.scene_form(shown["given"] if unsolved else solved, shown["name"] or _title(shown), **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretize but the equations.

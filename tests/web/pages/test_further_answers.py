@@ -8,6 +8,7 @@ from urllib.parse import parse_qsl
 import httpx
 import pytest
 
+from inverse_service.expressions.reader import equation_line, has_acceleration
 from inverse_service.web.pages.form_documents import (
     document_of_fields,
     fields_from,
@@ -18,6 +19,7 @@ from inverse_service.web.pages.form_documents import (
 )
 from inverse_service.web.pages.form_tasks import echo_task
 from inverse_service.web.pages.forms import Form
+from inverse_service.web.pages.reading_back import understood
 
 DAMPED = {
     "equations": "x'' = -2*x + y - 2*x' + y'; y'' = x - 2*y + x' - 3*y'",
@@ -135,3 +137,24 @@ def test_a_time_of_another_name_is_shown(service: str, document: dict[str, objec
         latex = client.post("/v1/solve", json={**document, "time": "tau"}, headers={"Accept": "application/x-latex"})
     assert (page.status_code, latex.status_code) == (200, 200)
     assert shown in latex.text
+
+
+def test_a_second_derivative_of_a_function_is_no_acceleration(service: str) -> None:
+    """Text and pages wrote A''(x) = 0 for an equation that is solved for x''."""
+    document = {"equations": "x'' = -A'(x) + A''(x)", "functions": {"A": ["x"]}}
+    with httpx.Client(base_url=service, timeout=120, headers={"Prefer": "wait=20"}) as client:
+        text = client.post("/v1/solve", json=document, headers={"Accept": "text/plain"}).text
+        answer = client.post("/v1/parse", json=document).json()
+    assert text.startswith("  x'' = -A'(x) + A''(x)\n")
+    ((_, (line,)),) = understood(answer).groups
+    assert line.label == "x'' = -A'(x) + A''(x)"
+    assert "<mo>=</mo><mn>0</mn>" not in line.math
+
+
+@pytest.mark.parametrize(
+    ("text", "has"),
+    [("A''(x)", False), ("A'''(x) - x'", False), ("x'' + A''(x)", True), ("x''^2 - 1", True), ("2*x'' - y''", True)],
+)
+def test_what_has_an_acceleration(text: str, has: bool) -> None:
+    assert has_acceleration(text) is has
+    assert equation_line("x", text) == (f"{text} = 0" if has else f"x'' = {text}")
