@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
-from typing import TypeGuard
 
 from flint import fmpz
 
@@ -29,6 +28,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    is_exponential,
     number,
     square_root,
 )
@@ -204,15 +204,11 @@ def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, T
     shared: dict[Expression, Fraction] = {}
     for base, _ in first:
         tables = [dict(monomial) for monomial in terms]
-        if (with_monomial or _is_exponential(base)) and all(base in table for table in tables):
+        if (with_monomial or is_exponential(base)) and all(base in table for table in tables):
             shared[base] = min(table[base] for table in tables)
     inverse = tuple((base, -exponent) for base, exponent in shared.items())
     rest = _sum(_joined(monomial, inverse, value / content) for monomial, value in terms.items())
     return content, tuple(shared.items()), rest
-
-
-def _is_exponential(base: Expression) -> TypeGuard[Apply]:
-    return isinstance(base, Apply) and base.function == "exp"
 
 
 def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fraction) -> Terms:
@@ -221,7 +217,7 @@ def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fracti
             raise _TooLarge
         table = {base: inner * exponent for base, inner in monomial}
         return _normal(table, coefficient ** int(exponent))
-    free = {base: inner for base, inner in monomial if _is_exponential(base) or inner.denominator != 1}
+    free = {base: inner for base, inner in monomial if is_exponential(base) or inner.denominator != 1}
     bound = [(base, inner) for base, inner in monomial if base not in free]
     if len(bound) == 1 and coefficient > 0 and bound[0][1] % 2 == 1:
         free[bound[0][0]], bound = bound[0][1], []
@@ -279,8 +275,8 @@ def _logarithm(argument: Terms) -> Terms:
     if len(argument) != 1:
         return _atom(Apply("log", _tree(argument)))
     ((monomial, value),) = argument.items()
-    logs = [_scaled(_expand(base.argument), k) for base, k in monomial if _is_exponential(base)]
-    rest = tuple((base, exponent) for base, exponent in monomial if not _is_exponential(base))
+    logs = [_scaled(_expand(base.argument), k) for base, k in monomial if is_exponential(base)]
+    rest = tuple((base, exponent) for base, exponent in monomial if not is_exponential(base))
     sign = -1 if rest and all(exponent < 0 for _, exponent in rest) else 1
     factors = tuple((base, sign * exponent) for base, exponent in rest)
     value = value**sign

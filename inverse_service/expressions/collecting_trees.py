@@ -22,6 +22,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    is_exponential,
     multiply,
     negate,
     number,
@@ -56,7 +57,7 @@ def monomial_tree(monomial: Monomial) -> Expression:
     argument: list[Expression] = []
     numbers: dict[Fraction, Fraction] = {}
     for base, exponent in monomial:
-        if isinstance(base, Apply) and base.function == "exp":
+        if is_exponential(base):
             _split_exponential(base.argument, exponent, argument, exponents)
         elif isinstance(base, Number) and base.value > 0 and exponent.denominator != 1:
             numbers[exponent] = numbers.get(exponent, Fraction(1)) * base.value

@@ -28,6 +28,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     negate,
+    node_count,
     walk,
 )
 
@@ -37,7 +38,7 @@ _FINE = 2**64  # parts of one in a square root
 
 def inequality(tree: Expression) -> Formula:
     """The condition that the tree is positive, in all forms of writing, collected where that is shorter."""
-    left, right, is_greater = _sides(min(tree, collect(tree), key=lambda form: sum(1 for _ in walk(form))))
+    left, right, is_greater = _sides(min(tree, collect(tree), key=node_count))
     return row(left, " > " if is_greater else " < ", right)
 
 

@@ -30,9 +30,9 @@ from inverse_service.expressions.tree import (
     Expression,
     Symbol,
     Velocity,
+    node_count,
     number,
     substitute,
-    walk,
 )
 from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
 
@@ -71,7 +71,7 @@ def _defined(expression: Expression, variables: Sequence[Variable], names: Names
 
 
 def _once(expression: Expression, variable: Variable, names: Names) -> Expression:
-    nodes = sum(1 for _ in walk(expression))
+    nodes = node_count(expression)
     at_most(nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column)
     if variable.node != TIME:
         result = differentiate(expression, variable.node)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar, cast
+from typing import ClassVar, TypeGuard, cast
 
 ELEMENTARY = frozenset(
     (
@@ -264,6 +264,11 @@ def negate(expression: Expression) -> Expression:
     return multiply(MINUS_ONE, expression)
 
 
+def negated(tree: Expression) -> Expression:
+    """-tree with the sign in each term of a sum."""
+    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else -tree
+
+
 def subtract(left: Expression, right: Expression) -> Expression:
     return add(left, negate(right))
 
@@ -307,6 +312,19 @@ def walk(expression: Expression) -> Iterator[Expression]:
         node = stack.pop()
         yield node
         stack.extend(reversed(children(node)))
+
+
+def node_count(tree: Expression) -> int:
+    return sum(1 for _ in walk(tree))
+
+
+def holds(tree: Expression, *leaves: Expression) -> bool:
+    """Whether one of these occurs in the tree."""
+    return any(node in leaves for node in walk(tree))
+
+
+def is_exponential(tree: Expression) -> TypeGuard[Apply]:
+    return isinstance(tree, Apply) and tree.function == "exp"
 
 
 def distinct_nodes(expressions: Iterable[Expression]) -> Iterator[Expression]:

@@ -35,6 +35,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    node_count,
     walk,
 )
 from inverse_service.mechanics.opaque_fractions import (
@@ -249,7 +250,7 @@ def _solution(
     if all(isinstance(ring.tree(entry), Number) and len(parts) == 1 for entry, _ in parts):
         return plain
     gathered = _gathered(plain, places)
-    return gathered if 2 * _size(gathered) <= 3 * _size(plain) else plain
+    return gathered if 2 * node_count(gathered) <= 3 * node_count(plain) else plain
 
 
 def _gathered(plain: Expression, places: Mapping[Expression, int]) -> Expression:
@@ -261,10 +262,6 @@ def _gathered(plain: Expression, places: Mapping[Expression, int]) -> Expression
         return ring.tree(ring.fraction(plain))
     except (LimitError, ZeroDivisionError):
         return plain
-
-
-def _size(tree: Expression) -> int:
-    return sum(1 for _ in walk(tree))
 
 
 def _wrong_number(count: int, coordinates: Sequence[str]) -> InputError:

@@ -8,7 +8,7 @@ from typing import Any
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, substitute, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, holds, substitute, walk
 from inverse_service.mechanics.euler_lagrange import hessian
 
 EXACT = "; where a single trajectory is to be exact, adaptive costs less."
@@ -24,7 +24,7 @@ def for_lagrangian(
     moving = {*map(Symbol, coordinates), *map(Velocity, coordinates), TIME}
     reached = dict.fromkeys(to_text(wall) for wall in walls if moving & set(walk(wall)))
     ends = LEAVES.format(" or ".join(reached)) if reached else ""
-    with_time = any(node == TIME for node in walk(lagrangian))
+    with_time = holds(lagrangian, TIME)
     why = "; L contains t, so the energy is no constant to be kept." if with_time else f", {ENERGY}"
     masses = {node for row in hessian(lagrangian, coordinates) for entry in row for node in walk(entry)}
     separable = is_separable(lagrangian, coordinates)
@@ -49,7 +49,7 @@ def for_constraints(
         why = f"but the energy may drift, as terms of odd degree in the velocities let no motion be turned round{EXACT}"
     if any(collect(one + substitute(one, turned)) != ZERO for one in constraints):
         why = "but the energy is no constant to be kept, because constraints with parts free of velocities do work."
-    if any(node == TIME for tree in (lagrangian, *constraints) for node in walk(tree)):
+    if any(holds(tree, TIME) for tree in (lagrangian, *constraints)):
         why = "but L contains t, so the energy is no constant to be kept."
     return advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {why}", "1/2")
 

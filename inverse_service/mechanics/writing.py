@@ -25,6 +25,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    node_count,
     rebuild,
     walk,
 )
@@ -40,7 +41,7 @@ def readable(ring: ExactRing, element: Quotient) -> Expression:
     if len(parts) < 2:
         return whole
     apart = add(*(_in_order(joined(quotient_tree(ring, part))) for part in parts))
-    return min([apart, whole], key=lambda tree: sum(1 for _ in walk(tree)))
+    return min([apart, whole], key=node_count)
 
 
 def velocity_parts(ring: ExactRing, element: Quotient) -> list[Quotient]:

@@ -35,10 +35,10 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    holds,
     multiply,
     number,
     square_root,
-    walk,
 )
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
@@ -80,7 +80,7 @@ def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLag
     k, names = motion.turning, motion.coordinates
     raw = _directions(motion)
     steady = _is_constant(_square(motion, raw), motion)
-    decoupled = tuple(i for i in raw if raw[i] == ZERO or (steady and not _turns(raw[i], names[k])))
+    decoupled = tuple(i for i in raw if raw[i] == ZERO or (steady and not holds(raw[i], Symbol(names[k]))))
     if len(decoupled) == len(raw):
         return None
     norm = ONE if steady else square_root(_square(motion, raw))
@@ -134,14 +134,10 @@ def _is_constant(expression: Expression, motion: ExactMotion) -> bool:
     return len(values) > 1 and bool(np.ptp(values) <= CONSTANT * np.abs(values).max())
 
 
-def _turns(expression: Expression, name: str) -> bool:
-    return any(node == Symbol(name) for node in walk(expression))
-
-
 def _stripped(expression: Expression, name: str) -> Expression:
     """The factors that hold the turning coordinate; a constant direction becomes 1."""
     factors = expression.factors if isinstance(expression, Product) else (expression,)
-    kept = [factor for factor in factors if not isinstance(factor, Number) and _turns(factor, name)]
+    kept = [factor for factor in factors if not isinstance(factor, Number) and holds(factor, Symbol(name))]
     return multiply(*kept) if kept else number(1)
 
 

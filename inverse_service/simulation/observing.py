@@ -29,7 +29,7 @@ import numpy as np
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, substitute, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
@@ -122,7 +122,7 @@ def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:
 def why_energy_varies(scene: Scene) -> str | None:
     """A sentence where the energy of the scene is no constant of the motion."""
     lagrangian = lagrangian_of_energy(scene)
-    if lagrangian is not None and any(node == TIME for node in walk(lagrangian)):
+    if lagrangian is not None and holds(lagrangian, TIME):
         return WITH_TIME
     rest: dict[Expression, Expression] = {Velocity(name): ZERO for name in scene.coordinates}
     if any(collect(substitute(w, rest)) != ZERO for w in scene.constraints):

@@ -32,8 +32,8 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    holds,
     substitute,
-    walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.search.factors import position_monomials, products
@@ -167,8 +167,8 @@ def _inverted(motion: ConstrainedMotion) -> list[tuple[Velocity, ...]]:
 
 def _is_alone(motion: ConstrainedMotion, name: str, f: Expression) -> bool:
     """Whether the motion of a coordinate depends on no other."""
-    others = {*map(Symbol, motion.coordinates), *map(Velocity, motion.free)} - {Symbol(name), Velocity(name)}
-    return not any(node in others for node in walk(f))
+    every: list[Expression] = [*map(Symbol, motion.coordinates), *map(Velocity, motion.free)]
+    return not holds(f, *(leaf for leaf in every if leaf not in (Symbol(name), Velocity(name))))
 
 
 def _functions(
@@ -187,14 +187,12 @@ def _functions(
 
 def _constants(motion: ConstrainedMotion, material: Material) -> list[Monomial]:
     """What each term of f holds of parameters, such as g*sin(alpha)."""
-    moving = {TIME, *map(Symbol, motion.coordinates), *map(Velocity, motion.coordinates)}
+    moving: list[Expression] = [TIME, *map(Symbol, motion.coordinates), *map(Velocity, motion.coordinates)]
     found: list[Monomial] = []
     for terms in material.motion.forces:
         for key in terms:
             part = frozenset(
-                (letter, e)
-                for letter, e in key
-                if not isinstance(letter, Number) and not any(node in moving for node in walk(letter))
+                (letter, e) for letter, e in key if not isinstance(letter, Number) and not holds(letter, *moving)
             )
             found += [part] if part else []
     return distinct(found)

@@ -14,7 +14,7 @@ from fractions import Fraction
 
 from inverse_service.deadline import left, now
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import TIME, Arbitrary, Expression, Symbol, Velocity, substitute, walk
+from inverse_service.expressions.tree import TIME, Arbitrary, Expression, Symbol, Velocity, holds, substitute, walk
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
 from inverse_service.inverse_problem.solutions import Answer, SolveOptions
@@ -51,7 +51,7 @@ def reduced_system(motion: ConstrainedMotion) -> SecondOrderSystem | None:
     """r'' = F(r, r'), if F and the velocities of the other coordinates do not contain these."""
     others = {Symbol(name) for name in motion.dependent}
     trees = (*motion.free_accelerations, *motion.dependent_velocities)
-    if any(node in others for tree in trees for node in walk(tree)):
+    if any(holds(tree, *others) for tree in trees):
         return None
     names = {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}
     functions = tuple(function for function in motion.functions if function[0] in names)

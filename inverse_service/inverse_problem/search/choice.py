@@ -9,6 +9,7 @@ from fractions import Fraction
 import mpmath
 from flint import nmod_mat
 
+from inverse_service.algebra.point import number_value
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import Expression
@@ -40,7 +41,7 @@ def hessians(space: LagrangianSpace, seed: int) -> tuple[int, list[Matrix]]:
 def _hessian(table: LetterTable, letters: Sequence[tuple[int, Fraction]], value: int) -> Matrix:
     """m (V_i V_j + sum e d2 log p)."""
     prime, n = table.prime, table.derivatives.size
-    weights = [(k, e.numerator * pow(e.denominator, -1, prime) % prime) for k, e in letters]
+    weights = [(k, number_value(e, prime)) for k, e in letters]
     slope = [sum(w * int(table.derivatives.by_velocity[0, k, i]) for k, w in weights) % prime for i in range(n)]
     return [
         [value * (slope[i] * slope[j] + sum(w * int(table.derivatives.hessian[0, k, i, j]) for k, w in weights)) % prime
@@ -53,7 +54,7 @@ def _combined(single: dict[Monomial, Matrix], combination: Combination, prime: i
     n = len(next(iter(single.values())))
     total = [[0] * n for _ in range(n)]
     for key, a in combination.items():
-        weight = a.numerator * pow(a.denominator, -1, prime)
+        weight = number_value(a, prime)
         for i in range(n):
             for j in range(n):
                 total[i][j] = (total[i][j] + weight * single[key][i][j]) % prime

@@ -16,7 +16,7 @@ from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import STEP, check
-from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, Velocity, walk
+from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, Velocity, holds, walk
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
 from inverse_service.inverse_problem.search.motion_terms import MotionTerms, euler_lagrange, split_velocities
 from inverse_service.inverse_problem.search.terms import (
@@ -126,7 +126,7 @@ def is_admissible(material: Material, key: Monomial) -> bool:
     """L may contain t only where asked for, and a pure constant is no term."""
     if all(isinstance(letter, Number) for letter, _ in key):
         return False
-    return material.motion.with_time or not any(node == TIME for letter, _ in key for node in walk(letter))
+    return material.motion.with_time or not any(holds(letter, TIME) for letter, _ in key)
 
 
 def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> list[Monomial]:

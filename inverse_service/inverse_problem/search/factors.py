@@ -10,7 +10,7 @@ from fractions import Fraction
 from math import lcm
 
 from inverse_service import bounds
-from inverse_service.expressions.tree import TIME, Apply, Expression, Sum
+from inverse_service.expressions.tree import TIME, Expression, Sum, is_exponential
 from inverse_service.inverse_problem.search.integrating import divergence_factor, integrating_factor
 from inverse_service.inverse_problem.search.material import (
     Material,
@@ -145,7 +145,7 @@ def _exponents(letter: Expression, seen: set[Fraction]) -> list[Fraction]:
     one = Fraction(1)
     if isinstance(letter, Sum):
         return [one, -one, HALF, -HALF]
-    if isinstance(letter, Apply) and letter.function == "exp":
+    if is_exponential(letter):
         highest = int(max([one, *(abs(e) for e in seen)]))
         whole = [k * one for k in range(1, min(highest, bounds.POWER) + 1)]
         unit = Fraction(1, lcm(*(e.denominator for e in seen)))  # e^(x/2) may be a part of e^(3x/2)

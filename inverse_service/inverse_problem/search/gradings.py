@@ -19,6 +19,7 @@ from types import MappingProxyType
 
 from flint import nmod_mat
 
+from inverse_service.algebra.point import number_value
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.tree import (
     PI,
@@ -167,8 +168,10 @@ def _scaled(equations: Sequence[Rate], candidates: Sequence[Monomial]) -> list[i
     generator = random.Random(f"gradings {len(names)}")
     weights = [generator.randrange(_PRIME) for _ in basis]
     exponents = [sum(w * row[k] for w, row in zip(weights, basis, strict=True)) for k in range(len(names))]
-    values = {p: sum(_residue(a, _PRIME) * exponents[names[name]] for name, a in f.items()) for p, f in forms.items()}
-    return [sum(values[p] * _residue(e, _PRIME) for p, e in key) % _PRIME for key in candidates]
+    values = {
+        p: sum(number_value(a, _PRIME) * exponents[names[name]] for name, a in f.items()) for p, f in forms.items()
+    }
+    return [sum(values[p] * number_value(e, _PRIME) for p, e in key) % _PRIME for key in candidates]
 
 
 def _reflected(equations: Sequence[Rate], candidates: Sequence[Monomial]) -> list[int]:
@@ -181,10 +184,6 @@ def _reflected(equations: Sequence[Rate], candidates: Sequence[Monomial]) -> lis
 
 def _exclusive(bits: Iterable[int]) -> int:
     return reduce(xor, bits, 0)
-
-
-def _residue(value: Fraction, prime: int) -> int:
-    return value.numerator % prime if value.denominator == 1 else value.numerator * pow(value.denominator, -1, prime)
 
 
 def _kept(
@@ -212,7 +211,7 @@ def _keep_motion(measure: _Measure, equations: Sequence[Rate]) -> None:
 
 def _null_vectors(forms: Sequence[Form], names: Mapping[Symbol | str, int], prime: int) -> list[list[int]]:
     """A basis of the vectors on which all forms vanish."""
-    rows = {tuple(sorted((names[name], _residue(a, prime) % prime) for name, a in form.items())) for form in forms}
+    rows = {tuple(sorted((names[name], number_value(a, prime)) for name, a in form.items())) for form in forms}
     matrix = nmod_mat(len(rows) + 1, len(names), prime)
     for i, row in enumerate(sorted(rows)):
         for k, a in row:

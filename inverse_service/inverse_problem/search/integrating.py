@@ -29,7 +29,7 @@ from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.evaluation import evaluate as real_value
-from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Velocity
+from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Velocity, is_exponential
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, companions, moving_letters
 from inverse_service.inverse_problem.search.multiplier_ansatz import connection_and_endomorphism, tensors_of
@@ -39,6 +39,7 @@ from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
     Terms,
+    monomial,
     monomial_tree,
     times,
     tree_of,
@@ -49,7 +50,7 @@ def integrating_factor(material: Material, c: Terms, variable: Variable, seed: i
     """exp(-int c d variable), or None where it is no such product; logarithms alone are tried first."""
     own = dict.fromkeys(p for key in c for letter, _ in key for p in (letter, *companions(letter)))
     sums = [p for p in material.position_letters if isinstance(p, Sum)]
-    letters = [p for p in dict.fromkeys([variable, *own, *sums]) if not _is_exponential(p)]
+    letters = [p for p in dict.fromkeys([variable, *own, *sums]) if not is_exponential(p)]
     primitives = list(dict.fromkeys(m for key in c for m in antiderivatives(key, variable)))
     for extra in ([], primitives):
         fits = len(letters) + len(extra) <= bounds.COLUMNS
@@ -57,10 +58,6 @@ def integrating_factor(material: Material, c: Terms, variable: Variable, seed: i
         if solution is not None:
             return _assembled(letters, extra, solution)
     return None
-
-
-def _is_exponential(letter: Expression) -> bool:
-    return isinstance(letter, Apply) and letter.function == "exp"
 
 
 def _assembled(letters: Sequence[Expression], primitives: Sequence[Monomial], solution: Sequence[Fraction]) -> Monomial:
@@ -131,7 +128,7 @@ def divergence_factor(material: Material, seed: int) -> Monomial | None:
     if len(found) != 1:
         return None
     k, c = found[0]
-    rate = times(material.parameter_monomials[k], frozenset([(TIME, Fraction(1))]))
+    rate = times(material.parameter_monomials[k], monomial(TIME))
     return frozenset([(Apply("exp", monomial_tree(rate)), c)])
 
 

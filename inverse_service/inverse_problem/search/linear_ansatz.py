@@ -13,6 +13,7 @@ from inverse_service import bounds
 from inverse_service.algebra import modular
 from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
+from inverse_service.algebra.point import number_value
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.null_vectors import SPARE, SampledRows, kernel, vectors_of_groups
@@ -94,14 +95,10 @@ def exponents_of(letters: Sequence[Expression], candidates: Sequence[Monomial], 
     """The letters of each candidate in a row, their exponents in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
     starts, places, exponents = [0], [], []
-    residues: dict[tuple[int, int], int] = {}
     for candidate in candidates:
         for letter, e in candidate:
             places.append(index[letter])
-            key = (e.numerator, e.denominator)
-            if key not in residues:
-                residues[key] = e.numerator * pow(e.denominator, -1, prime) % prime
-            exponents.append(residues[key])
+            exponents.append(number_value(e, prime))
         starts.append(len(places))
     numbers = to_montgomery(np.array(exponents, np.uint64), prime)
     return Exponents(np.array(starts, np.int64), np.array(places, np.int64), numbers)
@@ -151,7 +148,7 @@ def _that_hold(
     place = {k: position for position, k in enumerate(used)}
 
     def holds(vector: dict[int, Fraction]) -> bool:
-        weights = [(place[k], a.numerator * pow(a.denominator, -1, prime)) for k, a in vector.items()]
+        weights = [(place[k], number_value(a, prime)) for k, a in vector.items()]
         return all(sum(row[k] * w for k, w in weights) % prime == 0 for row in rows)
 
     return [vector for vector in vectors if holds(vector)]

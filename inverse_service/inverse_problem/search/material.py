@@ -28,6 +28,9 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    holds,
+    is_exponential,
+    node_count,
     substitute,
     walk,
 )
@@ -85,7 +88,7 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     )
     letters = _letters(forces)
     parameters = frozenset(Symbol(name) for name in system.parameters)
-    position = [p for p in letters if not has_velocity(p) and depends_on_position(p, motion)]
+    position = [p for p in letters if not has_velocity(p) and holds(p, TIME, *motion.coordinates)]
     moving = [p for p in letters if has_velocity(p) and not isinstance(p, Velocity)]
     constants = _parameter_monomials(forces, parameters)
     return Material(analysis, motion, tuple(position), tuple(moving), _linear_sums(trees), constants)
@@ -196,7 +199,7 @@ def moving_letters(material: Material) -> list[Expression]:
 
 def _moving_letters(material: Material) -> Iterator[Expression]:
     """Letters of f stay whole, as the root of 1 - v^2 does; other sums, as in an f multiplied out, give factors."""
-    known = [p for p in material.velocity_letters if not (isinstance(p, Apply) and p.function == "exp")]
+    known = [p for p in material.velocity_letters if not is_exponential(p)]
     yield from (p for p in known if not isinstance(p, Sum) or _is_plain(p))
     for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in walk(f)):
         if isinstance(node, Sum) and has_velocity(node):
@@ -223,12 +226,7 @@ def _is_plain(node: Expression) -> bool:
     """A short sum without roots in it."""
     exponents = [part.exponent for part in walk(node) if isinstance(part, Power)]
     whole = all(isinstance(e, Number) and e.value.denominator == 1 for e in exponents)
-    return whole and sum(1 for _ in walk(node)) <= bounds.NODES
-
-
-def depends_on_position(letter: Expression, motion: MotionTerms) -> bool:
-    names = {*motion.coordinates, TIME}
-    return any(node in names for node in walk(letter))
+    return whole and node_count(node) <= bounds.NODES
 
 
 def _parameter_monomials(forces: Iterable[Terms], parameters: frozenset[Symbol]) -> tuple[Monomial, ...]:
@@ -312,7 +310,7 @@ def integrating_candidates(material: Material) -> list[tuple[int, Terms, Variabl
         own = any(place == i and variable == motion.coordinates[i] for place, _, variable in found)
         found += [] if own else [(i, c, motion.coordinates[i]) for c in _alone(material, i)]
         drag = simplified(material, coefficient(f, monomial(v)))
-        if drag and motion.with_time and not any(_has_position(key, motion) for key in drag):
+        if drag and motion.with_time and not any(holds(p, *motion.coordinates) for key in drag for p, _ in key):
             found.append((i, drag, TIME))
     return found
 
@@ -330,10 +328,6 @@ def _alone(material: Material, i: int) -> list[Terms]:
             if c := coefficient(terms_of(rest), monomial(own, own)):
                 return [c]
     return []
-
-
-def _has_position(key: Monomial, motion: MotionTerms) -> bool:
-    return any(node in motion.coordinates for letter, _ in key for node in walk(letter))
 
 
 def distinct(parts: Sequence[Monomial]) -> list[Monomial]:

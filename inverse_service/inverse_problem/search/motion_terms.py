@@ -9,7 +9,7 @@ from functools import lru_cache
 from math import lcm
 
 from inverse_service.algebra.rational_functions import factored
-from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, Velocity, walk
+from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Symbol, Velocity, holds, walk
 from inverse_service.inverse_problem.search.terms import (
     Monomial,
     Terms,
@@ -139,7 +139,7 @@ def irreducible_factors(tree: Expression) -> tuple[Expression, ...]:
 
 def reading_class(lagrangian: Expression) -> int:
     """0 for a polynomial in the velocities, 1 where it holds t, 2 for a rational function of them, 3 for all else."""
-    kind = int(any(node == TIME for node in walk(lagrangian)))
+    kind = int(holds(lagrangian, TIME))
     for node in walk(lagrangian):
         if isinstance(node, Apply) and has_velocity(node):
             return 3

@@ -156,7 +156,7 @@ class SampledRows:
     width: int
     rows: Words | None = None
 
-    def of(self, begin: int, end: int, columns: Sequence[int]) -> Words:
+    def of(self, columns: Sequence[int], begin: int, end: int) -> Words:
         """The rows of these samples for these unknowns."""
         taken = 0 if self.rows is None else len(self.rows) // self.width
         if end > taken:
@@ -176,10 +176,6 @@ def vectors_of_groups(
 
     found: list[dict[int, Fraction]] = []
     for group in sorted(groups, key=len, reverse=True):
-        inside = settled_kernel(partial(_of_group, rows, group), prime, samples(len(group)), samples)
+        inside = settled_kernel(partial(rows.of, group), prime, samples(len(group)), samples)
         found += [{group[k]: a for k, a in vector.items()} for vector in inside.rational_vectors()]
     return sorted(found, key=max)
-
-
-def _of_group(rows: SampledRows, group: Sequence[int], begin: int, end: int) -> Words:
-    return rows.of(begin, end, group)

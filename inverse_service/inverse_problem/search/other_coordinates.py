@@ -37,6 +37,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    holds,
     number,
     rebuild,
     square_root,
@@ -100,16 +101,12 @@ def _primitives(node: Sum, names: Iterable[str]) -> Iterator[Form]:
         terms = terms_of(node)
     except TooManyTerms:
         return
-    if all(isinstance(p, Symbol) and p.name in names for key in terms for p, _ in key if not _is_constant(p)):
+    if all(isinstance(p, Symbol) and p.name in names for key in terms for p, _ in key if not isinstance(p, Number)):
         yield frozenset((key, value) for key, value in terms.items() if key)
     elif all(sum(isinstance(p, Velocity) for p, _ in key) == 1 for key in terms):
         whole = _integrated(terms)
         if whole is not None:
             yield frozenset(whole.items())
-
-
-def _is_constant(letter: Expression) -> bool:
-    return isinstance(letter, Number)
 
 
 def _integrated(terms: Terms) -> Terms | None:
@@ -134,7 +131,7 @@ def _shears(form: Form, names: Iterable[str]) -> Iterator[tuple[str, Expression]
         single = frozenset([(Symbol(name), Fraction(1))])
         if single in table and len(table) > 1:
             rest = {key: value / table[single] for key, value in table.items() if key != single}
-            if not any(node == Symbol(name) for node in walk(tree_of(rest))):
+            if not holds(tree_of(rest), Symbol(name)):
                 yield name, tree_of(rest)
 
 
@@ -193,7 +190,7 @@ def _polar_changes(material: Material) -> Iterator[Change]:
             Apply("cos", Symbol(angle)): Number(Fraction(4, 5)),
         }
         occurs = {node for tree in trees for node in walk(tree)} & set(circular)
-        bare = any(node == Symbol(angle) for tree in trees for node in walk(substitute(tree, circular)))
+        bare = any(holds(substitute(tree, circular), Symbol(angle)) for tree in trees)
         divisors = {node.base for node in walk(trees[names.index(angle)]) if isinstance(node, Power)}
         for radius in sorted(names, key=lambda name: Symbol(name) not in divisors) if occurs and not bare else ():
             if radius != angle:

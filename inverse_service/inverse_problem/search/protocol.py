@@ -16,7 +16,17 @@ from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plainly_positive
-from inverse_service.expressions.tree import Expression, Number, Power, Product, Symbol, Velocity, multiply, walk
+from inverse_service.expressions.tree import (
+    Expression,
+    Number,
+    Power,
+    Product,
+    Symbol,
+    Velocity,
+    multiply,
+    node_count,
+    walk,
+)
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
 from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
@@ -103,7 +113,7 @@ def _that_can_vanish(
     known = known_positive(positive)
     factors = {base for tree in positive for base, _ in _powers(analysis, tree)}
     kept = set[Expression]()
-    for tree in sorted(trees, key=_size):
+    for tree in sorted(trees, key=node_count):
         parts = [base for base, exponent in _powers(analysis, tree) if exponent > 0]
         if not all(is_plainly_positive(base, known) or is_plainly_nonzero(base, factors) for base in parts):
             kept.add(tree)
@@ -127,11 +137,7 @@ def _compact(analysis: Analysis, entry: Expression) -> Expression:
         plain = tree_of(terms_of(entry))
     except (TooManyTerms, TooLarge):
         return entry
-    return min(plain, _factored(analysis, plain), key=_size)
-
-
-def _size(tree: Expression) -> int:
-    return sum(1 for _ in walk(tree))
+    return min(plain, _factored(analysis, plain), key=node_count)
 
 
 def _factored(analysis: Analysis, tree: Expression) -> Expression:

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from inverse_service import bounds
-from inverse_service.expressions.tree import Apply, Expression, Sum, walk
+from inverse_service.expressions.tree import Apply, Expression, Sum, holds
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
     Monomial,
@@ -51,7 +51,7 @@ def quadratic_antiderivatives(key: Monomial, variable: Expression) -> Iterator[M
 def _of_letter(key: Monomial, letter: Sum, e: Fraction, variable: Expression) -> Iterator[Monomial]:
     slope = letter_derivative(letter, variable)
     second = derivative_of_terms(slope, variable)
-    if not second or any(node == variable for node in walk(tree_of(second))):
+    if not second or holds(tree_of(second), variable):
         return
     squared = multiply_terms(slope, slope)
     D = add_terms({k: 2 * a for k, a in multiply_terms(terms_of(letter), second).items()}, squared, -1)

@@ -38,7 +38,10 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    holds,
+    is_exponential,
     multiply,
+    negated,
     rebuild,
     substitute,
     walk,
@@ -46,7 +49,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
 from inverse_service.inverse_problem.decision.certify import of_lagrangian
 from inverse_service.inverse_problem.search.completion import completed
-from inverse_service.inverse_problem.search.one_coordinate.algebra import negated, shortest
+from inverse_service.inverse_problem.search.one_coordinate.algebra import shortest
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooManyTerms, monomial_tree, terms_of, tree_of
 from inverse_service.mechanics.potential import Potential, potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -93,8 +96,8 @@ def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analys
             argument = ring.variables[place]
             integral = Integral(next(names), (argument,), (0,), (readable(ring, inner),))
             factors.append(Apply("exp", readable(ring, constant) * integral))
-    inside = [factor.argument for factor in factors if isinstance(factor, Apply) and factor.function == "exp"]
-    others = [factor for factor in factors if not (isinstance(factor, Apply) and factor.function == "exp")]
+    inside = [factor.argument for factor in factors if is_exponential(factor)]
+    others = [factor for factor in factors if not is_exponential(factor)]
     return multiply(*others, *([Apply("exp", add(*inside))] if inside else []))
 
 
@@ -117,7 +120,7 @@ def _elementary_factors(slope: Expression, variable: Expression, analysis: Analy
     for key, value in terms_of(found).items():
         logarithm = next((p for p, e in key if isinstance(p, Apply) and p.function == "log" and e == 1), None)
         others = key - {(logarithm, Fraction(1))} if logarithm else key
-        if logarithm and not any(node == variable for p, _ in others for node in walk(p)):
+        if logarithm and not any(holds(p, variable) for p, _ in others):
             powers.setdefault(logarithm.argument, []).append(tree_of({others: value}))
         else:
             rest[key] = value
@@ -292,7 +295,7 @@ def potential_with_integrals(
     fresh = fresh_names(system, phi)
     groups: dict[Monomial, Terms] = {}
     for key, value in wanted.items():
-        own: Monomial = frozenset(item for item in key if any(node == x for node in walk(item[0])))
+        own: Monomial = frozenset(item for item in key if holds(item[0], x))
         groups.setdefault(own, {})[key - own] = value
     total: list[Expression] = []
     for own, outside in groups.items():
@@ -305,7 +308,7 @@ def potential_with_integrals(
 
 def _integral(slope: Expression, x: Symbol, name: str) -> Integral:
     """The integral over x of a formula that may also hold t, whose derivative by t is then left open."""
-    if any(node == TIME for node in walk(slope)):
+    if holds(slope, TIME):
         return Integral(name, (TIME, x), (0, 0), (None, slope))
     return Integral(name, (x,), (0,), (slope,))
 

@@ -39,6 +39,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     children,
+    holds,
     multiply,
     number,
     rebuild,
@@ -125,7 +126,7 @@ def is_damped(material: Material) -> bool:
     if not motion.with_time or motion.size == 1:
         return False
     pairs = zip(motion.velocities, material.analysis.system.accelerations, strict=True)
-    if not all(any(node == v for node in walk(f)) for v, f in pairs):
+    if not all(holds(f, v) for v, f in pairs):
         return False
     return _is_quadratic(material) or hidden_damping(material.analysis) is not None
 
@@ -177,14 +178,9 @@ def _common_coefficient(material: Material) -> Terms | None:
             own = coefficient(terms_of(f), monomial(v))
         except TooManyTerms:
             return None
-        plain = {k: c for k, c in own.items() if not any(_varies(letter, material) for letter, _ in k)}
+        plain = {k: c for k, c in own.items() if not any(holds(letter, *motion.coordinates) for letter, _ in k)}
         shared = plain if shared is None else {k: c for k, c in shared.items() if plain.get(k) == c}
     return shared
-
-
-def _varies(letter: Expression, material: Material) -> bool:
-    """Whether a letter depends on coordinates; the time may stand in it."""
-    return any(node in material.motion.coordinates for node in walk(letter))
 
 
 def _undamped(material: Material, rate: Expression) -> SecondOrderSystem:

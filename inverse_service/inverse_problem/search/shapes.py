@@ -13,6 +13,7 @@ from inverse_service.expressions.tree import (
     Power,
     Sum,
     Velocity,
+    is_exponential,
     number,
     square_root,
     walk,
@@ -203,10 +204,6 @@ def _root(value: Fraction) -> Expression:
     return number(Fraction(top, bottom)) if exact else square_root(number(value))
 
 
-def _is_exponential(letter: Expression) -> bool:
-    return isinstance(letter, Apply) and letter.function == "exp"
-
-
 def exponentials(material: Material) -> list[Monomial]:
     """The products of exponentials of velocities in f, and their inverses."""
     found: dict[Monomial, None] = {}
@@ -218,7 +215,7 @@ def exponentials(material: Material) -> list[Monomial]:
             except TooManyTerms:
                 continue
     for key in keys:
-        part: Monomial = frozenset((p, e) for p, e in key if _is_exponential(p) and has_velocity(p))
+        part: Monomial = frozenset((p, e) for p, e in key if is_exponential(p) and has_velocity(p))
         if part:
             found[part] = None
             found[times(EMPTY, part, -1)] = None

@@ -27,6 +27,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    is_exponential,
     multiply,
     number,
     split_exponent,
@@ -270,7 +271,7 @@ def monomial_tree(key: Monomial) -> Expression:
     for letter, exponent in sorted(key, key=_letter_rank):
         if isinstance(letter, Power) or letter in symbolic:
             continue
-        if isinstance(letter, Apply) and letter.function == "exp":
+        if is_exponential(letter):
             exponents.append(exponent * letter.argument)
         else:
             parts.append(letter**exponent)

@@ -10,6 +10,7 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations
+from math import comb
 
 from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
@@ -33,6 +34,8 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     distinct_nodes,
+    holds,
+    is_exponential,
     multiply,
     number,
     rebuild,
@@ -56,13 +59,6 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import joined
 
 _LARGEST = 4
-# (cos, sin) of k turns as rows of (coefficient, power of u): real and imaginary part of (1 + i u)^k.
-_TURNS = {
-    1: (((1, 0),), ((1, 1),)),
-    2: (((1, 0), (-1, 2)), ((2, 1),)),
-    3: (((1, 0), (-3, 2)), ((3, 1), (-1, 3))),
-    4: (((1, 0), (-6, 2), (1, 4)), ((4, 1), (-4, 3))),
-}
 
 
 def without_arctangents(tree: Expression) -> Expression:
@@ -79,7 +75,8 @@ def _algebraic(node: Expression) -> Expression | None:
     if arctangent is None or turns.denominator != 1 or not 1 <= abs(turns) <= _LARGEST:
         return None
     u, k = arctangent.argument, abs(int(turns))
-    terms = _TURNS[k][node.function == "sin"]
+    # The real or the imaginary part of (1 + i u)^k.
+    terms = [((-1) ** (e // 2) * comb(k, e), e) for e in range(node.function == "sin", k + 1, 2)]
     sign = -1 if turns < 0 and node.function == "sin" else 1
     above = add(*(sign * a * u**e for a, e in terms))
     norm = 1 + u**2
@@ -174,7 +171,7 @@ def _merged(tree: Expression) -> Expression:
         case Power(Power(base, Number(inner)), Number(outer)) if outer.denominator == 1:
             return base ** (inner * outer)
     if not isinstance(tree, Product) or not any(
-        isinstance(f, Power) and not _is_number(f.exponent) for f in tree.factors
+        isinstance(f, Power) and not isinstance(f.exponent, Number) for f in tree.factors
     ):
         return tree
     table: dict[Expression, Expression] = {}
@@ -182,17 +179,13 @@ def _merged(tree: Expression) -> Expression:
         base, e = (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, ONE)
         table[base] = table.get(base, ZERO) + e
     numbers = [base ** table.pop(base) for base in list(table) if isinstance(base, Number)]
-    for base in [base for base, e in table.items() if isinstance(base, Sum) and not _is_number(e)]:
+    for base in [base for base, e in table.items() if isinstance(base, Sum) and not isinstance(e, Number)]:
         numbers += _absorbed(base, table)
     return multiply(*numbers, *(base ** _ordered(e) for base, e in table.items()))
 
 
 def _ordered(exponent: Expression) -> Expression:
     return tree_of(terms_of(exponent))
-
-
-def _is_number(tree: Expression) -> bool:
-    return isinstance(tree, Number)
 
 
 def _absorbed(base: Expression, table: dict[Expression, Expression]) -> list[Expression]:
@@ -273,7 +266,7 @@ def _with_common_factor(form: Callable[[Expression], Expression], tree: Expressi
 
 
 def _is_exponential_of_time(letter: Expression) -> bool:
-    return isinstance(letter, Apply) and letter.function == "exp" and any(node == TIME for node in walk(letter))
+    return is_exponential(letter) and holds(letter, TIME)
 
 
 def _split(terms: Terms, is_outside: Callable[[Expression], bool]) -> dict[Monomial, Terms]:
@@ -368,7 +361,7 @@ def _constants_first(tree: Expression, system: SecondOrderSystem) -> Expression:
     """A product with its factors that do not vary in front."""
     varying = {TIME, *map(Symbol, system.coordinates)}
     factors = tree.factors if isinstance(tree, Product) else (tree,)
-    return multiply(*sorted(factors, key=lambda factor: any(node in varying for node in walk(factor))))
+    return multiply(*sorted(factors, key=lambda factor: holds(factor, *varying)))
 
 
 def _is_sum_of(tree: Expression, count: int) -> bool:

@@ -32,6 +32,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     add,
     distinct_nodes,
+    node_count,
     number,
     rebuild,
     substitute,
@@ -85,7 +86,7 @@ def _plainer(tower: Tower, force: Expression) -> Expression:
             plain = substitute(plain, {rule.atom: rule.tree})
     with suppress(InputError):
         plain = plain if plain == force else collected_inside(plain)
-    return min(force, plain, key=lambda tree: sum(1 for _ in walk(tree)))
+    return min(force, plain, key=node_count)
 
 
 @lru_cache(maxsize=256)

@@ -28,6 +28,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    is_exponential,
     number,
     substitute,
 )
@@ -102,7 +103,7 @@ def _forms_of(monomial: Monomial, names: Sequence[str]) -> list[Form] | None:
         if isinstance(base, Velocity) or not velocities_in(base, names):
             continue
         part = _inside(base, names)
-        if isinstance(base, Apply) and base.function == "exp" and part:
+        if is_exponential(base) and part:
             for name, value in part.items():
                 exponent[name] = exponent.get(name, ZERO) + power * value
         else:

@@ -19,6 +19,7 @@ from inverse_service.expressions.tree import (
     Product,
     Symbol,
     Velocity,
+    is_exponential,
     multiply,
     substitute,
     walk,
@@ -101,7 +102,7 @@ def _factors(tree: Expression) -> Iterator[tuple[Expression, Fraction]]:
 
 def _is_harmless(factor: Expression, place: _PhaseSpace) -> bool:
     """Whether a factor is constant, an exponential, or known not to vanish."""
-    if isinstance(factor, Apply) and factor.function == "exp":
+    if is_exponential(factor):
         return True
     nodes = set(walk(factor))
     moves = bool(nodes & place.variables) or any(isinstance(node, Arbitrary) for node in nodes)

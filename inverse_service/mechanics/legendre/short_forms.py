@@ -29,6 +29,7 @@ from inverse_service.expressions.tree import (
     children,
     multiply,
     negate,
+    negated,
     number,
     rebuild,
     substitute,
@@ -144,11 +145,6 @@ def _turned(tree: Expression) -> Expression:
             if place is not None:
                 return multiply(number(-value), *rest[:place], negated(rest[place]), *rest[place + 1 :])
     return tree
-
-
-def negated(tree: Expression) -> Expression:
-    """-tree, term by term."""
-    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else -tree
 
 
 def _is_monomial(tree: Expression) -> bool:

@@ -18,7 +18,18 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.collecting_trees import merge_powers, minus_inside
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import ZERO, Apply, Arbitrary, Expression, Symbol, Velocity, add, substitute, walk
+from inverse_service.expressions.tree import (
+    ZERO,
+    Apply,
+    Arbitrary,
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    negated,
+    substitute,
+    walk,
+)
 from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.momentum_families import Reach, block_branches, momentum_shifts
@@ -36,7 +47,6 @@ from inverse_service.mechanics.legendre.short_forms import (
     cancelled,
     exponentials_above,
     inside,
-    negated,
     related,
     roots_apart,
     shortest,

@@ -18,7 +18,7 @@ from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, substitute, walk
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, holds, substitute
 from inverse_service.mechanics.nonholonomic.geometry import (
     Frame,
     Geometry,
@@ -50,7 +50,7 @@ class ConstrainedMotion:
     @property
     def depends_on_time(self) -> bool:
         trees = (*self.dependent_velocities, *self.free_accelerations)
-        return any(node == TIME for tree in trees for node in walk(tree))
+        return any(holds(tree, TIME) for tree in trees)
 
     @property
     def on_constraints(self) -> dict[Expression, Expression]:

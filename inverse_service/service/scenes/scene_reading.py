@@ -11,7 +11,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
 from inverse_service.expressions.names import declared_name
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, holds, walk
 from inverse_service.mechanics.document_names import Declared
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.scenes import scene_system
@@ -152,7 +152,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSys
     accelerations = system.accelerations and tuple(define_functions(tree, definitions) for tree in system.accelerations)
     formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
     scene_system.refuse_open_functions(formulas, names)
-    if any(node == TIME for tree in constraints for node in walk(tree)):
+    if any(holds(tree, TIME) for tree in constraints):
         raise InputError(TIME_REFUSED, "/system")
     forces = read_forces(schema, system, definitions, effects)
     begin, initial = beginning(schema)

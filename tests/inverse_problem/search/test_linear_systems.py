@@ -17,9 +17,10 @@ from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity,
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.ladder import holds_numerically
 from inverse_service.inverse_problem.search.linear_systems.linear_terms import linear_system
-from inverse_service.inverse_problem.search.linear_systems.modes import even_root, invariant_multipliers
+from inverse_service.inverse_problem.search.linear_systems.modes import invariant_multipliers
 from inverse_service.inverse_problem.search.linear_systems.time_dependent import is_linear
 from inverse_service.inverse_problem.search.material import gather
+from inverse_service.inverse_problem.search.one_coordinate.algebra import even_root
 from inverse_service.inverse_problem.search.reductions import is_damped
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -12,7 +12,7 @@ from flint import fmpq, fmpq_mat
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, QuotientField, as_fraction
-from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, walk
+from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, holds
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.motion_terms import MotionTerms
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, monomial_tree, tree_of
@@ -150,14 +150,14 @@ def linear_terms(motion: MotionTerms) -> LinearTerms | None:
     places |= {v: (k, 1) for k, v in enumerate(motion.velocities)}
     for i, terms in enumerate(motion.forces):
         for key, value in terms.items():
-            moving = [(letter, e) for letter, e in key if _holds(letter, places)]
+            moving = [(letter, e) for letter, e in key if holds(letter, *places)]
             if not moving:
                 forcing[i][key] = value
                 continue
             if len(moving) > 1 or moving[0][1] != 1 or moving[0][0] not in places:
                 return None
             column, kind = places[moving[0][0]]
-            in_time: Monomial = frozenset(item for item in key if _holds(item[0], (TIME,)))
+            in_time: Monomial = frozenset(item for item in key if holds(item[0], TIME))
             if kind and in_time:
                 return None
             target = damping if kind else stiffness.setdefault(in_time, _empty(n))
@@ -171,11 +171,6 @@ def _empty(n: int) -> list[list[Terms]]:
 
 def _frozen(rows: list[list[Terms]]) -> tuple[tuple[Terms, ...], ...]:
     return tuple(map(tuple, rows))
-
-
-def _holds(letter: Expression, names: Iterable[Expression]) -> bool:
-    wanted = set(names)
-    return any(node in wanted for node in walk(letter))
 
 
 def linear_system(material: Material) -> LinearSystem | None:

@@ -5,28 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from inverse_service import bounds
 from inverse_service.algebra import exact_atoms
+from inverse_service.algebra.modular import prime_factors
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.expressions.tree import (
-    ONE,
     TIME,
     Apply,
     Expression,
     Number,
     Power,
     Product,
-    Sum,
     Symbol,
     Velocity,
-    add,
+    is_exponential,
     multiply,
-    negate,
     number,
     square_root,
     walk,
 )
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
+
+_LARGEST_FACTORED = 10**15
 
 
 def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
@@ -47,11 +46,6 @@ def factors_of(tree: Expression) -> list[tuple[Expression, Fraction]]:
             case _:
                 found.append((factor, Fraction(1)))
     return found
-
-
-def negated(tree: Expression) -> Expression:
-    """-tree with the sign in each term of a sum."""
-    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else -tree
 
 
 def expanded(tree: Expression) -> Expression:
@@ -81,28 +75,40 @@ def shortest(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expres
     return min(found, key=weight)
 
 
-def extracted_root(tree: Expression) -> Expression:
-    """A square root of a product with the squares among its factors taken out; its sign is left open."""
+def even_root(radicand: Expression) -> tuple[Expression, Expression]:
+    """(a, b) with radicand = a^2 b; a sqrt(b) is a square root up to its sign.
+
+    5 d^2/4 gives (d/2, 5) whatever the sign of d.
+    """
     outside: list[Expression] = []
     inside: list[Expression] = []
-    for base, e in factors_of(tree):
+    for base, e in factors_of(radicand):
         if isinstance(base, Number) and e == 1:
-            out, rest = _number_root(base.value)
-            outside.append(number(out))
-            inside.append(number(rest))
-        elif isinstance(base, Apply) and base.function == "exp":
+            above, below = base.value.as_integer_ratio()
+            whole, rest = _square_part(abs(above) * below)
+            outside.append(number(Fraction(whole, below)))
+            inside.append(number(rest if above > 0 else -rest))
+        elif is_exponential(base):
             outside.append(Apply("exp", e / 2 * base.argument))
         else:
-            whole = e // 2 if e.denominator == 1 else Fraction(0)
-            outside.append(base**whole)
-            inside.append(base ** (e - 2 * whole))
-    return multiply(*outside, square_root(expanded(multiply(*inside)) if inside else ONE))
+            half = e // 2 if e.denominator == 1 else Fraction(0)
+            outside.append(base**half)
+            inside.append(base ** (e - 2 * half))
+    return multiply(*outside), multiply(*inside)
 
 
-def _number_root(value: Fraction) -> tuple[Fraction, Fraction]:
-    """(r, s) with r^2 s = value, s an integer without small square factors."""
-    rest, out = value.numerator * value.denominator, Fraction(1, value.denominator)
-    for k in range(2, bounds.RATIO):
-        while rest and rest % (k * k) == 0:
-            rest, out = rest // (k * k), out * k
-    return out, Fraction(rest)
+def _square_part(value: int) -> tuple[int, int]:
+    """(a, b) with value = a^2 b, b without squares where the number is small enough to be factored."""
+    outside, inside = 1, 1
+    if not 0 < value <= _LARGEST_FACTORED:
+        return 1, value
+    for prime, exponent in prime_factors(value):
+        outside *= prime ** (exponent // 2)
+        inside *= prime ** (exponent % 2)
+    return outside, inside
+
+
+def extracted_root(tree: Expression) -> Expression:
+    """A square root of a product with the squares among its factors taken out; its sign is left open."""
+    outside, inside = even_root(tree)
+    return outside * square_root(expanded(inside))

@@ -20,10 +20,11 @@ from fractions import Fraction
 import numpy as np
 
 from inverse_service import bounds
+from inverse_service.algebra.point import number_value
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Velocity, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Velocity, holds
 from inverse_service.inverse_problem.search.factors import Factors
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of, null_combinations
 from inverse_service.inverse_problem.search.material import Material, antiderivatives
@@ -43,6 +44,7 @@ from inverse_service.inverse_problem.search.terms import (
     Terms,
     TooManyTerms,
     derivative_of_terms,
+    monomial,
     monomial_tree,
     multiply_terms,
     rank,
@@ -66,11 +68,7 @@ class Samples:
     def along(self, sample: int, key: Monomial) -> int:
         """Gamma(log key)."""
         rates = self.table.derivatives.along[sample]
-        return sum(int(rates[self.places[p]]) * residue(e, self.prime) for p, e in key) % self.prime
-
-
-def residue(value: Fraction, prime: int) -> int:
-    return value.numerator * pow(value.denominator, -1, prime) % prime
+        return sum(int(rates[self.places[p]]) * number_value(e, self.prime) for p, e in key) % self.prime
 
 
 def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int) -> Samples:
@@ -141,7 +139,7 @@ def _of_degree(
     rates = [[samples.along(k, key) for key in candidates] for k in range(len(values))]
     for e, group in phis.items():
         for phi in group:
-            weight = residue(e, samples.prime)
+            weight = number_value(e, samples.prime)
             wanted = [slope + samples.along(k, phi) for k, slope in enumerate(samples.slopes)]
             rows = _equations(values, rates, weight, wanted, samples.prime)
             for terms in null_combinations(np.array(rows, np.uint64), candidates, samples.prime):
@@ -201,7 +199,7 @@ def _raised(material: Material, key: Monomial, slope: Terms) -> list[Monomial]:
     found: dict[Monomial, None] = {}
     for term in {**along(motion, {key: Fraction(1)}), **multiply_terms({key: Fraction(1)}, slope)}:
         position, moving = split_velocities(term)
-        lowered = times(moving, frozenset([(velocity, Fraction(1))]), -1)
+        lowered = times(moving, monomial(velocity), -1)
         if _is_polynomial(lowered, velocity, _HIGHEST):
             found.update(dict.fromkeys([lowered, *(times(m, lowered) for m in antiderivatives(position, x))]))
         if motion.with_time and _is_polynomial(moving, velocity, _HIGHEST):
@@ -223,7 +221,7 @@ def _is_admissible(key: Monomial, with_time: bool, velocity: Velocity, degree: i
     """A polynomial of this degree in v, with t only where L may contain it."""
     if not _is_polynomial(split_velocities(key)[1], velocity, degree):
         return False
-    return with_time or not any(node == TIME for p, _ in key for node in walk(p))
+    return with_time or not any(holds(p, TIME) for p, _ in key)
 
 
 def inverse_multiplier(material: Material, factors: Factors) -> Expression | None:
@@ -237,7 +235,7 @@ def inverse_multiplier(material: Material, factors: Factors) -> Expression | Non
     try:
         ratio = factored(scale * tree_of(parts[0]) / damping, [x])
         alpha = factored(-(differentiate(ratio, x) / (scale * damping)), [x])
-        if alpha == ZERO or any(node in (x, TIME) for node in walk(alpha)):
+        if alpha == ZERO or holds(alpha, x, TIME):
             return None
         lowered = expanded(factored(ratio / scale, [x]))
     except TooManyTerms:
@@ -254,7 +252,7 @@ def _by_powers(material: Material) -> Mapping[int, Terms] | None:
         degree = dict(moving).get(velocity, 0)
         if degree not in (0, 1, 2) or len(moving) > 1 or (moving and not degree):
             return None
-        if any(node == TIME for p, _ in key for node in walk(p)):
+        if any(holds(p, TIME) for p, _ in key):
             return None
         table.setdefault(int(degree), {})[position] = value
     return table

@@ -32,6 +32,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     multiply,
+    negated,
     number,
     square_root,
     substitute,
@@ -42,7 +43,6 @@ from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,
     extracted_root,
     factored,
-    negated,
     shortest,
 )
 from inverse_service.inverse_problem.search.terms import (

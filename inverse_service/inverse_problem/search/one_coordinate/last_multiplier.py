@@ -32,10 +32,11 @@ from inverse_service.expressions.tree import (
     Number,
     Power,
     Product,
-    Sum,
     add,
+    holds,
+    is_exponential,
     multiply,
-    negate,
+    negated,
     walk,
 )
 from inverse_service.inverse_problem.search.choice import scaled
@@ -47,7 +48,6 @@ from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,
     factored,
     factors_of,
-    negated,
     weight,
 )
 from inverse_service.inverse_problem.search.one_coordinate.darboux import (
@@ -75,6 +75,7 @@ from inverse_service.inverse_problem.search.terms import (
     Monomial,
     TooManyTerms,
     derivative_of_terms,
+    monomial,
     monomial_tree,
     terms_of,
     times,
@@ -123,8 +124,8 @@ def _simplified(material: Material, factors: Factors) -> Factors:
     x = material.motion.coordinates[0]
     along = {}
     for i, phi in factors.along.items():
-        arguments = [e * p.argument for p, e in phi if isinstance(p, Apply) and p.function == "exp"]
-        rest = frozenset(item for item in phi if not (isinstance(item[0], Apply) and item[0].function == "exp"))
+        arguments = [e * p.argument for p, e in phi if is_exponential(p)]
+        rest = frozenset(item for item in phi if not is_exponential(item[0]))
         try:
             ((key, _),) = terms_of(Apply("exp", factored(add(*arguments), [x]))).items()
             along[i] = times(rest, key) if arguments else phi
@@ -140,17 +141,17 @@ def _in_factors(material: Material, phi: Monomial, polynomial: Expression, expon
     for base, e in factors_of(factored(polynomial, [x, v])):
         if has_velocity(base):
             moving.append((expanded(base), e * exponent))
-        elif not isinstance(base, Number) and any(node in (x, TIME) for node in walk(base)):
+        elif not isinstance(base, Number) and holds(base, x, TIME):
             phi = times(phi, _letters(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))
 
 
 def _letters(base: Expression) -> Monomial:
     """A factor as a monomial; exp(u + …) is a product of letters."""
-    if isinstance(base, Apply) and base.function == "exp":
+    if is_exponential(base):
         ((key, _),) = terms_of(base).items()
         return key
-    return _alone(base)
+    return monomial(base)
 
 
 def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Iterable[LastMultiplier]:
@@ -159,7 +160,7 @@ def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Ite
         return
     letters = [p for p in material.position_letters if not isinstance(p, Number)][: bounds.FEW]
     try:
-        samples = sampled(material, [_alone(p) for p in (*bases, *letters)], len(letters) + SPARE, seed)
+        samples = sampled(material, [monomial(p) for p in (*bases, *letters)], len(letters) + SPARE, seed)
     except (IrreducibleAtoms, SingularPoint, ValueError):
         return
     linear = [base for base in bases if _degree(material, base) == 1]
@@ -183,17 +184,13 @@ def _degree(material: Material, base: Expression) -> int:
 
 def _equations(samples: Samples, chosen: Sequence[Expression], letters: Sequence[Expression]) -> list[list[int]]:
     """Rows (Gamma(log p) for each p, -df/dv), and for two factors the one that makes the integral algebraic."""
-    columns = [_alone(p) for p in (*chosen, *letters)]
+    columns = [monomial(p) for p in (*chosen, *letters)]
     rows = [
         [*(samples.along(k, key) for key in columns), -slope % samples.prime] for k, slope in enumerate(samples.slopes)
     ]
     if len(chosen) == 2:
         rows.append([1, 1, *(0 for _ in letters), samples.prime - 3])
     return rows
-
-
-def _alone(letter: Expression) -> Monomial:
-    return frozenset([(letter, Fraction(1))])
 
 
 def _moving_factors(material: Material) -> list[tuple[Expression, Expression]]:
@@ -245,13 +242,9 @@ def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
 def _functions_of_velocity(material: Material) -> Iterator[Expression]:
     """Candidates for F: the factors of f that hold v alone, and what each term of f holds of v."""
     x = material.motion.coordinates[0]
-    found = [multiply(*(base**e for base, e in _moving_factors(material) if not _holds(base, x, TIME)))]
+    found = [multiply(*(base**e for base, e in _moving_factors(material) if not holds(base, x, TIME)))]
     found += [monomial_tree(split_velocities(key)[1]) for key in material.motion.forces[0]]
-    yield from dict.fromkeys(tree for tree in found if not _holds(tree, x, TIME))
-
-
-def _holds(tree: Expression, *leaves: Expression) -> bool:
-    return any(node in leaves for node in walk(tree))
+    yield from dict.fromkeys(tree for tree in found if not holds(tree, x, TIME))
 
 
 def _of_function(material: Material, function: Expression) -> Expression | None:
@@ -265,7 +258,7 @@ def _of_function(material: Material, function: Expression) -> Expression | None:
     rate = factored(function * (-differentiate(rest, v)), [x, v])
     along = factored(differentiate(rate, v), [x, v])
     in_time = factored(rate - v * along, [x, v])
-    if _holds(along, v, TIME) or _holds(in_time, v, x) or (in_time != ZERO and not material.motion.with_time):
+    if holds(along, v, TIME) or holds(in_time, v, x) or (in_time != ZERO and not material.motion.with_time):
         return None
     phi = multiply(*(exponential_of_integral(c, q, material.analysis) for c, q in ((in_time, TIME), (along, x))))
     names = fresh_names(system, phi)
@@ -335,4 +328,4 @@ def _positive(lagrangian: Expression, place: Place) -> Expression:
     hessian = differentiate(differentiate(tree, place.v), place.v)
     if real_sign(hessian, place.point) > 0:
         return tree
-    return add(*map(negate, tree.terms)) if isinstance(tree, Sum) else -tree
+    return negated(tree)
