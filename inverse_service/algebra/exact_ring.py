@@ -36,6 +36,7 @@ from inverse_service.expressions.tree import (
     add,
     multiply,
     number,
+    powers_of,
 )
 
 
@@ -264,11 +265,7 @@ def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tu
 
 def _collect(ring: ExactRing, table: dict[Expression, Fraction], factor: fmpq_mpoly, exponent: int) -> None:
     """Multiply the power of a factor into the table of trees and exponents."""
-    tree = polynomial_tree(ring, factor)
-    for part in tree.factors if isinstance(tree, Product) else (tree,):
-        base, inner = part, Fraction(1)
-        if isinstance(part, Power) and isinstance(part.exponent, Number):
-            base, inner = part.base, part.exponent.value
+    for base, inner in powers_of(polynomial_tree(ring, factor)):
         table[base] = table.get(base, Fraction(0)) + inner * exponent
 
 

@@ -31,6 +31,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    factors_of,
 )
 from inverse_service.machine_code.kernels import Kept
 
@@ -130,7 +131,7 @@ class SeriesProgram:
     def _sum(self, terms: Sequence[Expression]) -> int:
         out = self.register()
         for term in terms:
-            factor, rest = _split(term.factors if isinstance(term, Product) else (term,))
+            factor, rest = _split(factors_of(term))
             if rest:
                 self.write(machine.ADD, out, self._product(rest), c=self.number(factor))
             else:

@@ -31,7 +31,7 @@ from inverse_service.expressions.tree import (
     Expression,
     Number,
     Power,
-    Product,
+    factors_of,
     multiply,
     number,
     substitute,
@@ -157,7 +157,7 @@ def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way
 def root_factors(tree: Expression) -> tuple[Fraction, Factors]:
     """(rational content, {factor: multiplicity}) of a tree; what cannot be factored is one factor."""
     content, found = Fraction(1), Factors()
-    for part in tree.factors if isinstance(tree, Product) else (tree,):
+    for part in factors_of(tree):
         k = 1
         match part:
             case Power(base, Number(exponent)) if exponent.denominator == 1:

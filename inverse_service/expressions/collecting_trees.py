@@ -22,6 +22,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    factors_of,
     is_exponential,
     multiply,
     negate,
@@ -73,7 +74,7 @@ def _split_exponential(
     argument: Expression, scale: Fraction, plain: list[Expression], exponents: dict[Expression, Expression]
 ) -> None:
     """Add exp(scale * argument) to the plain exponentials, or as a power of u if argument = k log(u)."""
-    factors = argument.factors if isinstance(argument, Product) else (argument,)
+    factors = factors_of(argument)
     logs = [factor for factor in factors if isinstance(factor, Apply) and factor.function == "log"]
     if len(logs) != 1:
         plain.append(scale * argument)

@@ -314,6 +314,24 @@ def walk(expression: Expression) -> Iterator[Expression]:
         stack.extend(reversed(children(node)))
 
 
+def factors_of(tree: Expression) -> tuple[Expression, ...]:
+    """The factors of a product; else the tree itself."""
+    return tree.factors if isinstance(tree, Product) else (tree,)
+
+
+def powers_of(tree: Expression) -> list[tuple[Expression, Fraction]]:
+    """(base, exponent) of each factor, the exponent 1 where it is no number; exp(u) is a base."""
+    return [
+        (f.base, f.exponent.value) if isinstance(f, Power) and isinstance(f.exponent, Number) else (f, Fraction(1))
+        for f in factors_of(tree)
+    ]
+
+
+def dot(left: Iterable[Expression], right: Iterable[Expression]) -> Expression:
+    """The sum of the products."""
+    return add(*(a * b for a, b in zip(left, right, strict=True)))
+
+
 def node_count(tree: Expression) -> int:
     return sum(1 for _ in walk(tree))
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from inverse_service.expressions.tree import Expression, Symbol
 
 if TYPE_CHECKING:
+    from inverse_service.mechanics.legendre.transform import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
@@ -75,10 +76,16 @@ class Hamiltonian:
     expression: Expression
     momenta: tuple[Expression, ...]
     implicit: bool
-    constraints: tuple[Expression, ...] = ()
-    symbols: tuple[Symbol, ...] = ()
-    note: str = ""
-    positive: tuple[Expression, ...] = ()
+    constraints: tuple[Expression, ...]
+    symbols: tuple[Symbol, ...]
+    note: str
+    positive: tuple[Expression, ...]
+
+    @classmethod
+    def of(cls, found: LegendreTransform, constraints: Iterable[Expression] = ()) -> Hamiltonian:
+        """That of a Legendre transform, with the constraints in phase space."""
+        rest = found.symbols, found.note, found.positive
+        return cls(found.hamiltonian, found.momenta, found.implicit, tuple(constraints), *rest)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import TypeVar
 
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Variable
@@ -146,3 +147,16 @@ def _has_point(system: SecondOrderSystem, case: Case) -> bool:
 def _variables(system: SecondOrderSystem) -> list[Variable]:
     names = (*system.coordinates, *system.parameters)
     return [TIME, *map(Symbol, names), *map(Velocity, system.coordinates)]
+
+
+_Name = TypeVar("_Name", bound=Hashable)
+
+
+def connected(names: Sequence[_Name], links: Iterable[set[_Name]]) -> list[tuple[_Name, ...]]:
+    """The names in groups so that each link lies in one of them, all in the order of `names`."""
+    groups = [{name} for name in names]
+    for link in links:
+        joined = set().union(*(group for group in groups if group & link))
+        groups = [*(group for group in groups if not group & link), joined]
+    ordered = [tuple(name for name in names if name in group) for group in groups]
+    return sorted(ordered, key=lambda group: names.index(group[0]))

@@ -38,6 +38,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    factors_of,
     walk,
 )
 from inverse_service.integrators.trajectory import Array
@@ -63,7 +64,7 @@ def _without_squares(wall: Expression) -> Iterator[Expression]:
     if isinstance(wall, Sum):
         with suppress(TooLarge, ZeroDivisionError, KeyError):
             (tree,) = factored([wall], names, Budget(MOST_TERMS))
-    parts = tree.factors if isinstance(tree, Product) else (tree,)
+    parts = factors_of(tree)
     squared = any(isinstance(part, Power) and isinstance(part.base, Sum) for part in parts)
     yield from _factors(tree) if squared else (wall,)
 
@@ -72,7 +73,7 @@ def kinks(tree: Expression) -> Iterator[Expression]:
     """u of sqrt(u^2): zeros at which the formula is continuous, but not smooth."""
     for node in walk(tree):
         if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator != 1:
-            for factor in node.base.factors if isinstance(node.base, Product) else (node.base,):
+            for factor in factors_of(node.base):
                 if isinstance(factor, Power):
                     yield factor.base
 

@@ -30,11 +30,11 @@ from inverse_service.expressions.tree import (
     ZERO,
     Expression,
     Number,
-    Product,
     Sum,
     Symbol,
     Velocity,
     add,
+    factors_of,
     holds,
     multiply,
     number,
@@ -136,7 +136,7 @@ def _is_constant(expression: Expression, motion: ExactMotion) -> bool:
 
 def _stripped(expression: Expression, name: str) -> Expression:
     """The factors that hold the turning coordinate; a constant direction becomes 1."""
-    factors = expression.factors if isinstance(expression, Product) else (expression,)
+    factors = factors_of(expression)
     kept = [factor for factor in factors if not isinstance(factor, Number) and holds(factor, Symbol(name))]
     return multiply(*kept) if kept else number(1)
 

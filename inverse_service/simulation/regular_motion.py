@@ -16,7 +16,7 @@ from inverse_service.codegen.triangular_form import components
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, Velocity, add
+from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Symbol, Velocity, add, dot
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
 
 Matrix = tuple[tuple[Expression, ...], ...]
@@ -45,12 +45,12 @@ def regular_accelerations(
         return free
     rows = tuple(tuple(collect(differentiate(w, Velocity(name))) for name in names) for w in constraints)
     lifted = tuple(_applied(inertia, row) for row in rows)
-    gram = inverse(tuple(tuple(_dot(row, lift) for lift in lifted) for row in rows))
+    gram = inverse(tuple(tuple(dot(row, lift) for lift in lifted) for row in rows))
     if gram is None:
         return None
-    defects = [_rate(w, names) + _dot(row, free) for w, row in zip(constraints, rows, strict=True)]
-    reactions = [-_dot(line, defects) for line in gram]
-    return tuple(free[i] + _dot([lift[i] for lift in lifted], reactions) for i in range(len(names)))
+    defects = [_rate(w, names) + dot(row, free) for w, row in zip(constraints, rows, strict=True)]
+    reactions = [-dot(line, defects) for line in gram]
+    return tuple(free[i] + dot([lift[i] for lift in lifted], reactions) for i in range(len(names)))
 
 
 def inverse(matrix: Matrix) -> Matrix | None:
@@ -96,8 +96,4 @@ def _rate(expression: Expression, names: tuple[str, ...]) -> Expression:
 
 
 def _applied(matrix: Matrix, vector: Sequence[Expression]) -> tuple[Expression, ...]:
-    return tuple(_dot(row, vector) for row in matrix)
-
-
-def _dot(left: Sequence[Expression], right: Sequence[Expression]) -> Expression:
-    return add(*(a * b for a, b in zip(left, right, strict=True) if a != ZERO and b != ZERO))
+    return tuple(dot(row, vector) for row in matrix)

@@ -33,7 +33,7 @@ TIMED = SecondOrderSystem(("x",), (multiply(TIME, X),), (), (), "")
 YES = Answer(
     "variational",
     lagrangian=Lagrangian(divide(power(V, 2), number(2)), ((ONE,),), (V,), "constant", (X,)),
-    hamiltonian=Hamiltonian(divide(power(P, 2), number(2)), (V,), False),
+    hamiltonian=Hamiltonian(divide(power(P, 2), number(2)), (V,), False, (), (P,), "", ()),
     space=SolutionSpace(2, (1, 2), (0, 1), True, "one function"),
     certificate={"kind": "lagrangian", "rows": ((1, 2),)},
     checked="valid",

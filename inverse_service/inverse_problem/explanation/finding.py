@@ -194,15 +194,7 @@ def hamiltonian_of(
         return None
     if transform.implicit:
         transform = in_velocity_forms(lagrangian, transform, names)
-    return Hamiltonian(
-        transform.hamiltonian,
-        transform.momenta,
-        transform.implicit,
-        (),
-        transform.symbols,
-        transform.note,
-        transform.positive,
-    )
+    return Hamiltonian.of(transform)
 
 
 def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:

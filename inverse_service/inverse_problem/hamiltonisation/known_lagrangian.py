@@ -72,16 +72,7 @@ def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: So
 def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> Answer:
     chosen, *others = known
     lagrangian = describe(analysis, chosen.lagrangian, chosen.source)
-    transform = chosen.transform
-    hamiltonian = Hamiltonian(
-        transform.hamiltonian,
-        transform.momenta,
-        False,
-        chosen.images,
-        transform.symbols,
-        transform.note,
-        transform.positive,
-    )
+    hamiltonian = Hamiltonian.of(chosen.transform, chosen.images)
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (
         *(existence_steps(decision) if decided else ()),

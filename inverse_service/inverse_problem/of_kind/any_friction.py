@@ -23,7 +23,7 @@ from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, kin
 from inverse_service.inverse_problem.of_kind.kind_answers import KindAnswer, decided, is_valid
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.protocol import describe
-from inverse_service.inverse_problem.search.terms import EMPTY, Terms, TooManyTerms, terms_of, tree_of
+from inverse_service.inverse_problem.search.terms import EMPTY, Terms, TooManyTerms, collected, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.legendre.homogeneous import homogeneous_degree
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -115,11 +115,3 @@ def parts_of_parity(formula: Expression, names: Sequence[str]) -> tuple[Expressi
     found: Iterator[Expression] = (HALF * (formula + other) for other in (turned, -turned))
     even, odd = (collected(part) for part in found)
     return even, odd
-
-
-def collected(tree: Expression) -> Expression:
-    """The tree as a sum of monomials, unless there are too many."""
-    try:
-        return tree_of(terms_of(tree))
-    except TooManyTerms:
-        return tree

@@ -30,7 +30,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.expressions.tree import subtract as less
 from inverse_service.inverse_problem.decision.analysis import variables_of
 from inverse_service.inverse_problem.decision.deciding import decide
-from inverse_service.inverse_problem.of_kind.any_friction import collected
+from inverse_service.inverse_problem.search.terms import collected
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.nonholonomic.geometry import ORDERS, TERM_LIMIT, Frame, Geometry, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.integrals import measure_density

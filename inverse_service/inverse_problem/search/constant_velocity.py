@@ -36,6 +36,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
+from inverse_service.mechanics.second_order_system import connected
 
 Rows = dict[Velocity, dict[Velocity, Terms]]
 
@@ -72,7 +73,8 @@ def _carried_by(carrier: Velocity, motion: MotionTerms) -> Carried | None:
     if rows is None or not any(entry for row in rows.values() for entry in row.values()):
         return None
     w = Symbol(carrier.coordinate)
-    blocks = [_block(rows, group, w) for group in _groups(rows)]
+    links = ({v, *(other for other, entry in row.items() if entry)} for v, row in rows.items())
+    blocks = [_block(rows, group, w) for group in connected(list(rows), links)]
     found = tuple(block for block in blocks if block is not None)
     return Carried(carrier, found) if len(found) == len(blocks) else None
 
@@ -92,16 +94,6 @@ def _rows(carrier: Velocity, motion: MotionTerms) -> Rows | None:
                 return None
             rows[v][own[0]][rest] = value
     return {v: row for v, row in rows.items() if v != carrier}
-
-
-def _groups(rows: Rows) -> list[tuple[Velocity, ...]]:
-    """Velocities that occur in each other's equations, directly or by others, in their order."""
-    groups: list[set[Velocity]] = [{v} for v in rows]
-    for v, row in rows.items():
-        used = {v} | {other for other, entry in row.items() if entry}
-        joined = set().union(*(group for group in groups if group & used))
-        groups = [*(group for group in groups if not group & used), joined]
-    return sorted((tuple(v for v in rows if v in group) for group in groups), key=lambda g: list(rows).index(g[0]))
 
 
 def _block(rows: Rows, group: Sequence[Velocity], w: Symbol) -> Block | None:

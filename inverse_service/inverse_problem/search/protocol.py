@@ -20,11 +20,12 @@ from inverse_service.expressions.tree import (
     Expression,
     Number,
     Power,
-    Product,
     Symbol,
     Velocity,
+    factors_of,
     multiply,
     node_count,
+    powers_of,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
@@ -123,12 +124,7 @@ def _that_can_vanish(
 
 def _powers(analysis: Analysis, tree: Expression) -> list[tuple[Expression, Fraction]]:
     """The tree as a product of powers, as far as it can be factored."""
-    whole = _factored(analysis, tree)
-    parts = whole.factors if isinstance(whole, Product) else (whole,)
-    return [
-        (p.base, p.exponent.value) if isinstance(p, Power) and isinstance(p.exponent, Number) else (p, Fraction(1))
-        for p in parts
-    ]
+    return powers_of(_factored(analysis, tree))
 
 
 def _compact(analysis: Analysis, entry: Expression) -> Expression:
@@ -157,7 +153,7 @@ def _denominators(lagrangian: Expression, multiplier: Matrix) -> Iterable[Expres
     for tree in (lagrangian, *(entry for row in multiplier for entry in row)):
         for node in walk(tree):
             if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value < 0:
-                parts = node.base.factors if isinstance(node.base, Product) else (node.base,)
+                parts = factors_of(node.base)
                 yield multiply(*filter(_varies, parts))
 
 

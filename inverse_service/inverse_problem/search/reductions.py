@@ -11,7 +11,7 @@ where (sqrt k)'' E is not 0; else w'^2/2 is added.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -34,11 +34,11 @@ from inverse_service.expressions.tree import (
     Apply,
     Expression,
     Integral,
-    Product,
     Symbol,
     Velocity,
     add,
     children,
+    factors_of,
     holds,
     multiply,
     number,
@@ -56,17 +56,14 @@ from inverse_service.inverse_problem.search.protocol import Smaller
 from inverse_service.inverse_problem.search.quadratures import fresh_names
 from inverse_service.inverse_problem.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
 from inverse_service.linear_pde.involutive_form import Limits
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
     """The system as blocks: within one, coordinates occur in each other's equations, directly or by others."""
-    groups: list[set[str]] = [{name} for name in system.coordinates]
-    for name, f in zip(system.coordinates, system.accelerations, strict=True):
-        used = {name} | _coordinates_in(f, system.coordinates)
-        joined = [group for group in groups if group & used]
-        groups = [group for group in groups if not group & used] + [set().union(*joined)]
-    return [_block(system, group) for group in groups]
+    pairs = zip(system.coordinates, system.accelerations, strict=True)
+    links = ({name} | _coordinates_in(f, system.coordinates) for name, f in pairs)
+    return [_block(system, group) for group in connected(system.coordinates, links)]
 
 
 def _coordinates_in(tree: Expression, names: Sequence[str]) -> set[str]:
@@ -79,7 +76,7 @@ def _coordinates_in(tree: Expression, names: Sequence[str]) -> set[str]:
     return found
 
 
-def _block(system: SecondOrderSystem, group: set[str]) -> SecondOrderSystem:
+def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSystem:
     kept = [k for k, name in enumerate(system.coordinates) if name in group]
     coordinates = tuple(system.coordinates[k] for k in kept)
     return replace(system, coordinates=coordinates, accelerations=tuple(system.accelerations[k] for k in kept))
@@ -231,7 +228,7 @@ def _rate_and_rest(force: Expression, carrier: str, material: Material) -> tuple
     moving: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
     try:
         whole = factored([force], moving, Budget(bounds.EXPANSION, end()))[0]
-        parts = whole.factors if isinstance(whole, Product) else (whole,)
+        parts = factors_of(whole)
         rate = multiply(*(part for part in parts if v in walk(part)))
         rest = multiply(*(part for part in parts if v not in walk(part)))
         sign = number(1 if table is None else real_sign(rate, table))

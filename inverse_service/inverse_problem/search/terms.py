@@ -261,6 +261,14 @@ def tree_of(terms: Mapping[Monomial, Fraction]) -> Expression:
     return add(*(value * monomial_tree(key) for key, value in ordered))
 
 
+def collected(tree: Expression) -> Expression:
+    """The tree as a sum of monomials, common factors of each cancelled, unless there are too many."""
+    try:
+        return tree_of(terms_of(tree))
+    except TooManyTerms:
+        return tree
+
+
 def monomial_tree(key: Monomial) -> Expression:
     """The monomial as a tree; exponentials are merged back into exp(c u)."""
     parts, exponents = [], []

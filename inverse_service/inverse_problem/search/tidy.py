@@ -34,6 +34,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     distinct_nodes,
+    factors_of,
     holds,
     is_exponential,
     multiply,
@@ -360,7 +361,7 @@ def _quotient(tree: Expression, parameters: tuple[str, ...], names: tuple[str, .
 def _constants_first(tree: Expression, system: SecondOrderSystem) -> Expression:
     """A product with its factors that do not vary in front."""
     varying = {TIME, *map(Symbol, system.coordinates)}
-    factors = tree.factors if isinstance(tree, Product) else (tree,)
+    factors = factors_of(tree)
     return multiply(*sorted(factors, key=lambda factor: holds(factor, *varying)))
 
 

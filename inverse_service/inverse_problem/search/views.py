@@ -32,6 +32,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     add,
     distinct_nodes,
+    dot,
     node_count,
     number,
     rebuild,
@@ -116,7 +117,7 @@ def _short_sum(tree: Expression, base: Expression) -> Expression | None:
     if not relation or not relation[0]:
         return None
     weights = (number(Fraction(-c, relation[0])) for c in relation[1:])
-    return add(*(weight * part for weight, part in zip(weights, basis, strict=True)))
+    return dot(weights, basis)
 
 
 def with_few_constants(forces: tuple[Expression, ...]) -> tuple[Expression, ...]:

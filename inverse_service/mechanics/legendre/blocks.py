@@ -5,7 +5,7 @@ The parts are free of velocities, linear, and independent blocks; a candidate is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -13,6 +13,7 @@ from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, terms_tree
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Symbol, Velocity, add, substitute
 from inverse_service.mechanics.legendre.short_forms import simplified, velocities_in
+from inverse_service.mechanics.second_order_system import connected
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,7 @@ def split(function: Expression, names: Sequence[str], momenta: Mapping[str, Symb
             linear.setdefault(only, []).append((without(monomial, [only]), value))
         else:
             coupled.append((found, (monomial, value)))
-    groups = _components([found for found, _ in coupled], names)
+    groups = connected(names, [found for found, _ in coupled])
     blocks = tuple(Block(terms_tree(t for found, t in coupled if found <= set(g)), g, momenta) for g in groups)
     return Parts(add(*plain, _short(free)), {name: _short(found) for name, found in linear.items()}, blocks)
 
@@ -79,16 +80,6 @@ def _rest_moves(monomial: Monomial, name: str) -> bool:
 
 def _short(terms: list[Term]) -> Expression:
     return simplified(terms_tree(terms)) if terms else ZERO
-
-
-def _components(links: Iterable[set[str]], names: Sequence[str]) -> list[tuple[str, ...]]:
-    """The names grouped so that each link lies in one group, in the order of `names`."""
-    groups = [{name} for name in names]
-    for link in links:
-        touched = [group for group in groups if group & link]
-        groups = [group for group in groups if not group & link] + [set().union(*touched)]
-    ordered = [tuple(name for name in names if name in group) for group in groups]
-    return sorted(ordered, key=lambda group: names.index(group[0]))
 
 
 @dataclass(frozen=True, slots=True)

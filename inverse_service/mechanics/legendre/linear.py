@@ -27,7 +27,7 @@ from inverse_service.expressions.tree import (
     Expression,
     Symbol,
     Velocity,
-    add,
+    dot,
     is_exponential,
     number,
     substitute,
@@ -58,15 +58,15 @@ def after_change(
     """The branches with the forms in the place of velocities; `written` replaces forms that stand there as they are."""
     velocities = [Velocity(name) for name in block.names]
     symbols = [block.momenta[name] for name in block.names]
-    rates = _table(velocities, [_product(row, velocities) for row in inverse.entries])
+    rates = _table(velocities, [dot(row, velocities) for row in inverse.entries])
     changed = substitute(block.function, rates | (written or {}))
     columns = zip(*inverse.entries, strict=True)
-    momenta = _table(symbols, [simplified(_product(column, symbols)) for column in columns])
-    new = _table(velocities, [_product(row, velocities) for row in forms])
+    momenta = _table(symbols, [simplified(dot(column, symbols)) for column in columns])
+    new = _table(velocities, [dot(row, velocities) for row in forms])
     for branch in solve(changed, block.names, block.momenta):
         found = [substitute(tree, momenta) for tree in branch.velocities]
         yield Branch(
-            tuple(simplified(_product(row, found)) for row in inverse.entries),
+            tuple(simplified(dot(row, found)) for row in inverse.entries),
             substitute(branch.hamiltonian, momenta),
             tuple(substitute(condition, {**new, **momenta}) for condition in branch.conditions),
         )
@@ -74,10 +74,6 @@ def after_change(
 
 def _table(keys: Sequence[Symbol | Velocity], values: Sequence[Expression]) -> Table:
     return dict(zip(keys, values, strict=True))
-
-
-def _product(row: Sequence[Expression], column: Sequence[Expression]) -> Expression:
-    return add(*(a * b for a, b in zip(row, column, strict=True)))
 
 
 def _units(names: Sequence[str]) -> tuple[Form, ...]:
@@ -206,7 +202,7 @@ def _joined(block: Block, ignored: Sequence[str], left: Sequence[str], parts: _P
     shifted = [block.momenta[name] - a for name, a in zip(ignored, parts.linear, strict=True)]
     velocities = dict(zip(left, inner.velocities, strict=True))
     for name, row in zip(ignored, parts.inverse.entries, strict=True):
-        velocities[name] = simplified(add(*(entry * p for entry, p in zip(row, shifted, strict=True))))
+        velocities[name] = simplified(dot(row, shifted))
     return Branch(
         tuple(velocities[name] for name in block.names),
         inner.hamiltonian,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from inverse_service.expressions.collecting import collect, expand
 from inverse_service.expressions.collecting_trees import merge_powers, terms_tree
@@ -14,13 +13,11 @@ from inverse_service.expressions.tree import (
     Apply,
     Arbitrary,
     Expression,
-    Number,
-    Power,
-    Product,
     Symbol,
     Velocity,
     is_exponential,
     multiply,
+    powers_of,
     substitute,
     walk,
 )
@@ -65,7 +62,7 @@ def _phase_space(
     last: Table = dict(zip(rates, velocities, strict=True))
     variables: frozenset[Expression] = frozenset([*map(Symbol, coordinates), *transform.symbols, *rates, TIME])
     divisors = [substitute(tree, first) for tree in _divisors(transform.lagrangian)]
-    harmless = frozenset(_key(factor) for tree in divisors for factor, _ in _factors(quotient(tree)))
+    harmless = frozenset(_key(factor) for tree in divisors for factor, _ in powers_of(quotient(tree)))
     return _PhaseSpace(first, last, variables, harmless)
 
 
@@ -82,22 +79,12 @@ def _divisors(lagrangian: Expression) -> Iterator[Expression]:
 def _image(constraint: Expression, place: _PhaseSpace) -> Expression:
     """The numerator without its harmless factors; the pivots' velocities are put in at the end."""
     kept = []
-    for factor, exponent in _factors(quotient(substitute(constraint, place.first))):
+    for factor, exponent in powers_of(quotient(substitute(constraint, place.first))):
         if factor == ZERO:
             return ZERO
         if exponent > 0 and not _is_harmless(factor, place):
             kept.append(collect(factor))
     return merge_powers(substitute(multiply(*kept), place.last))
-
-
-def _factors(tree: Expression) -> Iterator[tuple[Expression, Fraction]]:
-    """(base, exponent) of each factor."""
-    for factor in tree.factors if isinstance(tree, Product) else (tree,):
-        match factor:
-            case Power(base, Number(exponent)):
-                yield base, exponent
-            case _:
-                yield factor, Fraction(1)
 
 
 def _is_harmless(factor: Expression, place: _PhaseSpace) -> bool:

@@ -30,6 +30,7 @@ from inverse_service.expressions.tree import (
     Symbol,
     Velocity,
     add,
+    dot,
     number,
     square_root,
     substitute,
@@ -93,7 +94,7 @@ def _recognized(block: Block, form: Expression) -> _Radial | None:
     if parts is None or inverse is None:
         return None
     matrix, slopes = parts
-    shift = tuple(simplified(add(*(a * b for a, b in zip(row, slopes, strict=True)))) for row in inverse.entries)
+    shift = tuple(simplified(dot(row, slopes)) for row in inverse.entries)
     centered = _centered(block, shift)
     along = _along_a_ray(centered, block.names, matrix)
     if along is None:
@@ -177,14 +178,10 @@ def _of_root(block: Block, radial: _Radial, k: Expression, b: Expression, s: Exp
     for sign in (1, -1):
         energy = sign * square_root(square)
         scale = simplified(-2 * b / s)
-        rates = [scale * _row(row, momenta) * energy**-1 for row in radial.inverse.entries]
+        rates = [scale * dot(row, momenta) * energy**-1 for row in radial.inverse.entries]
         condition = -sign * lead
         if not (isinstance(condition, Number) and condition.value < 0):
             yield _shifted(radial, rates, energy, momenta, (condition,))
-
-
-def _row(row: Sequence[Expression], momenta: Sequence[Symbol]) -> Expression:
-    return add(*(entry * p for entry, p in zip(row, momenta, strict=True)))
 
 
 def _shifted(
@@ -195,7 +192,7 @@ def _shifted(
     conditions: tuple[Expression, ...],
 ) -> Branch:
     velocities = tuple(simplified(u - h) for u, h in zip(rates, radial.shift, strict=True))
-    drift = add(*(p * h for p, h in zip(momenta, radial.shift, strict=True)))
+    drift = dot(momenta, radial.shift)
     plain = energy - drift
     return Branch(velocities, shortest([plain, simplified(plain)]), conditions)
 
@@ -215,7 +212,7 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]
         for inner in solve(substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
             known: dict[Expression, Expression] = {_PI_W: e * d * length}
             w, energy = (substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
-            rates = [d * w * length**-1 * _row(row, momenta) for row in radial.inverse.entries]
+            rates = [d * w * length**-1 * dot(row, momenta) for row in radial.inverse.entries]
             size = square_root(e * whole)
             slope = substitute(differentiate(radial.function, _S), {_S: HALF * whole})
             conditions = [*(substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]

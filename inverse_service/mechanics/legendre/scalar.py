@@ -22,13 +22,13 @@ from inverse_service.expressions.tree import (
     Expression,
     Number,
     Power,
-    Product,
     Sum,
     Symbol,
     Velocity,
     add,
     apply,
     children,
+    factors_of,
     multiply,
     rebuild,
     substitute,
@@ -135,7 +135,7 @@ def _cleared(slope: Expression, rate: Velocity, momentum: Expression) -> Iterato
     """A - p B = 0 for F = A/B."""
     above: list[Expression] = []
     below: list[Expression] = []
-    for f in slope.factors if isinstance(slope, Product) else (slope,):
+    for f in factors_of(slope):
         (below if _is_below(f) and occurrences(f, rate) else above).append(f)
     if below:
         inverse = multiply(*(f**-1 for f in below))
@@ -206,7 +206,7 @@ def _with_a_root(tree: Expression, rate: Velocity, known: Root) -> Iterator[Root
 def _numerator(tree: Expression, rate: Velocity) -> list[Expression]:
     """The bases of its factors that hold the velocity and something else, those under the line left out."""
     whole = quotient(tree)
-    factors = [f for f in (whole.factors if isinstance(whole, Product) else (whole,)) if not _is_below(f)]
+    factors = [f for f in factors_of(whole) if not _is_below(f)]
     bases = [f.base if isinstance(f, Power) else f for f in factors]
     leaves = [{node for node in walk(base) if isinstance(node, Symbol | Velocity)} for base in bases]
     return [base for base, held in zip(bases, leaves, strict=True) if rate in held and held != {rate}]

@@ -27,6 +27,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     children,
+    factors_of,
     multiply,
     negate,
     negated,
@@ -148,7 +149,7 @@ def _turned(tree: Expression) -> Expression:
 
 
 def _is_monomial(tree: Expression) -> bool:
-    factors = tree.factors if isinstance(tree, Product) else (tree,)
+    factors = factors_of(tree)
     bases = (factor.base if isinstance(factor, Power) else factor for factor in factors)
     return all(isinstance(base, Number | Symbol | Velocity) for base in bases)
 
@@ -210,7 +211,7 @@ def _apart(tree: Expression) -> Expression:
 def squares_together(tree: Expression) -> Expression:
     """The tree with (u^4/w^2)^(2/3) w^2/u^2 as (u^2)^(1/3) (w^2)^(1/3): even powers under roots and beside them."""
     inner = rebuild(tree, squares_together)
-    factors = inner.factors if isinstance(inner, Product) else (inner,)
+    factors = factors_of(inner)
     table: dict[Expression, Fraction] = {}
     rest: list[Expression] = []
     for factor in factors:
@@ -234,7 +235,7 @@ def _squares_under_root(factor: Expression) -> dict[Expression, Fraction]:
     match factor:
         case Power(base, Number(e)) if e.denominator > 1:
             known: dict[Expression, Fraction] = {}
-            for part in base.factors if isinstance(base, Product) else (base,):
+            for part in factors_of(base):
                 match part:
                     case Power(u, Number(whole)) if _is_square(part):
                         known[u] = whole * e / 2
@@ -302,7 +303,7 @@ def _is_whole(exponent: Expression) -> bool:
 def sign_part(tree: Expression) -> Expression:
     """A short tree with the sign of this one, wherever it is not zero."""
     short = quotient(collect(tree))
-    signs = [_sign_factor(factor) for factor in (short.factors if isinstance(short, Product) else (short,))]
+    signs = [_sign_factor(factor) for factor in factors_of(short)]
     product = multiply(*signs)
     match product:
         case Product((Number(value), Sum(terms))) if value < 0:

@@ -9,7 +9,7 @@ from api_schemas.base import MAX_FORWARD
 from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
 from inverse_service.expressions import tree as trees
 from inverse_service.expressions.collecting import collect
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.inverse_problem.solutions import Hamiltonian, SolveOptions
 from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, momenta
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
@@ -38,7 +38,7 @@ def solve_forward(
         lagrangian=translate.formula(lagrangian),
         equations=translate.formulas(names, system.accelerations),
         momenta=translate.formulas(names, functions.values()),
-        hamiltonian=translate.transform_part(legendre(lagrangian, names, options.time_limit / 2)),
+        hamiltonian=translate.hamiltonian_part(Hamiltonian.of(legendre(lagrangian, names, options.time_limit / 2))),
         conserved=_conserved(lagrangian, functions),
         guessed=translate.guessed_names(schema, system),
     )

@@ -65,7 +65,7 @@ def _with_friction(solution: Solution, asked: SolveOptions, deadline: float) -> 
 
     names, lagrangian = solution.system.coordinates, found.lagrangian
     hamiltonian = hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
-    shown_hamiltonian = None if hamiltonian is None else hamiltonian_part(hamiltonian, names)
+    shown_hamiltonian = None if hamiltonian is None else hamiltonian_part(hamiltonian)
     shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", "certificate", "checked"})
     return InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)
 

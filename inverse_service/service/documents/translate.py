@@ -25,7 +25,6 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
     from api_schemas.result import LagrangianDocument
-    from inverse_service.mechanics.legendre.transform import LegendreTransform
     from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
     from inverse_service.service.documents.accepting import Asking
 
@@ -170,7 +169,7 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
         "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
         "integrals": {} if lagrangian is None else integrals_of(lagrangian.expression).get("integrals", {}),
-        "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, system.coordinates),
+        "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian),
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
@@ -206,11 +205,10 @@ def _inequalities(positive: Iterable[Expression]) -> list[str]:
     return list(dict.fromkeys(inequality_text(tree) for tree in positive if not is_plainly_positive(tree)))
 
 
-def hamiltonian_part(hamiltonian: solutions.Hamiltonian, coordinates: Iterable[str]) -> schemas.HamiltonianPart:
-    names = [symbol.name for symbol in hamiltonian.symbols] or [f"p_{coordinate}" for coordinate in coordinates]
+def hamiltonian_part(hamiltonian: solutions.Hamiltonian) -> schemas.HamiltonianPart:
     return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),
-        momenta={name: to_text(p) for name, p in zip(names, hamiltonian.momenta, strict=True)},
+        momenta={symbol.name: to_text(p) for symbol, p in zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)},
         implicit=hamiltonian.implicit,
         reason=hamiltonian.note if hamiltonian.implicit else "",
         constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
@@ -223,18 +221,6 @@ def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPa
         return None
     return schemas.ConditionsPart(
         Phi=_texts(conditions.Phi), nabla_Phi=_texts(conditions.nabla_Phi), R=[_texts(block) for block in conditions.R]
-    )
-
-
-def transform_part(found: LegendreTransform, constraints: Iterable[Expression] = ()) -> schemas.HamiltonianPart:
-    """The H and the momenta of a Legendre transformation, with the constraints in phase space."""
-    return schemas.HamiltonianPart(
-        **formula_fields(found.hamiltonian),
-        momenta={symbol.name: to_text(p) for symbol, p in zip(found.symbols, found.momenta, strict=True)},
-        implicit=found.implicit,
-        reason=found.note if found.implicit else "",
-        constraints=[to_text(tree) for tree in constraints],
-        domain=_inequalities(found.positive),
     )
 
 

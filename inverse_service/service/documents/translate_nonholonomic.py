@@ -20,6 +20,7 @@ from inverse_service.inverse_problem.explanation.wording import Piece, said
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison
+from inverse_service.inverse_problem.solutions import Hamiltonian
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
@@ -286,7 +287,9 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
 
 
 def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
-    return None if found.transform is None else translate.transform_part(found.transform, found.images)
+    return (
+        None if found.transform is None else translate.hamiltonian_part(Hamiltonian.of(found.transform, found.images))
+    )
 
 
 def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:

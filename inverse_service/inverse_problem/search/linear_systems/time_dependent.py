@@ -39,7 +39,7 @@ from inverse_service.inverse_problem.search.linear_systems.modes import (
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.members import definite_weights
 from inverse_service.inverse_problem.search.motion_terms import MotionTerms
-from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
+from inverse_service.inverse_problem.search.terms import collected
 
 # Of the largest eigenvalue, the least that counts as one.
 _TINY = 1e-9
@@ -116,15 +116,7 @@ def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[Exp
         for term in _quadratic_form(system, form, motion.coordinates, Fraction(-1, 4)):
             yield phi * term
     for i, j in itertools.product(range(system.size), repeat=2):
-        yield _expanded(_term(system, g[i][j], motion.coordinates[i]) * system.forcing[j])
-
-
-def _expanded(tree: Expression) -> Expression:
-    """With common factors of coefficient and force cancelled."""
-    try:
-        return tree_of(terms_of(tree))
-    except TooManyTerms:
-        return tree
+        yield collected(_term(system, g[i][j], motion.coordinates[i]) * system.forcing[j])
 
 
 def _quadratic_form(

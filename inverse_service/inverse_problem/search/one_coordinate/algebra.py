@@ -14,12 +14,12 @@ from inverse_service.expressions.tree import (
     Expression,
     Number,
     Power,
-    Product,
     Symbol,
     Velocity,
     is_exponential,
     multiply,
     number,
+    powers_of,
     square_root,
     walk,
 )
@@ -34,18 +34,6 @@ def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expres
         return exact_atoms.factored([tree], [TIME, *variables], Budget.long())[0]
     except (TooLarge, ZeroDivisionError, KeyError) as problem:
         raise TooManyTerms from problem
-
-
-def factors_of(tree: Expression) -> list[tuple[Expression, Fraction]]:
-    """(base, exponent) of each factor of a product; exp(u) is a base."""
-    found = []
-    for factor in tree.factors if isinstance(tree, Product) else (tree,):
-        match factor:
-            case Power(base, Number(exponent)):
-                found.append((base, exponent))
-            case _:
-                found.append((factor, Fraction(1)))
-    return found
 
 
 def expanded(tree: Expression) -> Expression:
@@ -82,7 +70,7 @@ def even_root(radicand: Expression) -> tuple[Expression, Expression]:
     """
     outside: list[Expression] = []
     inside: list[Expression] = []
-    for base, e in factors_of(radicand):
+    for base, e in powers_of(radicand):
         if isinstance(base, Number) and e == 1:
             above, below = base.value.as_integer_ratio()
             whole, rest = _square_part(abs(above) * below)

@@ -31,12 +31,13 @@ from inverse_service.expressions.tree import (
     Integral,
     Number,
     Power,
-    Product,
     add,
+    factors_of,
     holds,
     is_exponential,
     multiply,
     negated,
+    powers_of,
     walk,
 )
 from inverse_service.inverse_problem.search.choice import scaled
@@ -47,7 +48,6 @@ from inverse_service.inverse_problem.search.null_vectors import SPARE, small_sol
 from inverse_service.inverse_problem.search.one_coordinate.algebra import (
     expanded,
     factored,
-    factors_of,
     weight,
 )
 from inverse_service.inverse_problem.search.one_coordinate.darboux import (
@@ -138,7 +138,7 @@ def _in_factors(material: Material, phi: Monomial, polynomial: Expression, expon
     """phi P^e with P factored; its factors without velocity go into phi, constants are dropped."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     moving = []
-    for base, e in factors_of(factored(polynomial, [x, v])):
+    for base, e in powers_of(factored(polynomial, [x, v])):
         if has_velocity(base):
             moving.append((expanded(base), e * exponent))
         elif not isinstance(base, Number) and holds(base, x, TIME):
@@ -200,7 +200,7 @@ def _moving_factors(material: Material) -> list[tuple[Expression, Expression]]:
         force = factored(material.analysis.system.accelerations[0], [x, v])
     except TooManyTerms:
         return []
-    factors = force.factors if isinstance(force, Product) else (force,)
+    factors = factors_of(force)
     pairs = [(f.base, f.exponent) if isinstance(f, Power) else (f, ONE) for f in factors]
     return [(base, exponent) for base, exponent in pairs if has_velocity(base)]
 
