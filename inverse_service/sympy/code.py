@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 from sympy.core.function import AppliedUndef
+from sympy.printing import c, cxx, rust
 from sympy.printing.codeprinter import CodePrinter, ccode, cxxcode
 from sympy.printing.fortran import FCodePrinter
 from sympy.printing.precedence import PRECEDENCE
@@ -50,6 +51,8 @@ class Language:
 
 # Names that mean something in Mathematica or Maple; an underscore there is a pattern.
 _RESERVED = frozenset(("C", "D", "E", "I", "K", "N", "O", "Pi", "gamma", "Gamma", "Zeta", "Psi", "Chi"))
+# Names that no variable of a program may have: words of C, C++, Rust and Python, and a function that C programs call.
+_WORDS = frozenset((*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, "pow"))
 
 
 class _RustPrinter(RustCodePrinter):  # type: ignore[misc]
@@ -269,7 +272,7 @@ def _plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> 
         name = words.get(each, str(each))
         if language.printed in (sympy.mathematica_code, sympy.maple_code):
             name = f"{name}0" if name in _RESERVED else name.replace("_", "")
-        name = f"{name}_" if keyword.iskeyword(name) or name.lower() in {word.lower() for word in used} else name
+        name = f"{name}_" if name in _WORDS or name.lower() in {word.lower() for word in used} else name
         used.add(name)
         found[each] = sympy.Symbol(name, real=True)
     return found

@@ -122,6 +122,14 @@ def test_names_that_a_language_keeps_for_itself_are_changed() -> None:
     assert "xdot" in solve({x: -x.diff(t)}).to_code("mathematica")
 
 
+def test_words_of_c_are_no_variables_of_its_programs() -> None:
+    """`double double` does not compile, and pow(x, 2) is no call where pow is a number."""
+    found = solve("double'' = -int*double - pow*double^3", parameters=["int", "pow"])
+    program = found.to_code("c")
+    assert "double t, double double_, double double_dot, double int_, double pow_)" in program
+    assert "pow(double_, 3)*pow_" in program
+
+
 def test_maxima_reads_what_is_written_for_it() -> None:
     """x'' = -pi e^x/3: powers with ^, constants with %, statements of a block with commas."""
     x = sp.Function("x")(t)
