@@ -204,15 +204,19 @@ def _absorbed(base: Expression, table: dict[Expression, Expression]) -> list[Exp
 
 
 def _velocity_sums(tree: Expression) -> int:
-    """How many different sums of velocities stand under powers other than squares, or in functions."""
+    """How many different sums of velocities stand under powers other than squares, or in functions.
+
+    Not 3 (w' + 2 u'/3) - 2 u', which is 3 w'.
+    """
     found = set()
     for node in walk(tree):
         match node:
-            case Power(Sum() as base, exponent) if exponent != TWO:
-                found.add(base)
-            case Apply(_, Sum() as argument):
-                found.add(argument)
-    return sum(1 for inner in found if any(isinstance(node, Velocity) for node in walk(inner)))
+            case Power(Sum() as inner, exponent) if exponent != TWO:
+                found.add(inner)
+            case Apply(_, Sum() as inner):
+                found.add(inner)
+    moving = [inner for inner in found if any(isinstance(node, Velocity) for node in walk(inner))]
+    return sum(isinstance(collect(inner), Sum) for inner in moving)
 
 
 def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
