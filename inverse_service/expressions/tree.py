@@ -338,7 +338,8 @@ def node_count(tree: Expression) -> int:
 
 def holds(tree: Expression, *leaves: Expression) -> bool:
     """Whether one of these occurs in the tree."""
-    return any(node in leaves for node in walk(tree))
+    wanted = frozenset(leaves)
+    return any(node in wanted for node in walk(tree))
 
 
 def is_exponential(tree: Expression) -> TypeGuard[Apply]:
