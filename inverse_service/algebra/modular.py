@@ -62,7 +62,7 @@ def is_positive(value: int, prime: int) -> bool:
     return int(fmpz(value).jacobi(prime)) == 1
 
 
-def positive_power(value: int, exponent: Fraction, prime: int) -> int:
+def positive_power(value: int, exponent: Fraction | int, prime: int) -> int:
     """value^exponent; for a fraction the root that is itself a square (odd roots: the only root).
 
     Raises ValueError where no such root exists: an even root of a nonsquare, 0 to a negative power.

@@ -31,7 +31,7 @@ from inverse_service.algebra.rules import (
     half_angle,
     replay,
 )
-from inverse_service.algebra.truncated_series import SingularPoint, derivative, value_at_point
+from inverse_service.algebra.truncated_series import SingularPoint, gradient
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
     Apply,
@@ -242,17 +242,20 @@ class Samples:
     points: list[Point] = field(default_factory=list)
     pending: list[Requirement] = field(default_factory=list)
     flips: tuple[int, ...] = ()
+    expansions: dict[int, Expansion] = field(default_factory=dict)  # by the id of their point, which they keep
 
     def values(self, expression: Expression) -> list[int]:
         return [evaluate(expression, point) for point in self.points]
 
     def gradients(self, expression: Expression) -> list[list[int]]:
         """Per point the partial derivatives with respect to all variables and parameters."""
-        rows = []
-        for point in self.points:
-            series = Expansion(point, self.tower.variables, 1).expand(expression)
-            rows.append([value_at_point(derivative(series, k)) for k in range(len(self.tower.variables))])
-        return rows
+        return [gradient(self._expansion(point).expand(expression)) for point in self.points]
+
+    def _expansion(self, point: Point) -> Expansion:
+        """What is expanded at the point already: each relation asks for all that came before."""
+        if id(point) not in self.expansions:
+            self.expansions[id(point)] = Expansion(point, self.tower.variables, 1)
+        return self.expansions[id(point)]
 
     @property
     def prime(self) -> int:

@@ -66,6 +66,14 @@ def value_at_point(series: Series) -> int:
     return int(next(iter(terms.values()))) if terms else 0
 
 
+def gradient(series: Series) -> list[int]:
+    """The first derivatives at the point by all displacements."""
+    values = [0] * series[1].context().nvars()
+    for exponents, value in series[1].to_dict().items():
+        values[exponents.index(1)] = int(value)
+    return values
+
+
 def add(left: Series, right: Series) -> Series:
     return tuple(a + b for a, b in zip(left, right, strict=True))
 

@@ -108,7 +108,8 @@ def _sum(parts: Iterable[tuple[Form, Fraction]]) -> Form:
     total: Form = {}
     for form, factor in parts:
         for name, value in form.items():
-            total[name] = total.get(name, Fraction(0)) + factor * value
+            more = value if factor == 1 else factor * value
+            total[name] = total[name] + more if name in total else more
     return total
 
 
@@ -153,8 +154,10 @@ def by_degree(system: SecondOrderSystem, shapes: Sequence[Monomial]) -> list[lis
     _keep_motion(
         measure, [(Symbol(name), 2, f) for name, f in zip(system.coordinates, system.accelerations, strict=True)]
     )
-    forms = [measure.monomial(shape) for shape in shapes]
     if system.depends_on_time or any(form.get(TIME) for form in measure.zero):
+        return [list(shapes)]
+    forms = [measure.monomial(shape) for shape in shapes]
+    if any(form.get(TIME) for form in measure.zero):
         return [list(shapes)]
     groups: dict[Fraction, list[Monomial]] = {}
     for shape, form in zip(shapes, forms, strict=True):

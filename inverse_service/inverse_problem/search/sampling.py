@@ -256,9 +256,9 @@ def products_of_values(
         places += [pairs.setdefault(item, len(pairs)) for item in candidate]
         starts.append(len(places))
     radix = (1 << 64) % prime
-    powers = [
-        [positive_power(sample[index[letter]], e, prime) * radix % prime for letter, e in pairs] for sample in rows
-    ]
+    # Whole numbers as such: a fraction's parts take as long as the power.
+    items = [(index[letter], e if e.denominator > 1 else int(e)) for letter, e in pairs]
+    powers = [[positive_power(sample[k], e, prime) * radix % prime for k, e in items] for sample in rows]
     field = modular.field_of(prime)
     result = np.full((len(powers), len(candidates)), field.one, np.uint64)
     given = np.array(powers, np.uint64).reshape(len(powers), -1)
