@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import repeat
 from typing import ClassVar, TypeGuard, cast
 
 ELEMENTARY = frozenset(
@@ -25,15 +26,16 @@ ELEMENTARY = frozenset(
 class _Node:
     """A tree keeps its hash: trees are keys of many tables, and hashing one walks through all of it."""
 
-    __slots__ = ("_hash",)
+    __slots__ = ("_hash", "_size")
     __match_args__: ClassVar[tuple[str, ...]]
     _hash: int
+    _size: int
 
     def __hash__(self) -> int:
         try:
             return self._hash
         except AttributeError:
-            value = hash((type(self).__name__, *(getattr(self, name) for name in self.__match_args__)))
+            value = hash((type(self).__name__, *map(getattr, repeat(self), self.__match_args__)))
             object.__setattr__(self, "_hash", value)
             return value
 
@@ -182,7 +184,7 @@ PI = Symbol("pi")
 
 def number(value: int | Fraction) -> Number:
     """The exact number as a tree."""
-    return Number(Fraction(value))
+    return Number(value if isinstance(value, Fraction) else Fraction(value))
 
 
 def _tree(operand: Operand) -> Expression:
@@ -196,12 +198,12 @@ def _tree(operand: Operand) -> Expression:
 
 def add(*terms: Expression) -> Expression:
     """The sum, flattened, numbers folded, zero dropped."""
-    total = Fraction(0)
+    total: Fraction | None = None  # most sums have at most one number, and fractions are slow
     rest: list[Expression] = []
     for term in terms:
         for part in term.terms if isinstance(term, Sum) else (term,):
             if isinstance(part, Number):
-                total += part.value
+                total = part.value if total is None else total + part.value
             else:
                 rest.append(part)
     if total:
@@ -213,17 +215,17 @@ def add(*terms: Expression) -> Expression:
 
 def multiply(*factors: Expression) -> Expression:
     """The product, flattened, numbers folded and put first."""
-    total = Fraction(1)
+    total: Fraction | None = None
     rest: list[Expression] = []
     for factor in factors:
         for part in factor.factors if isinstance(factor, Product) else (factor,):
             if isinstance(part, Number):
-                total *= part.value
+                total = part.value if total is None else total * part.value
             else:
                 rest.append(part)
-    if not total:
+    if total is not None and not total:
         return ZERO
-    if total != 1:
+    if total is not None and total != 1:
         rest.insert(0, Number(total))
     if not rest:
         return ONE
@@ -234,17 +236,20 @@ def power(base: Expression, exponent: Expression | int | Fraction) -> Expression
     """base ^ exponent; exact for numbers to small integer exponents; 0 to a negative power stays."""
     if isinstance(exponent, int | Fraction):
         exponent = number(exponent)
-    if exponent == ZERO:
+    if not isinstance(exponent, Number):
+        return base if base == ONE else Power(base, exponent)
+    e = exponent.value
+    if e == 0:
         return ONE
-    if exponent == ONE or base == ONE:
+    if e == 1 or base == ONE:
         return base
-    if base == ZERO and isinstance(exponent, Number) and exponent.value > 0:
+    if e > 0 and base == ZERO:
         return ZERO
-    if isinstance(exponent, Number) and exponent.value.denominator == 1:
-        if isinstance(base, Number) and abs(exponent.value) <= 64 and (base.value or exponent.value > 0):
-            return Number(base.value ** int(exponent.value))
+    if e.denominator == 1:
+        if isinstance(base, Number) and abs(e) <= 64 and (base.value or e > 0):
+            return Number(base.value ** int(e))
         if isinstance(base, Power) and isinstance(base.exponent, Number) and base.exponent.value.denominator == 1:
-            return power(base.base, base.exponent.value * exponent.value)
+            return power(base.base, base.exponent.value * e)
     return Power(base, exponent)
 
 
@@ -333,7 +338,13 @@ def dot(left: Iterable[Expression], right: Iterable[Expression]) -> Expression:
 
 
 def node_count(tree: Expression) -> int:
-    return sum(1 for _ in walk(tree))
+    """The number of nodes, which a tree keeps."""
+    try:
+        return tree._size
+    except AttributeError:
+        size = sum(1 for _ in walk(tree))
+        object.__setattr__(tree, "_size", size)
+        return size
 
 
 def holds(tree: Expression, *leaves: Expression) -> bool:

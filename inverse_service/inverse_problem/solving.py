@@ -11,7 +11,7 @@ from inverse_service.deadline import now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, walk
+from inverse_service.expressions.tree import TIME, Expression, node_count, walk
 from inverse_service.inverse_problem.confirming import (
     Progress,
     Work,
@@ -162,7 +162,7 @@ def _as_given(work: Work) -> Answer | None:
         if with_time and work.options.time_dependent is False and not system.depends_on_time:
             return None
         if is_confirmed(work, form, with_time):
-            short = not system.is_unsolved and sum(1 for f in system.accelerations for _ in walk(f)) <= bounds.TERMS
+            short = not system.is_unsolved and sum(map(node_count, system.accelerations)) <= bounds.TERMS
             decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
             found = of_lagrangian(work.analysis, with_time, form, AS_GIVEN, as_given_steps(form), decision)
             others = _with_other_matrices(work, with_time) if short else None

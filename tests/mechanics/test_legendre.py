@@ -16,10 +16,9 @@ from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
-from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, node_count, walk
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.legendre.on_constraints import constraint_images
-from inverse_service.mechanics.legendre.short_forms import size
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.service.documents.documents import solve_document
 
@@ -237,7 +236,7 @@ SHORT = ["kepler", "magnetic", "relativistic", "logarithm", "quartic", "damped",
 def test_the_hamiltonian_is_as_short_as_by_hand(name: str) -> None:
     text, coordinates, parameters, expected = CLOSED[name]
     by_hand = tree(expected, coordinates.split(), parameters, momenta=True)
-    assert size(transform(text, coordinates, parameters).hamiltonian) <= size(by_hand) + 2
+    assert node_count(transform(text, coordinates, parameters).hamiltonian) <= node_count(by_hand) + 2
 
 
 N_ROOT = "sqrt(I2 + I3*A(r1)^2 + I4*B(r1)^2)"
@@ -260,7 +259,7 @@ def test_the_first_lagrangian_of_the_generic_class_gives_the_papers_hamiltonian(
         f"(p_r1 + (p_r2^2/C2 + A(r1)*p_s^2/C3 + B(r1)*p_u^2/C4)/(2*{N_ROOT}))^2/(2*I1)", names, PARAMETERS, momenta=True
     )
     assert_equal_values(found.hamiltonian, by_hand)
-    assert size(found.hamiltonian) < 2 * size(by_hand)
+    assert node_count(found.hamiltonian) < 2 * node_count(by_hand)
     assert found.note == ""
     assert_right(found, names, signed=True)
     assert [to_text(image) for image in images] == ["C2*p_s + C3*p_r2", "C2*p_u + C4*p_r2"]
@@ -271,12 +270,12 @@ def test_the_second_lagrangian_of_the_generic_class_gives_the_papers_hamiltonian
     rate = "(p_r1 + N/2*(A(r1)*p_s^2/a3 + B(r1)*p_u^2/a4))/I1"
     by_hand = tree(f"p_r2^2/(2*I2) + I1/2*({rate})^2", names, PARAMETERS, momenta=True)
     assert_equal_values(found.hamiltonian, by_hand)
-    assert size(found.hamiltonian) < 2 * size(by_hand)
+    assert node_count(found.hamiltonian) < 2 * node_count(by_hand)
     assert_right(found, names, signed=True)
     for image, (a, p) in zip(images, (("a3", "p_s"), ("a4", "p_u")), strict=True):
         expected = tree(f"I2*N*({rate})*{p} + {a}*p_r2", names, PARAMETERS, momenta=True)
         assert_equal_values(image, expected)
-        assert size(image) < 2 * size(expected)
+        assert node_count(image) < 2 * node_count(expected)
 
 
 def test_the_third_associated_particle_keeps_a_momentum() -> None:

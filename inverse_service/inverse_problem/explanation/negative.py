@@ -10,7 +10,7 @@ from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.deadline import now
 from inverse_service.expressions.notation import matrix, row
-from inverse_service.expressions.tree import Expression, Symbol, add, walk
+from inverse_service.expressions.tree import Expression, Symbol, add, node_count, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.differential_numbers import differential_numbers
 from inverse_service.inverse_problem.explanation.differential_obstruction import contradiction, direction_matrix
@@ -237,6 +237,6 @@ def _det_vanishes(solved: SolvedConditions) -> Step:
         [linear_tree(solved.exact.ring, solved.symbols, result.entry((min(i, j), max(i, j)), one)) for j in range(n)]
         for i in range(n)
     ]
-    if sum(1 for line in rows for entry in line for _ in walk(entry)) > bounds.SHOWN:
+    if sum(node_count(entry) for line in rows for entry in line) > bounds.SHOWN:
         return said(f"With these values {end}", shown=[SINGULAR])
     return said("With these values ", row("g = ", matrix(rows)), f", and {end}", shown=[SINGULAR])

@@ -15,7 +15,7 @@ from inverse_service.deadline import now
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.notation import Formula, matrix, partial_derivative, row, theory
-from inverse_service.expressions.tree import ONE, Acceleration, Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import ONE, Acceleration, Expression, Symbol, Velocity, node_count
 from inverse_service.inverse_problem.explanation.wording import Explanation, Piece, said, separated
 from inverse_service.inverse_problem.solutions import Step
 from inverse_service.mechanics.conditions import MotionInRing, connection, jacobi_endomorphism, motion_in_ring
@@ -121,7 +121,7 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> t
     A single sentence where these formulas are long.
     """
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates]
-    if any(sum(1 for tree in line for _ in walk(tree)) > bounds.SHOWN for line in lines):
+    if any(sum(map(node_count, line)) > bounds.SHOWN for line in lines):
         those = (
             "the equations as they are written" if system.is_unsolved else "equations that `f` satisfies identically"
         )

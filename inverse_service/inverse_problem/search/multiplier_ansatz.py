@@ -21,7 +21,7 @@ from inverse_service.algebra.series_program import SeriesProgram, TooLarge, cons
 from inverse_service.deadline import STEP, check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, node_count
 from inverse_service.inverse_problem.kinds.helmholtz import tensors, written
 from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.linear_ansatz import (
@@ -125,7 +125,7 @@ def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matri
 
 def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix, Matrix]:
     """(N, Phi) at a point, each (n, n)."""
-    check(STEP + sum(1 for f in sampler.analysis.accelerations for _ in walk(f)))
+    check(STEP + sum(map(node_count, sampler.analysis.accelerations)))
     if len(sampler.analysis.accelerations) == 1:  # Phi is in no condition
         f, known = sampler.analysis.accelerations[0], dict[Expression, int]()
         evaluate(f, point, known)  # SingularPoint where it has no value

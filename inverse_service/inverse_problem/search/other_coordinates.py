@@ -38,6 +38,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     holds,
+    node_count,
     number,
     rebuild,
     square_root,
@@ -248,7 +249,7 @@ def shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
 
 
 def size(trees: Sequence[Expression]) -> int:
-    return sum(1 for tree in trees for _ in walk(tree))
+    return sum(map(node_count, trees))
 
 
 def _transformed(

@@ -24,7 +24,7 @@ from inverse_service.algebra.tower import Tower, draw_point, moved_point
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import STEP, check
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, node_count
 
 Integers = npt.NDArray[np.int64]
 Words = npt.NDArray[np.uint64]
@@ -71,7 +71,7 @@ def _program(
 ) -> _LetterProgram:
     series = SeriesProgram([variables[k] for k in names], order)
     registers = np.array([series.expand(letter) for letter in letters], np.int64)
-    work = sum(1 for letter in letters for _ in walk(letter))
+    work = sum(map(node_count, letters))
     return _LetterProgram(letters, series, np.ravel(series.instructions), np.array(names, np.int64), registers, work)
 
 

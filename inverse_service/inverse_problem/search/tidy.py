@@ -38,6 +38,7 @@ from inverse_service.expressions.tree import (
     holds,
     is_exponential,
     multiply,
+    node_count,
     number,
     rebuild,
     square_root,
@@ -231,9 +232,10 @@ def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression
     return found
 
 
+@lru_cache(maxsize=1024)
 def _size(tree: Expression) -> int:
     """The nodes; a minus sign counts nothing, but much before a bracket."""
-    return sum(1 for _ in walk(tree)) + sum(map(_sign, walk(tree)))
+    return node_count(tree) + sum(map(_sign, walk(tree)))
 
 
 def _preference(tree: Expression) -> tuple[int, int]:

@@ -30,6 +30,7 @@ from inverse_service.expressions.tree import (
     children,
     factors_of,
     multiply,
+    node_count,
     rebuild,
     substitute,
     walk,
@@ -49,7 +50,6 @@ from inverse_service.mechanics.legendre.short_forms import (
     quotient,
     shortest,
     simplified,
-    size,
     velocities_in,
     with_cosines,
 )
@@ -67,7 +67,7 @@ def scalar_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     for root in roots_for(differentiate(block.function, rate), rate, momentum):
         velocity = simplified(root.value)
         trees = [substitute(energy, {rate: velocity}) for energy in energies]
-        short = [tree for tree in trees if size(tree) <= bounds.LARGE]
+        short = [tree for tree in trees if node_count(tree) <= bounds.LARGE]
         forms = [simplified(tree) for tree in short] + [simplified(factored_inside(tree)) for tree in short[2:3]]
         forms += [with_cosines(factored_inside(form)) for form in forms]
         yield Branch((velocity,), shortest(forms or trees), root.conditions)

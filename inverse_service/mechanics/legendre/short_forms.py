@@ -31,6 +31,7 @@ from inverse_service.expressions.tree import (
     multiply,
     negate,
     negated,
+    node_count,
     number,
     rebuild,
     substitute,
@@ -40,12 +41,6 @@ from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, e
 
 # Terms met on the way (`Budget`) in exact work on one tree.
 _WORK = 20_000
-
-
-@lru_cache(maxsize=512)
-def size(tree: Expression) -> int:
-    """The number of nodes."""
-    return sum(1 for _ in walk(tree))
 
 
 def velocities_in(tree: Expression, names: Collection[str]) -> set[str]:
@@ -73,7 +68,7 @@ def quotient(tree: Expression) -> Expression:
 
 def shortest(forms: Sequence[Expression]) -> Expression:
     """The smallest of some equal trees; of those of the same size the first with the fewest terms."""
-    return min(forms, key=lambda form: (size(form), len(form.terms) if isinstance(form, Sum) else 1))
+    return min(forms, key=lambda form: (node_count(form), len(form.terms) if isinstance(form, Sum) else 1))
 
 
 @lru_cache(maxsize=512)
@@ -83,7 +78,7 @@ def simplified(tree: Expression) -> Expression:
     forms = [collected, merged]
     if _is_monomial(collected):  # as momenta and energies of many masses are
         return shortest(forms)
-    forms += [quotient(collected), *([quotient(merged)] if size(merged) < size(collected) else [])]
+    forms += [quotient(collected), *([quotient(merged)] if node_count(merged) < node_count(collected) else [])]
     for other in _without_squares(collected):
         forms += [collect(other), quotient(other)]
     return shortest(forms)
@@ -106,7 +101,7 @@ def _outermost(tree: Expression) -> dict[Expression, None]:
 
 def related(tree: Expression) -> Expression:
     """A long tree as one quotient, with the relations among its roots and functions used, where that is shorter."""
-    return tree if size(tree) <= bounds.NODES else shortest([tree, exact_quotient(tree)])
+    return tree if node_count(tree) <= bounds.NODES else shortest([tree, exact_quotient(tree)])
 
 
 def exact_quotient(tree: Expression) -> Expression:

@@ -27,6 +27,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     negated,
+    node_count,
     substitute,
     walk,
 )
@@ -52,7 +53,6 @@ from inverse_service.mechanics.legendre.short_forms import (
     shortest,
     sign_part,
     simplified,
-    size,
     squares_together,
     velocities_in,
     without_cancelling,
@@ -235,13 +235,13 @@ def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
         ]
         for form in forms:
             other = Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
-            if size(other.hamiltonian) < size(branch.hamiltonian):
+            if node_count(other.hamiltonian) < node_count(branch.hamiltonian):
                 yield other
         yield branch
 
 
 def _rank(branch: Branch, judgment: Judgment) -> tuple[int, int]:
-    return judgment.holding, -size(branch.hamiltonian)
+    return judgment.holding, -node_count(branch.hamiltonian)
 
 
 def _closed(

@@ -15,7 +15,7 @@ from inverse_service.algebra.sign_cases import sign_cases
 from inverse_service.errors import DocumentRefused, LimitError, Place
 from inverse_service.expressions.names import Names
 from inverse_service.expressions.reader import placed_at, read_formula, without_accelerations
-from inverse_service.expressions.tree import Acceleration, Expression, walk
+from inverse_service.expressions.tree import Acceleration, Expression, node_count, walk
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.mechanics.document_names import Declared, parameter_values, with_values
 from inverse_service.mechanics.reading import GivenEquations, read_given, read_system
@@ -110,7 +110,7 @@ def to_solvable(schema: SystemDocument) -> SecondOrderSystem:
     system = None
     try:
         system = to_system(schema)
-        if sum(1 for f in system.accelerations for _ in walk(f)) <= _MOST_NODES:
+        if sum(map(node_count, system.accelerations)) <= _MOST_NODES:
             return system
     except LimitError:
         pass
