@@ -57,7 +57,7 @@ def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
     """The families that were tried without success."""
     from inverse_service.inverse_problem.search.rungs import REASONS
 
-    families = [(name, count) for name, count in outcome.tried if name not in REASONS]
+    families = [(name, count) for name, count in dict(outcome.tried).items() if name not in REASONS]
     tried = "; ".join(f"{name} ({terms(count)})" for name, count in families if count) or "none fits f"
     others = {
         "Families without a candidate": [name for name, count in families if not count],

@@ -1,10 +1,10 @@
 """Terms that an ansatz needs besides its kinetic ones: what can cancel the residuals of these.
 
-Of a single term the residuals T(q) w(v) are answered by B(q) w v_i / v_j with dB/dq_j = T. Those of a combination that
-has a multiplier as Hessian are the Euler-Lagrange expressions of some A_i(q) v_i - V(q), so they are linear in the
-velocities once everything is put over one denominator: terms T(q) and T(q) v_j, answered by B(q) and B(q) v_k with
-dB/dq_j = T. Closures term by term cannot see this where polynomials in the velocities are letters, as their relations
-to the velocities are used only there.
+Of a single term the residuals T(q) w(v) are answered by B(q) w v_i / v_j with dB/dq_j = T. Those of a combination
+that has a multiplier as Hessian are the Euler-Lagrange expressions of some A_i(q) v_i - V(q), so they are linear in
+the velocities, at the latest once everything is put over one denominator: terms T(q) and T(q) v_j, answered by B(q)
+and B(q) v_k with dB/dq_j = T. Closures term by term cannot see this where polynomials in the velocities are letters,
+as their relations to the velocities are used only there.
 """
 
 from __future__ import annotations
@@ -91,6 +91,22 @@ def without_squares(key: Monomial) -> list[Monomial]:
     ]
 
 
+def each_once(terms: Sequence[Monomial]) -> list[Monomial]:
+    """The terms without m sin^2 u where m and m cos^2 u are among them, and without m sinh^2 u likewise."""
+    every = set(terms)
+    pairs = {"sin": "cos", "sinh": "cosh"}
+
+    def is_sum(key: Monomial) -> bool:
+        squares = [p for p, e in key if isinstance(p, Apply) and p.function in pairs and e >= 2]
+        return any(
+            {rest := times(key, monomial(p), -2), times(rest, monomial(Apply(pairs[p.function], p.argument)), 2)}
+            <= every
+            for p in squares
+        )
+
+    return [key for key in terms if not is_sum(key)]
+
+
 def potentials(material: Material, seeds: Iterable[Monomial], bound: int) -> list[Monomial]:
     """B(q) and B(q) v_k with dB/dq_j = phi T, phi the factor of a seed that holds v_i, T from f^i.
 
@@ -137,21 +153,27 @@ def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> lis
         trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
         motion, point = material.motion, material.analysis.real_point
         symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
-        quotients = factored(list(trees), symbols, Budget.long())
-        residuals = [oriented(terms_of(tree), point) for tree in quotients]
+        parts = _linear_parts(material, (key for tree in trees for key in oriented(terms_of(tree), point)))
+        if None in parts:
+            quotients = factored(list(trees), symbols, Budget.long())
+            parts = _linear_parts(material, (key for tree in quotients for key in oriented(terms_of(tree), point)))
     except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
         return []
-    return _primitives(material, (key for terms in residuals for key in terms))[: bounds.SMALL]
+    return _primitives(material, [position for position in parts if position is not None])[: bounds.SMALL]
 
 
-def _primitives(material: Material, keys: Iterable[Monomial]) -> list[Monomial]:
-    """B and B v_k for each term T and T v_j."""
+def _linear_parts(material: Material, keys: Iterable[Monomial]) -> list[Monomial | None]:
+    """T for each term T or T v_j, None for any other."""
+    linear = {EMPTY, *map(monomial, material.motion.velocities)}
+    pairs = (split_velocities(key) for key in keys)
+    return [position if moving in linear else None for position, moving in pairs]
+
+
+def _primitives(material: Material, parts: Iterable[Monomial]) -> list[Monomial]:
+    """B and B v_k for each T."""
     motion = material.motion
     found: dict[Monomial, None] = {}
-    for key in keys:
-        position, moving = split_velocities(key)
-        if moving and moving not in map(monomial, motion.velocities):
-            continue
+    for position in parts:
         for q in motion.coordinates:
             raised = antiderivatives(position, q)
             found.update(dict.fromkeys(raised))

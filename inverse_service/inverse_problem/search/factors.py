@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from math import lcm
+from math import inf, lcm
 
 from inverse_service import bounds
 from inverse_service.expressions.tree import TIME, Expression, Sum, is_exponential
@@ -15,7 +14,6 @@ from inverse_service.inverse_problem.search.integrating import divergence_factor
 from inverse_service.inverse_problem.search.material import (
     Material,
     coefficient,
-    distinct,
     integrating_candidates,
     simplified,
 )
@@ -153,8 +151,11 @@ def _exponents(letter: Expression, seen: set[Fraction]) -> list[Fraction]:
     return [one, -one] if any(e < 0 for e in seen) else [one]
 
 
-def position_monomials(material: Material, degree: int) -> list[Monomial]:
-    """Products of at most `degree` letters of position; sums also inverted and rooted, others as in f."""
+def position_monomials(material: Material, degree: int, room: float = inf) -> list[Monomial]:
+    """Products of at most `degree` letters of position; sums also inverted and rooted, others as in f.
+
+    Of three letters and more only where all of these make at most `room`.
+    """
     powers: dict[Expression, set[Fraction]] = {}
     for terms in material.motion.forces:
         for key in terms:
@@ -163,11 +164,11 @@ def position_monomials(material: Material, degree: int) -> list[Monomial]:
     units: list[Monomial] = []
     for letter in material.position_letters:
         units += [frozenset([(letter, e)]) for e in _exponents(letter, powers.get(letter, set()))]
-    found = [EMPTY]
+    found, layer = {EMPTY}, [(EMPTY, 0)]  # products, and the unit from which on they may go on
     for count in range(1, degree + 1):
-        for chosen in itertools.combinations_with_replacement(units, count):
-            product = EMPTY
-            for unit in chosen:
-                product = times(product, unit)
-            found.append(product)
-    return distinct(found)
+        layer = [(times(m, units[k]), k) for m, first in layer for k in range(first, len(units))]
+        every = found.union(m for m, _ in layer)
+        if count > 2 and len(every) > room:
+            break
+        found = every
+    return sorted(found, key=rank)

@@ -27,7 +27,19 @@ from inverse_service.algebra.modular import Field, compiled, multiply, reconstru
 from inverse_service.algebra.point import Expansion, Variable, variables_in
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Apply, Expression, Number, Power, Sum, Symbol, Velocity, number, walk
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Sum,
+    Symbol,
+    Velocity,
+    is_exponential,
+    number,
+    walk,
+)
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
 from inverse_service.inverse_problem.search.gradings import by_degree
@@ -193,14 +205,31 @@ class Family:
     given: bool = False
 
 
-def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> list[Monomial]:
-    """The terms of an ansatz that have a Hessian, simple ones first; none where these make no regular multiplier."""
+def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> Iterator[list[Monomial]]:
+    """The terms of an ansatz that have a Hessian, simple ones first; none where these make no regular multiplier.
+
+    Several coordinates have few multipliers, so constant coefficients, up to e^(rho t), come before functions of
+    position; a logarithm has values for some velocities only, so that what does without comes before it.
+    """
+    shapes = [key for key in family.shapes(material) if not is_linear(key)]
     if family.given:
-        return [key for key in family.shapes(material) if is_admissible(material, key) and not is_linear(key)]
-    possible = possible_shapes(material, [s for s in family.shapes(material) if not is_linear(s)], seed)
+        yield [key for key in shapes if is_admissible(material, key)]
+        return
+    possible = possible_shapes(material, shapes, seed)
     chosen = _with_roots_of_numbers(material, possible.shapes)
     if not chosen or not family.terms:
-        return chosen
+        yield chosen
+        return
+    if material.motion.size > 1:
+        plain = [shape for shape in chosen if not any(isinstance(p, Apply) and not is_exponential(p) for p, _ in shape)]
+        yield products(possible.in_time([EMPTY])[:1], plain)
+    yield _with_functions(material, family, factors, possible, chosen)
+
+
+def _with_functions(
+    material: Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[Monomial]
+) -> list[Monomial]:
+    """The shapes with functions of t and of position as coefficients."""
     in_time = possible.in_time(factors.in_time)
     # For one coordinate every f has a Lagrangian, so long rows end most searches in vain; they found none there.
     terms = family.terms if material.motion.size > 1 else min(family.terms, bounds.SMALL)
@@ -231,9 +260,8 @@ def _with_roots_of_numbers(material: Material, shapes: Sequence[Monomial]) -> li
 
 def _functions(material: Material, factors: Factors, room: int) -> list[Monomial]:
     """1, parameters, integrating factors and products of letters of position, the simplest of them."""
-    degree = next((d for d in (4, 3) if len(position_monomials(material, d)) <= 2 * room), 2)
     fitted = list(dict.fromkeys([EMPTY, *factors.plain[: room // 3]]))
-    others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, degree)])
+    others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, 4, 2 * room)])
     # A coordinate that does not occur in f can occur in L all the same.
     plain = [monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)]
     raised = _antiderivatives_of_forces(material)[: room // 3]

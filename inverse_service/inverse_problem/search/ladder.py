@@ -20,7 +20,7 @@ from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Symbol, Velocity
 from inverse_service.inverse_problem.decision.analysis import Analysis, analyze, variables_of
 from inverse_service.inverse_problem.search import rungs
-from inverse_service.inverse_problem.search.closure import answers, without_squares
+from inverse_service.inverse_problem.search.closure import answers, each_once, without_squares
 from inverse_service.inverse_problem.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.inverse_problem.search.families import (
     Family,
@@ -38,7 +38,7 @@ from inverse_service.inverse_problem.search.multiplier_ansatz import occurring_t
 from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
 from inverse_service.inverse_problem.search.quadratures import real_form
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler, sampler_of
-from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, tree_of
+from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, collected, tree_of
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.inverse_problem.search.views import Lettered, views
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -241,12 +241,15 @@ def _by_ansatz(state: _Search, family: Family) -> Found | None:
     state.progress(f"ansatz: {family.name}")
     if state.factors is None and family.cost > 1:
         state.factors = find_factors(state.material, state.seed)
-    terms = kinetic_terms(state.material, family, state.factors or NO_FACTORS, state.seed)
-    if terms and set(terms) <= state.known:
-        return None
-    state.known.update(terms)
-    state.tried.append((family.name, len(terms)))
-    return _solve(state.material, family, terms, state.seed)
+    for terms in kinetic_terms(state.material, family, state.factors or NO_FACTORS, state.seed):
+        if terms and set(terms) <= state.known:
+            continue
+        state.known.update(terms)
+        state.tried.append((family.name, len(terms)))
+        found = _solve(state.material, family, terms, state.seed)
+        if found is not None:
+            return found
+    return None
 
 
 def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: int) -> Found | None:
@@ -258,9 +261,12 @@ def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: 
         # Of short rows: more terms than these have, times monomials of parameters, are too many unknowns.
         if material.analysis.system.parameters and not family.given and len(terms) <= 2 * bounds.SMALL:
             terms = with_parameters(material, occurring_terms(sampler, terms, seed), family.terms)
-        space = solve_multiplier(sampler, terms, seed)
-        members = needed_combinations(space, seed)
-        chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
+        for some in dict.fromkeys((tuple(each_once(terms)), tuple(terms))):
+            space = solve_multiplier(sampler, some, seed)
+            members = needed_combinations(space, seed)
+            chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
+            if not any(map(without_squares, chosen)):
+                break
         residuals = [answers(material, space.combinations[k]) for k in members]
         further = dict.fromkeys(key for group in residuals for key in group)
         return _with_potentials(material, family, chosen, list(further), len(members), seed) if chosen else None
@@ -281,12 +287,14 @@ def _with_potentials(
     all of it would be multiplied out; sin^2 and cos^2 can be written in several ways, of which one is the shortest.
     """
     members: list[Member] = []
-    if further and not family.given and not any(map(without_squares, chosen)):
+    if further and not any(map(without_squares, chosen)):
+        given = filter(is_linear, family.shapes(material)) if family.given else ()
         with suppress(*_NO_POINTS):
-            members = _members(material, [*chosen, *further], chosen, count, seed)
+            members = _members(material, list(dict.fromkeys([*chosen, *further, *given])), chosen, count, seed)
     known = _known_letters(material, chosen)
     potentials = [key for member in members[:1] for key in member.terms if is_linear(key)]
-    plain = all(p in known and not (isinstance(p, Sum) and e < 0) for key in potentials for p, e in key)
+    divisors = [p for key in potentials for p, e in key if isinstance(p, Sum) and e < 0]
+    plain = len(set(divisors)) == len(divisors) and all(_written_out(p) in known for key in potentials for p, _ in key)
     if not members or not plain:
         members = _members(material, all_terms(material, family, [*chosen, *further]), chosen, 1, seed)
     if not members:
@@ -317,4 +325,10 @@ def _known_letters(material: Material, chosen: Sequence[Monomial]) -> set[Expres
     motion = material.motion
     known = {*motion.coordinates, *motion.velocities, *material.position_letters, *material.velocity_letters}
     known |= {letter for key in (*chosen, *material.parameter_monomials) for letter, _ in key}
-    return known | {Apply("log", letter) for letter in material.position_letters}
+    known |= {Apply("log", letter) for letter in material.position_letters}
+    return known | set(map(_written_out, known))
+
+
+def _written_out(letter: Expression) -> Expression:
+    """cos(x (x + 1)) as cos(x^2 + x), which antiderivatives hold."""
+    return Apply(letter.function, collected(letter.argument)) if isinstance(letter, Apply) else collected(letter)

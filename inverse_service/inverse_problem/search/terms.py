@@ -83,7 +83,8 @@ def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, F
     for a, x in left.items():
         for b, y in right.items():
             key = times(a, b)
-            result[key] = result.get(key, Fraction(0)) + x * y
+            before = result.get(key)
+            result[key] = x * y if before is None else before + x * y
     return _bounded({key: value for key, value in result.items() if value})
 
 
