@@ -13,6 +13,7 @@ from inverse_service.cli.exits import ExitCode, read_bytes, write
 from inverse_service.cli.solve_command import time_limit_or
 from inverse_service.errors import InputError, WorkerFailed
 from inverse_service.service.documents.plain_data import read_document
+from inverse_service.service.documents.text_page import notes_of_formulas
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.single_call import run_alone
 from inverse_service.settings import read_settings
@@ -194,6 +195,7 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
             what = f"{stopped['quantity']}{value}" if stopped["quantity"] else "the run ended"
             lines.append(f"{method['label']}: {what} {where}; {stopped['remedy'] or ''}".rstrip("; "))
         lines += [f"{method['label']}: {method[key]}" for key in ("note", "doubt") if method.get(key)]
+        lines += [f"{method['label']}: {note}" for note in notes_of_formulas(method)]
     return lines
 
 

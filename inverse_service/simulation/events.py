@@ -49,6 +49,7 @@ UNSEEN = (
 )
 TOUCHED = "At t = {:.7g} the formula is 0 within round-off and its sign stays: that is no event."
 ENDED = "The run was ended by an event at t = {:.12g}."
+NO_VALUE = "The formula has no value at {} of the {} points of the run: there is no event there."
 NO_SIZE = "The formula is 0 within round-off all along the run: none of its changes of sign is an event."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 
@@ -139,7 +140,9 @@ def _located(run: Observed, event: Event, velocities: Array | None, follow: Foll
         with np.errstate(invalid="ignore"):
             brackets, touched, unseen = _brackets(way)
         brackets = brackets.part(np.isin(brackets.sense, {1: (1,), -1: (-1,), 0: (1, -1)}[event.direction]))
+        lost = int(np.isnan(along).sum())
         note = UNSEEN if unseen else TOUCHED.format(touched[0]) if len(touched) else ""
+        note = NO_VALUE.format(lost, len(along)) if lost else note
         if not len(brackets.places):
             return Found(event, nothing[:, 0], nothing, nothing, note)
         state = _zeros(brackets, way)
@@ -219,7 +222,9 @@ def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
     cubic = b + part * ((c - a) / 2 + part * (a - 2.5 * b + 2 * c - d / 2 + part * (1.5 * (b - c) + (d - a) / 2)))
     apart = np.abs(way.values((places + part) / pieces) - cubic)
     change = np.ptp(np.stack([a, b, c, d]), axis=0)
-    return bool((apart > NOT_SHOWN * change + TOUCH * np.nanmax(np.abs(fine))).mean() > OFTEN)
+    return bool(
+        (apart > NOT_SHOWN * change + TOUCH * np.abs(fine).max(initial=0.0, where=np.isfinite(fine))).mean() > OFTEN
+    )
 
 
 def _brackets(way: Way) -> tuple[Brackets, Array, bool]:

@@ -20,7 +20,7 @@ from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity,
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.scene_data import Scene
+from inverse_service.simulation.scene_data import Members, Scene
 
 TOLERANCE = 1e-9
 RANK = 1e-10
@@ -71,6 +71,25 @@ def _rows_nearby(
         with suppress(InputError):
             found.append(_linear(names, constraints, values, place[None])[0][0])
     return found
+
+
+def no_value_at_start(scene: Scene) -> str:
+    """A sentence where the Lagrangian of the scene has no value at the start, or at that of a member; "" elsewhere.
+
+    Its derivatives may have values there: that of log(x - 5) has one at x = 1, where there is no motion.
+    """
+    if scene.lagrangian is None:
+        return ""
+    starts = scene.ensemble or Members(scene.positions[None], scene.velocities[None], {})
+    moments = np.full(len(starts.positions), scene.grid.begin)
+    values: dict[str, float | Array] = {**scene.values, **starts.values}
+    found = array_value(
+        scene.lagrangian, table_of(scene.coordinates, starts.positions, starts.velocities, values, moments)
+    )
+    if np.isfinite(found).all():
+        return ""
+    member = f" of member {np.argmin(np.isfinite(found))}" if scene.ensemble else ""
+    return f"The Lagrangian has no value at the start{member}: start somewhere else."
 
 
 def is_degenerate(scene: Scene) -> bool:

@@ -32,6 +32,7 @@ from inverse_service.simulation.truth import Truth, places_of
 
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations, and no Lagrangian of it was found, so there is no energy."
+_NO_VALUE = "The formula has no value at {} of the {} recorded points, the first at t = {:.7g}."
 _WALL = "The energy is that of a Lagrangian that was found, which {}."
 
 
@@ -82,9 +83,12 @@ def _own(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
             continue
         series[one.name] = column
         ends = {"first": float(column[0]), "last": float(column[-1])}
-        finite = bool(np.isfinite(column).all())
-        extremes = {"least": float(column.min()), "greatest": float(column.max())} if finite else {}
-        numbers[one.name] = ends | extremes
+        lost = ~np.isfinite(column)
+        if lost.any():
+            note = _NO_VALUE.format(lost.sum(), len(column), at.times[lost.argmax()])
+            numbers[one.name] = {**ends, "note": note}
+        else:
+            numbers[one.name] = {**ends, "least": float(column.min()), "greatest": float(column.max())}
     return {"observables": numbers}, series
 
 

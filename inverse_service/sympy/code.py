@@ -51,8 +51,19 @@ class Language:
 
 # Names that mean something in Mathematica or Maple; an underscore there is a pattern.
 _RESERVED = frozenset(("C", "D", "E", "I", "K", "N", "O", "Pi", "gamma", "Gamma", "Zeta", "Psi", "Chi"))
-# Names that no variable of a program may have: words of C, C++, Rust and Python, and a function that C programs call.
-_WORDS = frozenset((*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, "pow"))
+# Words of JavaScript, Julia, MATLAB, Octave and Maple that are none of C, C++, Rust and Python.
+_FURTHER = """
+    arguments await debugger eval finally function implements instanceof interface package typeof undefined var with
+    abstract baremodule begin elseif end export global import isa local macro module mutable outer primitive quote
+    using where classdef endfor endfunction endif otherwise parfor persistent spmd until by description done elif fi
+    intersect minus mod od option proc stop subset then to union use
+"""
+# What the programs themselves call and define.
+_CALLED = "out math Math dummy pow fabs abs sign merge powi powf signum cbrt hypot M_PI M_E"
+# Names that no variable of a program may have.
+_WORDS = frozenset(
+    (*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, *_FURTHER.split())
+) | {*_CALLED.split(), *QUANTITIES}
 
 
 class _RustPrinter(RustCodePrinter):  # type: ignore[misc]
@@ -268,12 +279,13 @@ def _plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> 
     words |= {each: name for name, each in table.momenta.items()}
     used: set[str] = set()
     found = {}
+    bare = language.printed in (sympy.mathematica_code, sympy.maple_code)
     for each in given:
         name = words.get(each, str(each))
-        if language.printed in (sympy.mathematica_code, sympy.maple_code):
-            name = f"{name}0" if name in _RESERVED else name.replace("_", "")
-        name = f"{name}_" if name in _WORDS or name.lower() in {word.lower() for word in used} else name
-        used.add(name)
+        name, end, taken = (name.replace("_", ""), "0", _WORDS | _RESERVED) if bare else (name, "_", _WORDS)
+        while {name, name.lower()} & taken or name.lower() in used:
+            name += end
+        used.add(name.lower())
         found[each] = sympy.Symbol(name, real=True)
     return found
 

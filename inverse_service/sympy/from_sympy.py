@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy
@@ -13,6 +13,8 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.sympy_trees import Leaves, from_sympy
 from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity
+from inverse_service.service.documents.accepting import to_schema, to_system
+from inverse_service.service.documents.preparing import prepared
 from inverse_service.sympy.symbol_names import Table, names_for
 
 
@@ -26,13 +28,18 @@ class Reading:
 
 @dataclass(frozen=True)
 class _Given:
-    """Expressions that are zero, what moves in them, and how its velocity is written where not as a derivative."""
+    """Expressions that are zero, what moves in them, and how its velocity is written where not as a derivative.
+
+    `pairs`: they are of first order, and of what moves a half, `preferred` where that is given, are the coordinates.
+    """
 
     zeros: tuple[Any, ...]
     coordinates: tuple[Any, ...]
     velocities: Mapping[Any, Any]
     time: Any
     accelerations: Mapping[Any, Any] | None = None
+    pairs: bool = False
+    preferred: tuple[Any, ...] = ()
 
 
 def read(
@@ -54,7 +61,21 @@ def read(
         equations = {table_name(table, x): to_text(_tree(f, given, leaves)) for x, f in given.accelerations.items()}
     else:
         equations = [f"{to_text(_tree(zero, given, leaves))} = 0" for zero in given.zeros]
-    return Reading({**_declared(table), "equations": equations, **_asked(questions, given, leaves)}, table)
+    document = {**_declared(table), "equations": equations, **_asked(questions, given, leaves)}
+    return _of_pairs(document, table, given) if given.pairs else Reading(document, table)
+
+
+def _of_pairs(document: Mapping[str, Any], table: Table, given: _Given) -> Reading:
+    """The document of first-order equations x' = h, p' = F, and the objects of the x that its reader chooses."""
+    named = [table_name(table, each) for each in given.preferred]
+    whole = {key: value for key, value in document.items() if key != "coordinates"}
+    whole |= {"coordinates": named} if named else {}
+    ready = prepared(whole)
+    try:
+        chosen = to_system(to_schema(ready.document)).coordinates
+    except InputError as error:
+        raise ready.error(error) from None
+    return Reading(whole, replace(table, coordinates={name: table.coordinates[name] for name in chosen}))
 
 
 def read_constrained(
@@ -132,8 +153,11 @@ def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[A
         return _Given(tuple(found.values()), moving, velocities, time or _time_of(moving), found)
     zeros = tuple(_zero(each) for each in _listed(system))
     time = time or _found_time(zeros)
-    moving = tuple(coordinates or _moving(zeros, time, 2))
-    only_first = [] if coordinates else [each for each in _moving(zeros, time, 1) if each not in moving]
+    fast, slow = _moving(zeros, time, 2), _moving(zeros, time, 1)
+    if slow and not fast and not velocities and set(coordinates or ()) < set(slow):
+        return _Given(zeros, tuple(slow), velocities, time, pairs=True, preferred=tuple(coordinates or ()))
+    moving = tuple(coordinates or fast)
+    only_first = [] if coordinates else [each for each in slow if each not in moving]
     if only_first:
         detail = f"{only_first[0]} has a first derivative only: name the coordinates, coordinates=[...]."
         raise InputError(detail, "/coordinates")
@@ -199,9 +223,7 @@ def _found_time(zeros: Sequence[Any]) -> Any:
         by = derivative.variables[0]
         if isinstance(derivative.expr, AppliedUndef) and derivative.expr.args == (by,) and by.is_Symbol:
             orders[by] = max(orders.get(by, 0), len(derivative.variables))
-    found = {by for by, order in orders.items() if order >= 2}
-    if orders and not found:
-        raise InputError("no second derivative occurs here: write equations such as x'' = -x.", "/equations")
+    found = {by for by, order in orders.items() if order >= 2} or set(orders)
     if len(found) != 1:
         raise InputError("the derivatives do not show which variable is the time: pass time=t.", "/time")
     return found.pop()

@@ -1,14 +1,67 @@
-"""A formula with a function that was given no value is bad input, not a fault of the program."""
+"""A formula without a value is said: a function that was given none, a start outside, a column, an event."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Arbitrary, Symbol
+from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.array_values import array_value
+from inverse_service.web.pages.simulations import notes_of
+
+METHODS = ["variational", "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "stormer-verlet"]
 
 
 def test_a_function_without_a_value_is_refused_as_input() -> None:
     with pytest.raises(InputError, match="A is not given"):
         array_value(Arbitrary("A", (Symbol("x"),), (0,)), {})
+
+
+def run(lagrangian: str, position: float = 1, **more: Any) -> dict[str, Any]:
+    document = {
+        "system": {"coordinates": ["x"], "lagrangian": lagrangian, "parameters": ["k"]}, "parameters": {"k": 1},
+        "initial": {"positions": {"x": position}, "velocities": {"x": 0.5}}, "step": 0.05, "steps": 40,
+        "methods": METHODS, "observe": ["trajectory"],
+    }  # fmt: skip
+    return simulate(document | more)
+
+
+@pytest.mark.parametrize(
+    "lagrangian", ["x'^2/2 + log(x - 5)", "x'^2/2 + atanh(x + 1)", "x'^2/2 - x^2/2 + log(-k)", "log(x - 5)*x' + x'^2/2"]
+)
+def test_no_method_begins_where_the_lagrangian_has_no_value(lagrangian: str) -> None:
+    """Its derivatives have values there."""
+    for method in run(lagrangian, methods=[*METHODS, "exact"])["methods"]:
+        assert method["outcome"] == "unavailable"
+        assert "no value at the start" in method["reason"] or method["method"] == "exact"
+
+
+def test_the_member_that_begins_outside_is_named() -> None:
+    ensemble = {"initial": [{"positions": {"x": x}, "velocities": {"x": 0}} for x in (6, 7, 4)]}
+    result = run("x'^2/2 + log(x - 5)", 6, ensemble=ensemble, methods=["runge-kutta"])
+    assert "of member 2" in result["methods"][0]["reason"]
+
+
+def test_a_lagrangian_that_the_equations_are_given_without_refuses_no_start() -> None:
+    """x'' = 1/(x - 5) has a motion at x = 1, whatever L is found for it."""
+    system = {"equations": "x'' = 1/(x - 5)"}
+    assert run("", system=system, parameters={}, methods=["runge-kutta"])["methods"][0]["outcome"] == "completed"
+
+
+def test_an_observable_without_a_value_is_noted() -> None:
+    result = run("x'^2/2 - x^2/2", observe=[{"F": "sqrt(x)"}, {"G": "x"}], time=6, steps=None, methods=["adaptive"])
+    found = result["methods"][0]["observables"]
+    assert "no value at" in found["F"]["note"]
+    assert "note" not in found["G"]
+    assert any("F: The formula has no value" in note for note in notes_of(result))
+
+
+def test_an_event_whose_formula_has_no_value_is_noted() -> None:
+    result = run("x'^2/2 - x^2/2", events=[{"when": "log(x - 5)"}, {"when": "x^2 + 1"}], methods=["variational"])
+    lost, never = result["methods"][0]["events"]
+    assert "no value at 41 of the 41 points" in lost["note"]
+    assert lost["count"] == never["count"] == 0
+    assert "note" not in never

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -128,6 +129,20 @@ def test_words_of_c_are_no_variables_of_its_programs() -> None:
     program = found.to_code("c")
     assert "double t, double double_, double double_dot, double int_, double pow_)" in program
     assert "pow(double_, 3)*pow_" in program
+
+
+@pytest.mark.parametrize("language", ["python", "c", "fortran", "javascript", "julia", "octave"])
+def test_words_of_a_language_and_of_the_program_itself_are_no_variables(language: str) -> None:
+    """out(1) = -out*x, then out(2) = -out*y has another out; `end` and `function` are no names."""
+    words = ["out", "Math", "math", "lagrangian", "function", "end"]
+    found = solve("x'' = -out*x - Math*math*sin(x); y'' = -out*y - lagrangian*function*end", parameters=words)
+    program = found.to_code(language)
+    assert re.search(r"out_, (double )?Math_, (double )?math__, (double )?lagrangian_, (double )?function_,", program)
+    assert "end_*function_" in program.replace(" .* ", "*").replace(".*", "*")
+
+
+def test_a_word_is_changed_without_an_underscore_where_that_is_a_pattern() -> None:
+    assert "int0_" in solve("x'' = -int*x", parameters=["int"]).to_code("mathematica")
 
 
 def test_maxima_reads_what_is_written_for_it() -> None:

@@ -161,12 +161,23 @@ def test_many_systems_and_their_table() -> None:
     assert rows[1]["L"] == "exp(t)*(x'^2 - x^2)/2"
 
 
+def test_first_order_pairs_are_read_as_their_text_is() -> None:
+    """x' = y, y' = -x is x'' = -x, or y'' = -y where that is asked."""
+    pair = [sp.Eq(x.diff(t), y), sp.Eq(y.diff(t), -k * x)]
+    for found, moving in ((solve(pair), x), (solve(pair, coordinates=[y]), y)):
+        assert found.accelerations == (-k * moving,)
+        assert sp.expand(found.lagrangian - moving.diff(t) ** 2 / 2 + k * moving**2 / 2) == 0
+        assert found.verify().holds is True
+    assert helmholtz(pair).Phi == helmholtz([sp.Eq(x.diff(t, 2), -k * x)]).Phi
+    assert document(pair)["equations"] == ["-y + x' = 0", "k*x + y' = 0"]
+
+
 REFUSED = [
     ([sp.Eq(x.diff(t, 2), -0.333333 * x)], "Float"),
     ([sp.Eq(x.diff(t, 2), -sp.I * x)], "complex"),
     ([x.diff(t, 2) + sp.Piecewise((x, sp.sin(x) > 0), (0, True))], "polynomials"),
     ([x.diff(t, 2) + y.diff(t)], "first derivative only"),
-    ([x.diff(t) + x], "second derivative"),
+    ([x.diff(t) + x], "second order"),
     ([x.diff(t, 3) + x], "third derivative"),
     ([sp.Derivative(x, (t, sp.Symbol("n"))) + x], "order"),
     ([x.diff(t, 2) + sp.Function("x")(t - 1)], "without a delay"),

@@ -63,6 +63,13 @@ def motions_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [one for one in (parts if any(parts) else [result.get("any_associated")]) if one]
 
 
+def notes_of_formulas(method: Mapping[str, Any]) -> list[str]:
+    """What a run says about its events and the observables by formula, each after its formula or name."""
+    parts = [(one["when"], one) for one in method.get("events") or ()]
+    parts += (method.get("observables") or {}).items()
+    return [f"{name}: {one['note']}" for name, one in parts if one.get("note")]
+
+
 def common_verdict(answers: Iterable[Mapping[str, Any]], key: str = "verdict") -> Any:
     """The verdict where all of the answers have it, else "mixed"."""
     verdicts = {one.get(key) for one in answers}

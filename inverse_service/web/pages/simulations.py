@@ -10,6 +10,7 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service.expressions.names import Names
+from inverse_service.service.documents.text_page import notes_of_formulas
 from inverse_service.web.pages import figures, typesetting
 from inverse_service.web.pages.rendering import duration, page, short_number
 from inverse_service.web.pages.scenes import formulas_of
@@ -103,10 +104,9 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     """Notes of the scene and its methods, besides their numbers; the same note of several methods once."""
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
-        for key in ("note", "energy_note", "error_note", "phase_note"):
-            if method.get(key):
-                text = str(method[key])
-                found.setdefault(text[:1].upper() + text[1:], []).append(method["label"])
+        own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
+        for text in (*(f"{text[:1].upper()}{text[1:]}" for text in own), *notes_of_formulas(method)):
+            found.setdefault(text, []).append(method["label"])
     return [*result["notes"], *(f"{', '.join(labels)}: {note}" for note, labels in found.items())]
 
 

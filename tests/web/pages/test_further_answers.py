@@ -121,6 +121,15 @@ def test_each_side_of_a_kink_has_its_box(service: str) -> None:
     assert re.findall(r'<div class="verdict (\w+)">', page.text)[:3] == ["mixed", "not_variational", "variational"]
 
 
+def test_the_proof_of_the_first_branch_stands_before_that_of_the_second(service: str) -> None:
+    document = {"equations": "x'' = 0; y'' = -y + (x + abs(x))*z; z'' = -z"}
+    with httpx.Client(base_url=service, timeout=120) as client:
+        found = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"})
+        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        page = client.get(f"/results/{address}").text
+    assert re.findall(r'id="(why[\w-]*)"', page) == ["why", "why-branch-1"]
+
+
 @pytest.mark.parametrize(
     ("document", "shown"),
     [
