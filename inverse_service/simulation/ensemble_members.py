@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.codegen.program import HIDDEN, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.codegen.program import HIDDEN, NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
@@ -20,6 +20,7 @@ from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
 from inverse_service.simulation.estimates import angles, errors_of, finer
 from inverse_service.simulation.impulses import Ways
+from inverse_service.simulation.initial import without_value
 from inverse_service.simulation.observing import (
     energy,
     point_kinetic,
@@ -83,6 +84,7 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     except InputError as error:
         return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
     ran = time.perf_counter()
+    _mark(many, np.flatnonzero(without_value(scene)), NO_START)
     between = "" if many.cancelled else _mark_hidden(scene, problem, requested.choice, many, values, momenta, stop)
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
@@ -147,13 +149,19 @@ def _mark_hidden(
         return again.positions, Ways(starts, moves, np.tile(again.times[:-1], len(rows)), grid.step, each)
 
     found, sentence = hidden_in_members(scene, choice, len(many.positions), paths, stop)
-    status, at, value = (many.memory[many.card.layout.place(name)] for name in (STATUS, STOPPED_AT, STOPPED_VALUE))
     for member, (step, impulse) in found.items():
-        if status[member] == 0:
-            status[member], at[member], value[member] = HIDDEN, step, impulse
-            lost = many.times > grid.begin + (step + 0.5) * grid.step
-            many.positions[member, lost] = many.rates[member, lost] = np.nan
+        _mark(many, [member], HIDDEN, step, impulse)
     return sentence
+
+
+def _mark(many: Many, members: Iterable[int], code: int, step: float = 0.0, size: float = np.nan) -> None:
+    """End these members after a step, those that went on so far."""
+    status, at, value = (many.memory[many.card.layout.place(name)] for name in (STATUS, STOPPED_AT, STOPPED_VALUE))
+    lost = many.times > many.grid.begin + (step + 0.5) * many.grid.step
+    for member in members:
+        if status[member] == 0:
+            status[member], at[member], value[member] = code, step, size
+            many.positions[member, lost] = many.rates[member, lost] = np.nan
 
 
 def _momenta(free: FreeLagrangian | None, members: Members, values: Mapping[str, float | Array]) -> Array | None:

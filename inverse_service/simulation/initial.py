@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
+from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
@@ -26,6 +27,7 @@ TOLERANCE = 1e-9
 RANK = 1e-10
 NEARBY = 6
 MOST_ITERATIONS = 60
+NO_VALUE = "The Lagrangian has no value at the start: start somewhere else."
 
 
 def check_constraints(
@@ -73,23 +75,18 @@ def _rows_nearby(
     return found
 
 
-def no_value_at_start(scene: Scene) -> str:
-    """A sentence where the Lagrangian of the scene has no value at the start, or at that of a member; "" elsewhere.
+def without_value(scene: Scene) -> NDArray[np.bool_]:
+    """Whether the Lagrangian of the scene has no value at the start, (1,), or at those of the members, (N,).
 
     Its derivatives may have values there: that of log(x - 5) has one at x = 1, where there is no motion.
     """
-    if scene.lagrangian is None:
-        return ""
     starts = scene.ensemble or Members(scene.positions[None], scene.velocities[None], {})
+    if scene.lagrangian is None:
+        return np.zeros(len(starts.positions), dtype=bool)
     moments = np.full(len(starts.positions), scene.grid.begin)
     values: dict[str, float | Array] = {**scene.values, **starts.values}
-    found = array_value(
-        scene.lagrangian, table_of(scene.coordinates, starts.positions, starts.velocities, values, moments)
-    )
-    if np.isfinite(found).all():
-        return ""
-    member = f" of member {np.argmin(np.isfinite(found))}" if scene.ensemble else ""
-    return f"The Lagrangian has no value at the start{member}: start somewhere else."
+    table = table_of(scene.coordinates, starts.positions, starts.velocities, values, moments)
+    return ~np.isfinite(array_value(scene.lagrangian, table))
 
 
 def is_degenerate(scene: Scene) -> bool:

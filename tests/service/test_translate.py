@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+import inverse_service
 from inverse_service.errors import CertificateRefused
 from inverse_service.expressions.tree import TIME, Symbol, Velocity, divide, multiply, negate, number, power
 from inverse_service.inverse_problem.solutions import (
@@ -158,3 +159,10 @@ def test_an_undetermined_answer_needs_no_certificate(monkeypatch: pytest.MonkeyP
 
 def test_a_question_not_asked_has_no_verdict() -> None:
     assert to_result(Solution(SYSTEM, OPEN, None, None), to_schema(DOCUMENT)).verdict_with_time is None
+
+
+def test_a_hamiltonian_holds_only_where_its_lagrangian_does() -> None:
+    """x'' = -sqrt(1 + cos x): both divide by sin x."""
+    found = inverse_service.solve("x'' = -sqrt(1 + cos(x))")
+    for part in ("lagrangian", "hamiltonian"):
+        assert {"sin(x) != 0", "x > -pi", "x < pi"} <= set(found[part]["domain"])

@@ -15,7 +15,7 @@ from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Number, Product, Sum, walk
+from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Number, Product, Sum, Velocity, walk
 from inverse_service.inverse_problem import solutions
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.mechanics import method_advice
@@ -169,7 +169,7 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
         "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
         "integrals": {} if lagrangian is None else integrals_of(lagrangian.expression).get("integrals", {}),
-        "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian),
+        "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, lagrangian),
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
@@ -184,8 +184,7 @@ def step_part(step: solutions.Step) -> schemas.ExplanationStep:
 
 
 def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
-    unequal = [f"{to_text(tree)} != 0" for tree in lagrangian.nonzero if not is_plainly_nonzero(tree, ())]
-    domain = unequal + _inequalities(lagrangian.positive)
+    domain = _domain(lagrangian.nonzero, lagrangian.positive)
     regular = "everywhere" if _is_regular_everywhere(lagrangian) else "at generic points, where det g is not 0"
     written = formula_fields(lagrangian.expression)
     return schemas.LagrangianPart(**written, domain=domain, family=lagrangian.family, regular=regular)
@@ -200,20 +199,34 @@ def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
     return all(is_plainly_nonzero(entry, known) if on else entry == ZERO for on, entry in entries)
 
 
+def _domain(nonzero: Iterable[Expression], positive: Iterable[Expression]) -> list[str]:
+    unequal = [f"{to_text(tree)} != 0" for tree in nonzero if not is_plainly_nonzero(tree, ())]
+    return unequal + _inequalities(positive)
+
+
 def _inequalities(positive: Iterable[Expression]) -> list[str]:
     """Each condition that is not seen to hold everywhere, once."""
     return list(dict.fromkeys(inequality_text(tree) for tree in positive if not is_plainly_positive(tree)))
 
 
-def hamiltonian_part(hamiltonian: solutions.Hamiltonian) -> schemas.HamiltonianPart:
+def hamiltonian_part(
+    hamiltonian: solutions.Hamiltonian, lagrangian: solutions.Lagrangian | None = None
+) -> schemas.HamiltonianPart:
+    """With the conditions on the positions under which the Lagrangian is one: H holds only where L does."""
+    places = [] if lagrangian is None else _on_places(lagrangian)
     return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),
         momenta={symbol.name: to_text(p) for symbol, p in zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)},
         implicit=hamiltonian.implicit,
         reason=hamiltonian.note if hamiltonian.implicit else "",
         constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
-        domain=_inequalities(hamiltonian.positive),
+        domain=list(dict.fromkeys([*places, *_inequalities(hamiltonian.positive)])),
     )
+
+
+def _on_places(lagrangian: solutions.Lagrangian) -> list[str]:
+    parts = (lagrangian.nonzero, lagrangian.positive)
+    return _domain(*([tree for tree in part if not any(isinstance(n, Velocity) for n in walk(tree))] for part in parts))
 
 
 def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPart | None:
