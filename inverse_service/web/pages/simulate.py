@@ -125,10 +125,10 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[scenes.S
 
 
 def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[scenes.SceneForm, dict[str, Any]] | None:
-    """The same of a result, inside a worker; None where it has no system."""
-    if not result.get("system"):
+    """The same of a result, inside a worker; None where it has no system that was solved."""
+    given = (result.get("system") or {}).get("given")
+    if not given:
         return None
-    given = result["system"]["given"]
     starts = importlib.import_module("inverse_service.web.pages.starts")
     is_forward = "verdict" not in result
     if result.get("nonholonomic") or is_forward:

@@ -167,3 +167,16 @@ def test_a_second_derivative_of_a_function_is_no_acceleration(service: str) -> N
 def test_what_has_an_acceleration(text: str, has: bool) -> None:
     assert has_acceleration(text) is has
     assert equation_line("x", text) == (f"{text} = 0" if has else f"x'' = {text}")
+
+
+def test_the_form_of_a_scene_from_a_job_that_solved_nothing_is_not_found(service: str) -> None:
+    scene = {
+        "system": {"lagrangian": "x'^2/2 - x^2/2", "coordinates": ["x"]}, "step": 0.1, "steps": 5,
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["adaptive"],
+    }  # fmt: skip
+    with httpx.Client(base_url=service, timeout=120) as client:
+        found = client.post("/v1/simulate", json=scene, headers={"Prefer": "wait=20"})
+        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        page = client.get("/simulate", params={"job": address})
+    assert page.status_code == 404
+    assert "There is no result with a system at this address." in page.text
