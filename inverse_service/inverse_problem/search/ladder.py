@@ -8,6 +8,7 @@ import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 
 import mpmath
 
@@ -38,7 +39,7 @@ from inverse_service.inverse_problem.search.multiplier_ansatz import occurring_t
 from inverse_service.inverse_problem.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
 from inverse_service.inverse_problem.search.quadratures import real_form
 from inverse_service.inverse_problem.search.sampling import Sampler, make_sampler, sampler_of
-from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, collected, tree_of
+from inverse_service.inverse_problem.search.terms import Monomial, TooManyTerms, collected, terms_of, tree_of
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.inverse_problem.search.views import Lettered, views
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -294,7 +295,7 @@ def _with_potentials(
     known = _known_letters(material, chosen)
     potentials = [key for member in members[:1] for key in member.terms if is_linear(key)]
     divisors = [p for key in potentials for p, e in key if isinstance(p, Sum) and e < 0]
-    plain = len(set(divisors)) == len(divisors) and all(_written_out(p) in known for key in potentials for p, _ in key)
+    plain = len(set(divisors)) == len(divisors) and all(_is_made_of(known, p, e) for key in potentials for p, e in key)
     if not members or not plain:
         members = _members(material, all_terms(material, family, [*chosen, *further]), chosen, 1, seed)
     if not members:
@@ -327,6 +328,14 @@ def _known_letters(material: Material, chosen: Sequence[Monomial]) -> set[Expres
     known |= {letter for key in (*chosen, *material.parameter_monomials) for letter, _ in key}
     known |= {Apply("log", letter) for letter in material.position_letters}
     return known | set(map(_written_out, known))
+
+
+def _is_made_of(known: set[Expression], letter: Expression, exponent: Fraction) -> bool:
+    """Whether it is one of these, or a sum of products of these to a positive power."""
+    if _written_out(letter) in known:
+        return True
+    is_polynomial = isinstance(letter, Sum) and exponent.denominator == 1 and exponent > 0
+    return is_polynomial and all(_is_made_of(known, p, e) for key in terms_of(letter) for p, e in key)
 
 
 def _written_out(letter: Expression) -> Expression:

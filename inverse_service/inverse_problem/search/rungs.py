@@ -128,6 +128,7 @@ ANSATZ = (
     Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
     Family("quadratic in the velocities, short factors", 2, shapes.quadratic, bounds.SMALL),
     Family("ratios of three velocities", 3.72, shapes.ratios_to_constants, bounds.LARGE),
+    Family("functions of velocities as in f, short factors", 3.74, shapes.as_in_force, bounds.SMALL),
     Family("functions of velocities, constant coefficients", 3.75, shapes.of_velocities, 0),
     Family("ratios of velocities, short factors", 3.7, shapes.ratios, bounds.SMALL),
     Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, bounds.LARGE),

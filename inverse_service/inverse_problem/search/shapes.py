@@ -64,6 +64,18 @@ def functions(material: Material) -> list[Monomial]:
     return distinct([*of_velocities(material), *of_letters(material)])
 
 
+def as_in_force(material: Material) -> list[Monomial]:
+    """Those of these that need no other roots and logarithms than f holds: f has values for them already."""
+    items = {item for terms in material.motion.forces for key in terms for item in key}
+    letters, rooted = {p for p, _ in items}, {p for p, e in items if e.denominator > 1}
+
+    def is_held(letter: Expression, e: Fraction) -> bool:
+        plain = not isinstance(letter, Apply) or is_exponential(letter) or letter in letters
+        return plain and (e.denominator == 1 or letter in rooted)
+
+    return [shape for shape in functions(material) if all(is_held(p, e) for p, e in shape)]
+
+
 def products_and_roots(material: Material) -> list[Monomial]:
     """Products of up to four velocities, v_i log v_j, v_i v_j v_k / v_l^2 and its like, roots of velocities.
 
