@@ -180,3 +180,15 @@ def test_the_form_of_a_scene_from_a_job_that_solved_nothing_is_not_found(service
         page = client.get("/simulate", params={"job": address})
     assert page.status_code == 404
     assert "There is no result with a system at this address." in page.text
+
+
+def test_the_table_of_dimensions_shows_only_those_that_are_settled(service: str) -> None:
+    """Of Hénon and Heiles' system the multiplier is one constant; what is left in the highest degree still shrinks."""
+    document = {"equations": "x'' = -x - 2*x*y; y'' = -y - x^2 + y^2"}
+    with httpx.Client(base_url=service, timeout=120) as client:
+        found = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"})
+        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        page = client.get(f"/results/{address}").text
+    assert found.json()["solution_space"]["dimensions"] == [1, 1, 1, 9]
+    row = page[page.index("free coefficients") :].split("</tr>")[0]
+    assert re.findall(r'class="number">(\d+)<', row) == ["1", "1", "1"]
