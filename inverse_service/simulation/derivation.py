@@ -181,6 +181,8 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
     """The problem for methods that integrate q'' = f."""
     if derived.accelerations is None or isinstance(derived.accelerations, Unavailable):
         return derived.accelerations or Unavailable("The accelerations were not derived.")
+    if without_value(scene).all():
+        return Unavailable(NO_VALUE)
     names, values = scene.coordinates, tuple(scene.values)
     return Problem(names, values, constraints=scene.constraints, accelerations=derived.accelerations)
 

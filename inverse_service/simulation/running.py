@@ -140,7 +140,8 @@ def run_scene(
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
     runs = _without_unseen(scene, derived, runs, truth, compared_until or stop)
     exponent = None
-    if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple):
+    begins = not isinstance(with_accelerations(scene, derived), Unavailable)
+    if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple) and begins:
         tell("Lyapunov exponent")
         exponent = largest_exponent(scene, derived.accelerations, stop)
     return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent)

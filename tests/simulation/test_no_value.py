@@ -9,6 +9,7 @@ import pytest
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Arbitrary, Symbol
 from inverse_service.service.scenes.simulating import simulate
+from inverse_service.service.scenes.work_precision import work_precision
 from inverse_service.simulation.array_values import array_value
 from inverse_service.web.pages.simulations import notes_of
 
@@ -37,6 +38,19 @@ def test_no_method_begins_where_the_lagrangian_has_no_value(lagrangian: str) -> 
     for method in run(lagrangian, methods=[*METHODS, "exact"])["methods"]:
         assert method["outcome"] == "unavailable"
         assert "no value at the start" in method["reason"] or method["method"] == "exact"
+
+
+def test_nothing_is_measured_where_no_motion_begins() -> None:
+    """Neither errors, by the true motion, nor a Lyapunov exponent."""
+    result = run("x'^2/2 + log(x - 5)", observe=["error", "lyapunov"], methods=["adaptive"])
+    assert result["truth"]["against"] is None
+    assert "lyapunov" not in result
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + log(x - 5)"}, "step": 0.05, "time": 1,
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["adaptive"],
+    }  # fmt: skip
+    with pytest.raises(InputError, match="no value at the start"):
+        work_precision(scene)
 
 
 @pytest.mark.parametrize("method", ["runge-kutta", "variational", "adaptive"])
