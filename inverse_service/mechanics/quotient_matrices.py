@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 
-from flint import fmpq_mpoly
+from flint import fmpq, fmpq_mat, fmpq_mpoly
 
 from inverse_service.algebra.exact_ring import ExactRing, sum_of
-from inverse_service.algebra.rational_functions import Quotient, coefficients_of
+from inverse_service.algebra.rational_functions import Quotient, as_fraction, coefficients_of
 
 Row = list[Quotient]
 
@@ -108,14 +108,28 @@ def null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list
 
 def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> dict[int, list[Quotient]]:
     """A basis of the vectors orthogonal to all rows, one for each column that is free: the one it has to itself."""
-    found, zero = reduced_rows(rows, range(size)), one - one
-    basis = {}
+    found = _reduced_numbers(rows, size, one) or reduced_rows(rows, range(size))
+    basis, zero = {}, one - one
     for free in (k for k in range(size) if k not in found.pivots):
         vector = [one if k == free else zero for k in range(size)]
         for row, pivot in zip(found.rows, found.pivots, strict=True):
             vector[pivot] = zero - row[free]
         basis[free] = vector
     return basis
+
+
+def _reduced_numbers(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> ReducedRows | None:
+    """The same of rational numbers, as a matrix of these; None where some entry is none."""
+    values = []
+    for entry in (entry for row in rows for entry in row):
+        value = entry.constant_value
+        if value is None:
+            return None
+        values.append(fmpq(value.numerator, value.denominator))
+    reduced, rank = fmpq_mat(len(rows), size, values).rref()
+    lines = [[as_fraction(reduced[i, k]) for k in range(size)] for i in range(rank)]
+    pivots = tuple(next(k for k, value in enumerate(line) if value) for line in lines)
+    return ReducedRows(tuple(tuple(map(one.scaled, line)) for line in lines), pivots, ())
 
 
 def solution(
