@@ -19,7 +19,7 @@ from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, ad
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
-from inverse_service.simulation.initial import NO_VALUE, is_degenerate, without_value
+from inverse_service.simulation.initial import NO_VALUE, ended_at_start, is_degenerate
 from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations
 from inverse_service.simulation.scene_data import (
     EXACT,
@@ -144,8 +144,6 @@ def with_energy(scene: Scene, derived: Derived) -> Scene:
 def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem | Unavailable:
     """The problem as one method needs it, with nothing that it does not use; or the reason why it cannot run."""
     method = requested.method
-    if without_value(scene).all():
-        return Unavailable(NO_VALUE)
     if scene.lagrangian is not None and is_degenerate(scene):
         return Unavailable(_DEGENERATE)
     if method in USES_ACCELERATIONS:
@@ -181,7 +179,7 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
     """The problem for methods that integrate q'' = f."""
     if derived.accelerations is None or isinstance(derived.accelerations, Unavailable):
         return derived.accelerations or Unavailable("The accelerations were not derived.")
-    if without_value(scene).all():
+    if ended_at_start(scene) is not None:
         return Unavailable(NO_VALUE)
     names, values = scene.coordinates, tuple(scene.values)
     return Problem(names, values, constraints=scene.constraints, accelerations=derived.accelerations)

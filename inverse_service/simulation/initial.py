@@ -18,7 +18,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, add, walk
-from inverse_service.integrators.trajectory import Array
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.scene_data import Members, Scene
@@ -87,6 +87,19 @@ def without_value(scene: Scene) -> NDArray[np.bool_]:
     values: dict[str, float | Array] = {**scene.values, **starts.values}
     table = table_of(scene.coordinates, starts.positions, starts.velocities, values, moments)
     return ~np.isfinite(array_value(scene.lagrangian, table))
+
+
+def ended_at_start(scene: Scene) -> Trajectory | None:
+    """The run that ends before its first step where the Lagrangian has no value at the start; None elsewhere.
+
+    Of an ensemble, each member ends for itself.
+    """
+    if scene.ensemble is not None or not without_value(scene).all():
+        return None
+    begin = scene.grid.begin
+    quantity = f"the Lagrangian at the start, t = {begin:.12g}, which has no value"
+    outcome = Outcome("off_domain", 0, begin, quantity, None, "start somewhere else")
+    return Trajectory(np.array([begin]), scene.positions[None], None, scene.velocities[None], outcome, 0, 0, 0.0, 0.0)
 
 
 def is_degenerate(scene: Scene) -> bool:

@@ -41,6 +41,7 @@ from inverse_service.simulation.ensemble_members import EnsembleRun, run_members
 from inverse_service.simulation.estimates import estimated
 from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
+from inverse_service.simulation.initial import ended_at_start
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.quantities import Observed, observed_quantities
@@ -199,6 +200,8 @@ def observed_run(
     """One method and its observed quantities, as far as it came and its steps saw what they moved through."""
     free = derived.free.get(requested.free) if requested.method in ("variational", "modified") else None
     known = free if isinstance(free, FreeLagrangian) else None
+    if (lost := ended_at_start(scene)) is not None:
+        return MethodRun(requested, lost.outcome, lost, free=known)
     problem, found = _motion(scene, requested, derived, known, stop)
     if isinstance(found, Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)

@@ -17,7 +17,7 @@ from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.derivation import Derived, with_accelerations
 from inverse_service.simulation.exact_motion import ExactMotion, positions_of
-from inverse_service.simulation.initial import NO_VALUE, without_value
+from inverse_service.simulation.initial import NO_VALUE, ended_at_start
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.scene_data import (
     Grid,
@@ -86,7 +86,7 @@ def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable
     if not isinstance(derived.exact, ExactMotion):
         reason = derived.exact.reason if derived.exact is not None else "It was not asked for."
         return Unavailable(f"No exact solution is known for this scene. {reason}")
-    if without_value(scene).all():
+    if ended_at_start(scene) is not None:
         return Unavailable(NO_VALUE)
     begun = time.perf_counter()
     times = scene.grid.times

@@ -22,6 +22,7 @@ from inverse_service.inverse_problem.solutions import (
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import documents
 from inverse_service.service.documents.accepting import to_schema
+from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.translate import main_and_other, to_result
 
 DOCUMENT = {"name": "oscillator", "coordinates": ["x"], "equations": {"x": "-x"}, "parameters": ["k"]}
@@ -166,3 +167,4 @@ def test_a_hamiltonian_holds_only_where_its_lagrangian_does() -> None:
     found = inverse_service.solve("x'' = -sqrt(1 + cos(x))")
     for part in ("lagrangian", "hamiltonian"):
         assert {"sin(x) != 0", "x > -pi", "x < pi"} <= set(found[part]["domain"])
+    assert check_plain(found.to_dict())["verdict"] == "valid"

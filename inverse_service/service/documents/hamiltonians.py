@@ -6,14 +6,14 @@ import functools
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from inverse_service.certificate.checker import CheckResult, Claims, Question, judged, read_condition
+from inverse_service.certificate.checker import CheckResult, Claims, Question, judged
 from inverse_service.certificate.formulas import Ended, Reader, check_shape, read_tokens
+from inverse_service.certificate.results import inequalities
 from inverse_service.deadline import now
 
 _SHAPE = {
     "text": r"(?s:.*)",
     "momenta": {},
-    "domain?": [r"(?s:.*)", 100],
 }
 RIGHT, UNPROVEN = "It is that of its Lagrangian.", "It is so at some points."
 _WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
@@ -61,7 +61,7 @@ def _agreed(certificate: Certificate, shown: Any, tools: Any) -> list[str]:
     question.read_integrals(certificate.get("integrals") or {})
     lagrangian, energy = read_tokens(certificate["lagrangian"], "lagrangian"), read_tokens(shown["text"], "hamiltonian")
     momenta = {name: read_tokens(text, "momenta") for name, text in shown["momenta"].items()}
-    conditions = [read_condition(text) for text in shown.get("domain") or []]
+    conditions = sorted(inequalities(shown.get("domain") or []))
     speeds = [f"{name}'" for name in question.coordinates]
 
     def parts(ring: Any) -> Any:

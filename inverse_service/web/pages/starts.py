@@ -97,7 +97,7 @@ def _with_velocities_that_fit(form: SceneForm, system: Mapping[str, Any]) -> Sce
 
 
 def _where_all_methods_begin(form: SceneForm, system: Mapping[str, Any], further: Mapping[str, Any]) -> SceneForm:
-    """The form at the first of some places at which no ticked method is unavailable; as it is where there is none."""
+    """The form at the first of some places at which each ticked method begins; as it is where there is none."""
     places = [_texts(form.coordinates, place) for place in _starts(len(form.coordinates))[0]]
     end = now() + LONGEST_TRIAL
     for positions in (form.positions, *places):
@@ -105,7 +105,7 @@ def _where_all_methods_begin(form: SceneForm, system: Mapping[str, Any], further
             break
         tried = replace(form, positions=positions, steps="1")
         methods = simulate({**scene_document(tried, system), **further}, time_limit=LONGEST_TRIAL)["methods"]
-        if all(method["outcome"] != "unavailable" for method in methods):
+        if not {"unavailable", "off_domain"} & {method["outcome"] for method in methods}:
             return replace(form, positions=positions)
     return form
 
