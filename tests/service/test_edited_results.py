@@ -20,8 +20,13 @@ DOCUMENTS: dict[str, Document] = {
     "emden": {"equations": {"x": "-3*x*x'-x^3"}},
     "friction": {"equations": {"x": "-sqrt(x)", "y": "-x'"}},
     "invariant": {"equations": {"x": "-x", "y": "-y"}, "kinds": [{"invariant": [{"x": "-y", "y": "x"}]}]},
+    "quartic": {"equations": "x'' = -2*x*y^2/(1 - x'^2); y'' = -2*x^2*y/(1 + 3*y'^2)"},
     "clock": {"equations": {"x": "-x*y'^2", "y": "-x'*y'"}, "clock": "exp(x)"},
 }
+QUARTIC = (  # by the real roots of x' - x'^3/3 = p_x and y' + y'^3 = p_y, too many to be proven
+    "p_x*sin(asin(3*p_x/2)/3) - 4*sin(asin(3*p_x/2)/3)^4/3 + 2*sinh(asinh(3*sqrt(3)*p_y/2)/3)^2/3"
+    " + 4*sinh(asinh(3*sqrt(3)*p_y/2)/3)^4/3 + x^2*y^2"
+)
 
 
 @functools.cache
@@ -81,6 +86,10 @@ def test_what_was_not_edited_is_valid_and_says_what_was_not_checked(name: str) -
         ("emden", ("integrals",), {"F": {"arguments": ["x"], "derivatives": {"x": "x"}}}),
         ("friction", ("instead", "dissipation", "text"), "x'*y'/2"),
         ("friction", ("instead", "hamiltonian", "text"), "p_x^2/2"),
+        ("quartic", ("hamiltonian", "text"), QUARTIC.replace("x^2", "x^3")),
+        ("quartic", ("hamiltonian", "text"), QUARTIC.replace("*sinh", "*sin", 1)),
+        ("quartic", ("hamiltonian", "momenta", "p_y"), "y' - y'^3"),
+        ("quartic", ("hamiltonian", "domain"), []),
         ("friction", ("instead", "kind"), "time"),
         ("friction", ("domain",), ["x > -1"]),
         ("invariant", ("kinds", "invariant", "verdict"), "not_variational"),
@@ -119,3 +128,10 @@ def test_a_motion_on_fewer_directions_is_another_motion() -> None:
     system["velocities"]["z"] = "0"
     system["coordinates"] = [*system["equations"], *system["velocities"]]
     assert check(other)["verdict"] == "invalid"
+
+
+def test_a_hamiltonian_by_roots_that_are_too_many_is_compared_at_points_and_told() -> None:
+    """No wrong one passes there; that it was not proven is said, and takes nothing from L."""
+    result = json.loads(solved("quartic"))
+    assert result["hamiltonian"]["text"] == QUARTIC
+    assert "hamiltonian;" in check(result)["reasons"][-1]

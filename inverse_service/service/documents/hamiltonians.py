@@ -83,12 +83,12 @@ def _agreed(certificate: Certificate, shown: Any, tools: Any) -> list[str]:
         zeros = [ring.add([{0: value.get(0, 0)}, slope], [1, -1]) for value, slope in pairs]
         return Claims([(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], [])
 
-    question.prepare(parts, [lagrangian, energy, *momenta.values()])
+    question.claimed, found = (claims, 1), RIGHT
     try:
+        question.prepare(parts, [lagrangian, energy, *momenta.values()])
         question.settle(1, claims)
-        found = RIGHT
     except Ended as end:
-        if end.args[0] == "invalid":
+        if end.args[0] == "invalid" or question.rational or not question.place.values:
             raise
         found = UNPROVEN
     seen = 1 if question.rational else question.look_around()

@@ -41,7 +41,8 @@ def test_families_are_reported_one_by_one_until_one_holds_a_regular_lagrangian()
     assert reports[-1] == f"ansatz: {outcome.tried[-1][0]}"
     said = [line.split(": ", 1)[1] for line in reports]
     without = [name for name, count in outcome.tried if not count]
-    assert [name for name in said if name not in without] == [name for name, count in outcome.tried if count]
+    counted = dict.fromkeys(name for name, count in outcome.tried if count)  # one in several stages is there as often
+    assert [name for name in said if name not in without] == [*counted]
     assert (ANSATZ[1].name, 0) in outcome.tried  # no multiplier without velocities
 
 
