@@ -8,6 +8,7 @@ H quadratic in the momenta are such pairs.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,6 +35,7 @@ from inverse_service.mechanics.implicit_equations import has_acceleration, linea
 from inverse_service.mechanics.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
+MOST_PAIRS = 3  # of which every half is tried
 NOT_PAIRS = (
     "these are first-order equations, and not pairs x' = h, p' = F with h affine in p and solvable for p "
     "(of such a pair x alone is a coordinate): write equations of second order such as x'' = -x."
@@ -56,7 +58,7 @@ def from_pairs(
 
     `preferred` are the names that are to be coordinates, where the writer said so; else they are those whose
     derivatives are momenta and nothing else (x' = v), else those that are called neither p nor v, else the first half
-    in the order of the equations.
+    in the order of the equations, else, where no name says what it is, another half: y of x' = y^2, y' = -x.
     """
     slopes = _slopes(equations, coordinates)
     order = tuple(slopes)
@@ -65,7 +67,8 @@ def from_pairs(
         raise InputError(NOT_PAIRS, "/equations")
     plain = tuple(name for name in order if slopes[name] in {Symbol(other) for other in order if other != name})
     named = tuple(name for name in order if not _is_momentum(name, order))
-    for chosen in (tuple(preferred), plain, named, order[:half]):
+    halves = itertools.combinations(order, half) if half <= MOST_PAIRS and len(named) != half else [order[:half]]
+    for chosen in (tuple(preferred), plain, named, *halves):
         if len(chosen) == half and set(chosen) <= set(order) and (found := _solved(slopes, chosen)):
             return found
         if chosen and chosen == tuple(preferred):

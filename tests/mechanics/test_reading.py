@@ -198,3 +198,19 @@ def test_of_first_order_equations_it_is_known_what_the_other_names_are() -> None
     assert system.coordinates == ("x",)
     assert [(name, to_text(tree)) for name, tree in system.others] == [("y", "(a*x - x')/(x*b)")]
     assert read_system(None, ["x'' = -x"]).others == ()
+
+
+@pytest.mark.parametrize(
+    ("equations", "coordinates", "others"),
+    [
+        ("x' = y^2; y' = -x", ("y",), [("x", "-y'")]),
+        ("x' = sin(y); y' = -x; z' = w^3; w' = -z", ("y", "w"), [("x", "-y'"), ("z", "-w'")]),
+    ],
+)
+def test_of_first_order_equations_those_are_coordinates_that_can_be(
+    equations: str, coordinates: tuple[str, ...], others: list[tuple[str, str]]
+) -> None:
+    """x' = y^2 has no y of its own; y' = -x gives x."""
+    system = read_system(None, equations)
+    assert system.coordinates == coordinates
+    assert [(name, to_text(tree)) for name, tree in system.others] == others
