@@ -59,6 +59,9 @@ HOSTILE = (
     Hostile("surrogate", b'{"coordinates": ["x"], "equations": {"x": "\\ud800"}}', "surrogate", X),
     Hostile("surrogate-key", b'{"\\udc00": 1}', "surrogate"),
     Hostile("not-utf-8", b'{"coordinates": ["\xff"]}', "UTF-8"),
+    Hostile("control-character", b'{"equations": "x\'\'=\x00"}', "invalid control character at line 1, column 20"),
+    Hostile("long-word", b'{"equations": "' + b"x" * 19_000 + b"''=-1\"}", "a name has too many characters"),
+    Hostile("long-word-of-digits", b'{"equations": "' + b"d2" * 9_500 + b"''=-1\"}", "a name has too many characters"),
     Hostile("deep-lists", b"[" * 100_000 + b"]" * 100_000, "deep"),
     Hostile("deep-objects", b'{"a":' * 3_000 + b"1" + b"}" * 3_000, "deep"),
     # documents of another shape

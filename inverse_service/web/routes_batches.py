@@ -79,8 +79,9 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
             lines = await engine.read_body(client, batch_task, *form, seconds=LONG_DEADLINE)
             stored = await engine.create_batch(kind, viewer_of(request), lines, key)
     except InputError as error:
-        status = 413 if error.code == "limit" else 422
-        raise Refusal(status, error.code, error.detail) from None
+        if error.code != "limit":
+            raise
+        raise Refusal(413, error.code, error.detail) from None
     headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": RETRY_AFTER}
     return JSONResponse(batch_fields(stored), 202, headers)
 

@@ -103,7 +103,8 @@ def test_a_json_array_is_a_batch_and_its_places_are_ids(client: httpx.Client) ->
     ("content", "kind", "status"),
     [
         (b"", "application/x-ndjson", 422), (b"\n\n", "application/x-ndjson", 422), (b"[]", "application/json", 422),
-        (b"{}", "application/json", 422), (b"[", "application/json", 422), (b"{}", "text/plain", 415),
+        (b"{}", "application/json", 422), (b"[", "application/json", 400), (b"{}", "text/plain", 415),
+        (b"[1e999]", "application/json", 400),
         (b"{}\n" * 10_001, "application/x-ndjson", 413),
     ],
 )  # fmt: skip

@@ -40,9 +40,8 @@ def read_json(data: bytes | str) -> Any:
             parse_int=_integer,
         )
     except json.JSONDecodeError as error:
-        raise InputError(
-            f"The document is not JSON: {_first_lower(error.msg)} at line {error.lineno}, column {error.colno}."
-        ) from None
+        what = _first_lower(error.msg.removesuffix(" at"))
+        raise InputError(f"The document is not JSON: {what} at line {error.lineno}, column {error.colno}.") from None
     except RecursionError:
         raise _too_deep() from None
     if _ESCAPED_SURROGATE.search(text):

@@ -26,19 +26,20 @@ KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "i
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
-_NAME = r"([A-Za-z]\w*)"
+# A name at the beginning of a word, behind a number; one inside. No long word may take time that grows with its square.
+_FIRST, _NAME = r"\b\d*([A-Za-z]\w*)", r"([A-Za-z]\w*+)"
 # y''(x), diff(y(x), x, 2), Derivative(y(x), (x, 2)), diff(y(x), x$2), D[y[x], {x, 2}], d^2y/dx^2, d^2 y/dx^2 in LaTeX.
 _NAMED = (
-    re.compile(rf"{_NAME}\s*(?:''|\u2033|'\s*')\s*[\[(]\s*{_NAME}\s*[\])]"),
+    re.compile(rf"{_FIRST}\s*(?:''|\u2033|'\s*')\s*[\[(]\s*{_NAME}\s*[\])]"),
     re.compile(rf"(?:[dD]iff|Derivative|D)\s*[\[(]\s*{_NAME}\s*[\[(]\s*{_NAME}\s*[\])]\s*,\s*[({{]?\s*\2\b"),
-    re.compile(rf"{_NAME}\s*\(\s*{_NAME}\s*\)\s*\.diff\(\s*\2\b"),
+    re.compile(rf"{_FIRST}\s*\(\s*{_NAME}\s*\)\s*\.diff\(\s*\2\b"),
     re.compile(rf"[dD]iff\s*\(\s*{_NAME}\s*,\s*{_NAME}\s*(?:,\s*(?:2|\2)|\$\s*2)\s*\)"),
     re.compile(rf"\(\s*D\s*@@\s*2\s*\)\s*\(\s*{_NAME}\s*\)\s*\(\s*{_NAME}\s*\)"),
     re.compile(rf"d(?:\^2|\u00b2|2)\s*{_NAME}\s*/\s*d\s*([A-Za-z]+?)(?:\^2|\u00b2|2)"),
     re.compile(r"\\d?frac\{d\^\{?2\}?\s*\\?([A-Za-z]*)\}\{d\s*\\?([A-Za-z]+)\^\{?2\}?\}"),
 )
-_MOVING = re.compile(rf"{_NAME}(?:\s*['\u2032\u2033]|_?d?dot\b)")
-_BARE = re.compile(rf"{_NAME}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_NAME}_?ddot\b")
+_MOVING = re.compile(rf"{_FIRST}(?:\s*['\u2032\u2033]|_?d?dot\b)")
+_BARE = re.compile(rf"{_FIRST}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_FIRST}_?ddot\b")
 
 
 def is_motion(document: Any) -> bool:

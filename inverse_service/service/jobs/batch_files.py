@@ -152,9 +152,8 @@ def lines_of_ndjson(body: bytes) -> Iterator[Line]:
     return read_lines(io.BytesIO(body))
 
 
-def lines_of_array(body: bytes) -> Iterator[Line]:
-    """Every element of a JSON array, numbered from 1. Raises InputError where the body is no array."""
-    values = read_json(body)
+def lines_of_array(values: Any) -> Iterator[Line]:
+    """Every element of a JSON array, numbered from 1. Raises InputError where it is no array."""
     if not isinstance(values, list):
         raise InputError("The batch must be a JSON array of documents; one document alone goes to POST /v1/solve.")
     first_with: dict[str | int, int] = {}

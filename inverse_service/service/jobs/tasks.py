@@ -155,7 +155,7 @@ def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine
     """A batch to its lines."""
     from inverse_service.service.jobs.batch_files import batch_lines, lines_of_array, lines_of_ndjson
 
-    return batch_lines(lines_of_array(body) if is_array else lines_of_ndjson(body), terms)
+    return batch_lines(lines_of_array(_read(body)) if is_array else lines_of_ndjson(body), terms)
 
 
 def _read(body: bytes) -> Any:
