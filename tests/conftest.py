@@ -62,6 +62,8 @@ HOSTILE = (
     Hostile("control-character", b'{"equations": "x\'\'=\x00"}', "invalid control character at line 1, column 20"),
     Hostile("long-word", b'{"equations": "' + b"x" * 19_000 + b"''=-1\"}", "a name has too many characters"),
     Hostile("long-word-of-digits", b'{"equations": "' + b"d2" * 9_500 + b"''=-1\"}", "a name has too many characters"),
+    Hostile("empty-lines", b'{"equations": "x\'\'=-x' + b"\\n" * 19_000 + b'"}', "too many parts"),
+    Hostile("many-dots", b'{"equations": "x\'\'=-x' + "\u0307".encode() * 9_000 + b'"}', "a third derivative"),
     Hostile("deep-lists", b"[" * 100_000 + b"]" * 100_000, "deep"),
     Hostile("deep-objects", b'{"a":' * 3_000 + b"1" + b"}" * 3_000, "deep"),
     # documents of another shape

@@ -185,12 +185,13 @@ def _name(text: str, place: int, space: bool) -> tuple[list[Token], int]:
 def _long_name(text: str, place: int) -> tuple[str, int, int]:
     """A name with other letters than ASCII in it; dots stand over its first letter, as a subscript may follow."""
     parts: list[str] = []
-    order, start = 0, place
+    order, letters, start = 0, 0, place
     while place < len(text) and (found := letter(text[place])):
         parts.append(found[0])
         order += found[1]
+        letters += bool(found[0])
         place += 1
-        unclear = found[1] and len([part for part in parts if part]) > 1
+        unclear = found[1] and letters > 1
         if unclear or (order and found[0][:1].isalpha() and len(parts) > 1 and "_" not in parts):
             raise refusal("dots are over a letter inside a name", start + 1, "write * between factors")
     return "".join(parts), order, place

@@ -198,7 +198,7 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
 
 _DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
 _ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
-_DEFINES = re.compile(r"(?:^|[;,\n]|\\\\)\s*\\?[A-Za-z]\w*\s*=")
+_DEFINES = re.compile(r"(?:^|[;,\n]|\\\\)[^\S\n]*\\?[A-Za-z]\w*\s*=")
 
 
 def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
