@@ -199,34 +199,31 @@ def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
     return all(is_plainly_nonzero(entry, known) if on else entry == ZERO for on, entry in entries)
 
 
-def _domain(nonzero: Iterable[Expression], positive: Iterable[Expression]) -> list[str]:
-    unequal = [f"{to_text(tree)} != 0" for tree in nonzero if not is_plainly_nonzero(tree, ())]
-    return unequal + _inequalities(positive)
-
-
-def _inequalities(positive: Iterable[Expression]) -> list[str]:
+def _domain(nonzero: Iterable[Expression], positive: Sequence[Expression]) -> list[str]:
     """Each condition that is not seen to hold everywhere, once."""
-    return list(dict.fromkeys(inequality_text(tree) for tree in positive if not is_plainly_positive(tree)))
+    unequal = (tree for tree in nonzero if tree not in positive and not is_plainly_nonzero(tree, ()))
+    above = (inequality_text(tree) for tree in positive if not is_plainly_positive(tree))
+    return list(dict.fromkeys([*(f"{to_text(tree)} != 0" for tree in unequal), *above]))
 
 
 def hamiltonian_part(
     hamiltonian: solutions.Hamiltonian, lagrangian: solutions.Lagrangian | None = None
 ) -> schemas.HamiltonianPart:
     """With the conditions on the positions under which the Lagrangian is one: H holds only where L does."""
-    places = [] if lagrangian is None else _on_places(lagrangian)
+    nonzero, positive = ((), ()) if lagrangian is None else map(_on_places, (lagrangian.nonzero, lagrangian.positive))
     return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),
         momenta={symbol.name: to_text(p) for symbol, p in zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)},
         implicit=hamiltonian.implicit,
         reason=hamiltonian.note if hamiltonian.implicit else "",
         constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
-        domain=list(dict.fromkeys([*places, *_inequalities(hamiltonian.positive)])),
+        domain=_domain(nonzero, [*positive, *hamiltonian.positive]),
     )
 
 
-def _on_places(lagrangian: solutions.Lagrangian) -> list[str]:
-    parts = (lagrangian.nonzero, lagrangian.positive)
-    return _domain(*([tree for tree in part if not any(isinstance(n, Velocity) for n in walk(tree))] for part in parts))
+def _on_places(trees: Iterable[Expression]) -> list[Expression]:
+    """Those without velocities."""
+    return [tree for tree in trees if not any(isinstance(node, Velocity) for node in walk(tree))]
 
 
 def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPart | None:
