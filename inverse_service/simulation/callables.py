@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    distinct_nodes,
     factors_of,
     walk,
 )
@@ -51,13 +52,13 @@ _AT_ZERO = frozenset({"log", "coth", "csch"})
 
 def walls(tree: Expression, moving: set[Expression]) -> Iterator[Expression]:
     """The walls of the tree that hold a velocity or one of `moving`."""
-    for node in walk(tree):
-        for found in _walls_of(node):
-            if any(isinstance(leaf, Velocity) or leaf in moving for leaf in walk(found)):
-                yield from _without_squares(found)
+    for found in dict.fromkeys(wall for node in distinct_nodes([tree]) for wall in _walls_of(node)):
+        if any(isinstance(leaf, Velocity) or leaf in moving for leaf in walk(found)):
+            yield from _without_squares(found)
 
 
-def _without_squares(wall: Expression) -> Iterator[Expression]:
+@lru_cache(maxsize=256)
+def _without_squares(wall: Expression) -> tuple[Expression, ...]:
     """The factors of a sum that is no product of different ones: the sign of x^2 - 2 x + 1 shows no zero."""
     names = [node for node in dict.fromkeys(walk(wall)) if isinstance(node, Symbol | Velocity)]
     tree = wall
@@ -66,7 +67,7 @@ def _without_squares(wall: Expression) -> Iterator[Expression]:
             (tree,) = factored([wall], names, Budget(MOST_TERMS))
     parts = factors_of(tree)
     squared = any(isinstance(part, Power) and isinstance(part.base, Sum) for part in parts)
-    yield from _factors(tree) if squared else (wall,)
+    return tuple(_factors(tree)) if squared else (wall,)
 
 
 def kinks(tree: Expression) -> Iterator[Expression]:

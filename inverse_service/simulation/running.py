@@ -347,6 +347,7 @@ def _truth(scene: Scene, derived: Derived, stop: Stop | None) -> Truth | Unavail
 PARTS = 200
 CHOICE = MethodChoice("adaptive", tolerance=1e-10)
 BARE = Observation(momenta=False)
+OVER = "The time was over before the exponent was found; take fewer methods or steps, or a longer time limit."
 ENDED = "The motion ends at t = {:.6g}, before the exponent has settled."
 
 
@@ -366,6 +367,8 @@ def largest_exponent(
         begin = scene.grid.begin + part * length / PARTS
         start = Start((*positions, *tangent[:n]), velocities=(*velocities, *tangent[n:]))
         found = run(problem, CHOICE, start, Grid(length / PARTS, 1, 1, begin), dict(scene.values), BARE, stop)
+        if stop is not None and stop():
+            return {"largest": None, "note": OVER}
         if not found.outcome.completed or found.velocities is None:
             return {"largest": None, "note": ENDED.format(begin)}
         positions, velocities = found.positions[-1, :n], found.velocities[-1, :n]
