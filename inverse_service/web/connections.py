@@ -8,11 +8,14 @@ import sys
 import time
 from collections import Counter, deque
 from dataclasses import dataclass, field
+from http import HTTPStatus
 from typing import Any
 
+import h11
+from starlette.responses import Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from inverse_service.web.middleware import MOST_HEADERS, headers_too_large
+from inverse_service.web.middleware import MOST_HEADERS, headers_too_large, not_http
 
 # The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
 HEADERS = 10.0
@@ -179,7 +182,7 @@ class Connection(H11Protocol):
 
     def _take(self, data: bytes) -> None:
         if self.is_waiting and self._lines_of_head(data) > MOST_HEADERS:
-            self._refuse_head()
+            self._refuse_head(headers_too_large())
             return
         super().data_received(data)
         if not self.is_waiting:
@@ -190,12 +193,17 @@ class Connection(H11Protocol):
         self._received += len(data)
 
     def send_400_response(self, msg: str) -> None:
-        """431 where the head is larger than h11 keeps, as for one that comes at once. What the client still sends is
-        read and dropped: to close before it is read would reset the connection and take the answer with it."""
-        if getattr(sys.exc_info()[1], "error_status_hint", 400) != 431:
-            super().send_400_response(msg)
+        """431 where the head is larger than h11 keeps, as for one that comes at once; else 400. A head that cannot be
+        read is refused; where a body cannot be, the connection ends, with this answer if there is none yet."""
+        is_large = getattr(sys.exc_info()[1], "error_status_hint", 400) == 431
+        answer = headers_too_large() if is_large else not_http()
+        if self.conn.our_state is h11.IDLE:
+            self._refuse_head(answer)
             return
-        self._refuse_head()
+        if self.conn.our_state is h11.SEND_RESPONSE:
+            self.cycle.disconnected = True
+            self._write(answer)
+        self.transport.close()
 
     def _lines_of_head(self, data: bytes) -> int:
         """The lines of the head so far; what follows it is not counted."""
@@ -204,13 +212,19 @@ class Connection(H11Protocol):
         self._tail = b"" if end else data[-3:]
         return self._lines
 
-    def _refuse_head(self) -> None:
-        answer = headers_too_large()
-        lines = [b"HTTP/1.1 431 Request Header Fields Too Large", *(b": ".join(pair) for pair in answer.raw_headers)]
-        self.transport.write(b"\r\n".join([*lines, b"", bytes(answer.body)]))
+    def _refuse_head(self, answer: Response) -> None:
+        """Answer and end. What the client still sends is read and dropped: to close before it is read would reset the
+        connection and take the answer with it."""
+        self._write(answer)
         self._is_refused = True
         self.transport.write_eof()
         self.loop.call_later(LINGER, self.transport.close)
+
+    def _write(self, answer: Response) -> None:
+        """An answer past h11, which takes no more of this connection."""
+        first = f"HTTP/1.1 {answer.status_code} {HTTPStatus(answer.status_code).phrase}".encode()
+        lines = [first, *(b": ".join(pair) for pair in answer.raw_headers)]
+        self.transport.write(b"\r\n".join([*lines, b"", bytes(answer.body)]))
 
     def on_response_complete(self) -> None:
         self.since = time.monotonic()

@@ -184,6 +184,12 @@ def headers_too_large() -> Response:
     )
 
 
+def not_http() -> Response:
+    """The answer to bytes that cannot be read as HTTP."""
+    detail = "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read; mend it."
+    return _refused(400, "unreadable", detail)
+
+
 def _refused(status: int, kind: str, detail: str) -> Response:
     """Ends the connection too: what follows on it may be meant as a part of this request."""
     content = as_bytes(problem_document(status, kind, detail))

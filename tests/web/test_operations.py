@@ -139,6 +139,30 @@ def test_a_large_header_that_comes_in_parts_is_refused_alike(guarded: Guarded) -
     assert json.loads(body)["status"] == 431
 
 
+POST = b"POST /v1/parse HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"GET /\r\n\r\n",
+        b"GET /livez HTTP/1.1\r\n\r\n",
+        b"GET /livez HTTP/1.1\r\nHost : 127.0.0.1\r\n\r\n",
+        POST + b"Content-Length: many\r\n\r\n",
+        POST + b"Transfer-Encoding: chunked\r\n\r\nzz\r\nabc\r\n0\r\n\r\n",
+    ],
+)
+def test_what_is_no_http_gets_a_problem_document(service: str, sent: bytes) -> None:
+    with socket.create_connection(("127.0.0.1", int(service.rpartition(":")[2])), timeout=30) as connection:
+        connection.sendall(sent)
+        answer = b"".join(iter(lambda: connection.recv(65_536), b""))
+    head, _, body = answer.partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 400 Bad Request")
+    assert b"content-type: application/problem+json" in head
+    assert b"x-content-type-options: nosniff" in head.lower()
+    assert json.loads(body)["status"] == 400
+
+
 @pytest.mark.parametrize(("lines", "status"), [(400, b"200"), (7_000, b"431")])
 @pytest.mark.parametrize("size", [1_000, 100_000])
 def test_a_head_of_thousands_of_lines_is_refused(service: str, lines: int, status: bytes, size: int) -> None:

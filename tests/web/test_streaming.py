@@ -76,6 +76,17 @@ def test_lines_in_parts_are_those_at_once(store: SqliteStore) -> None:
     assert asyncio.run(joined(job_answers.lines_of(engine_with(store), answers))) == whole
 
 
+def test_a_long_problem_is_not_taken_for_a_cancelled_line(store: SqliteStore) -> None:
+    request = request_of("solve", {"coordinates": ["x"], "equations": {"x": "omega"}}, JobOptions())
+    store.create_batch("b", "solve", "", [BatchLine(1, '"a"', request)])
+    (job,) = store.claim("test", 1)
+    problem = {"status": 422, "detail": "Mend it. " * job_answers.SMALL}
+    store.fail(job.id, job.attempt, json.dumps(problem).encode(), Usage())
+    answers = store.batch_answers("b", largest=job_answers.SMALL)
+    line = json.loads(asyncio.run(joined(job_answers.lines_of(engine_with(store), answers))))
+    assert (line["status"], line["detail"]) == (422, f"Line 1: {problem['detail']}")
+
+
 def test_an_answer_that_changes_while_it_is_read_ends_the_stream(store: SqliteStore) -> None:
     (found,) = answered(store, SIZES[-1:])
 

@@ -78,10 +78,11 @@ COUNTS: Final = (
     "SELECT CASE WHEN lines.dismissed = 1 THEN 'dismissed' ELSE coalesce(jobs.status, 'failed') END AS status, "
     "count(*) AS lines FROM lines LEFT JOIN jobs ON jobs.id = lines.job WHERE batch = ? GROUP BY 1"
 )
-# Arguments: the largest body that comes with its line, the batch, the last order that is known, how many.
+# Arguments: the largest result that comes with its line, the batch, the last order that is known, how many.
 ANSWERS: Final = (
     "SELECT lines.number, lines.identifier, lines.problem, lines.order_number, lines.dismissed, lines.job, "
-    "bodies.status, length(bodies.body) AS size, CASE WHEN length(bodies.body) <= ? THEN bodies.body END AS body "
+    "bodies.status, length(bodies.body) AS size, "
+    "CASE WHEN bodies.status <> 'successful' OR length(bodies.body) <= ? THEN bodies.body END AS body "
     "FROM lines LEFT JOIN bodies ON bodies.id = lines.job "
     "WHERE lines.batch = ? AND lines.order_number > ? ORDER BY lines.order_number LIMIT ?"
 )
