@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from inverse_service.errors import LimitError
 from inverse_service.service.jobs.batches import BatchLine
 from inverse_service.service.jobs.model import Bounds, Event, JobRequest, TooManyJobs
 from inverse_service.service.jobs.opening import stored_answer
@@ -238,6 +239,15 @@ def test_bounds_hold_and_nothing_is_stored_beyond_them(store: JobStore) -> None:
     with pytest.raises(TooManyJobs):
         store.create_batch("B", "solve", "", [BatchLine(1, '"1"', request("c"))], Bounds(2, 2))
     assert store.batch("B") is None
+
+
+def test_a_batch_that_would_never_have_room_is_to_be_sent_in_parts(store: JobStore) -> None:
+    """To wait and try again would help nobody."""
+    lines = [BatchLine(k, str(k), request(str(k))) for k in range(3)]
+    for bounds in (Bounds(2, 9), Bounds(9, 2)):
+        with pytest.raises(LimitError, match="at most 2 may be open; send it in parts"):
+            store.create_batch("B", "solve", "", lines, bounds)
+    assert store.create_batch("B", "solve", "", lines, Bounds(3, 3)).total == 3
 
 
 def test_the_list_is_newest_first_in_pages(store: JobStore) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, Final, Protocol
 
+from inverse_service.errors import LimitError
 from inverse_service.service.jobs import model
 from inverse_service.service.jobs.outcome import Usage
 
@@ -127,7 +128,10 @@ def _read(session: Session, ids: list[str], with_bodies: bool) -> dict[str, mode
 
 
 def _refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
-    """Raises TooManyJobs. Well below the limits no lock is taken: it dominates the rate."""
+    """Raises TooManyJobs, LimitError for a batch that would never have room. Well below the limits no lock is taken: it
+    dominates the rate."""
+    if len(new) > (most := min(bounds.total, bounds.client)):
+        raise LimitError(f"The batch asks {len(new)} new questions, and at most {most} may be open; send it in parts.")
     clients = {request.client for request in new}
     if bounds.daily < model.NO_BOUND:
         used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"
