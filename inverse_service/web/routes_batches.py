@@ -134,6 +134,8 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
             if len(answers) < AT_ONCE and sent < batch.total:
                 await asking.until_set(changed, 0.5)
                 await asyncio.sleep(pause)
+    if sent < batch.total:  # what ends as it should is taken for all answers
+        raise StoreUnavailable("The service stops before the last answer of a batch; read its results again.")
 
 
 async def _known(request: Request, id: str) -> Batch:

@@ -11,6 +11,7 @@ import pytest
 from api_schemas.job import Batch as Document
 from inverse_service.client.flows import BatchResults, Lines
 from inverse_service.service.jobs.batches import Batch, BatchAnswer
+from inverse_service.service.jobs.model import StoreUnavailable
 from inverse_service.settings import Settings
 from inverse_service.web import routes_batches
 from inverse_service.web.asking import Hub
@@ -42,3 +43,20 @@ def test_a_silent_stream_sends_empty_lines_that_the_client_skips(monkeypatch: py
     reader, lines = BatchResults(Document(id="b", status="running", total=1, counts={})), Lines()
     found = [item for line in lines.feed(b"".join(parts)) if (item := reader.feed(line)) is not None]
     assert [answer.id for answer in found] == ["a"]
+
+
+def test_a_stream_that_the_end_of_the_service_cuts_does_not_look_whole() -> None:
+    """The connection breaks, so that no reader takes the answers that came for all of them."""
+    batch = Batch("b", "solve", "", 0.0, 2, {"running": 1, "successful": 1})
+    parts = []
+
+    async def read() -> None:
+        engine: Any = Engine(Settings())
+        engine._store, engine.hub = SlowStore(), Hub()
+        async for part in routes_batches._stream(engine, batch):
+            parts.append(part)
+            engine.hub.closing = True
+
+    with pytest.raises(StoreUnavailable):
+        asyncio.run(read())
+    assert [json.loads(part)["id"] for part in parts] == ["a"]
