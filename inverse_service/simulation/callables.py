@@ -330,6 +330,12 @@ class Formulas:
         return Denominator(translate(base, self.table), to_text(base), moves)
 
 
+@lru_cache(maxsize=8)
+def formulas_of(problem: Problem) -> Formulas:
+    """The formulas of a problem, which one run takes over from another."""
+    return Formulas(problem)
+
+
 def _linear(row: Sequence[Formula], velocities: Sequence[Formula]) -> Formula:
     return sum((a * v for a, v in zip(row, velocities, strict=True)), ZERO)
 

@@ -15,7 +15,7 @@ from inverse_service.codegen.symengine_trees import free_names, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.tableaux import ORDERS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.simulation.callables import MOMENT, Formulas
+from inverse_service.simulation.callables import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.outcomes import Ended, failed_start, trajectory_of, weights_of
 from inverse_service.simulation.peers import run_heyoka, run_scipy
@@ -120,7 +120,7 @@ def run(
         return run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
     if choice.method in SCIPY:
         return run_scipy(problem, choice, start, grid, values)
-    formulas = Formulas(problem)
+    formulas = formulas_of(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     refused = begin.missing or refusal(formulas, choice, begin, grid, parameters)
