@@ -120,6 +120,9 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
             changed.clear()
             try:
                 answers = await engine.read(engine.store.batch_answers, batch.id, after, AT_ONCE, SMALL)
+                is_silent = not answers and time.monotonic() - spoken > KEEP_ALIVE
+                if is_silent and await engine.read(engine.store.batch, batch.id) is None:
+                    break  # it was forgotten, or erased
             except StoreUnavailable:  # the stream goes on when it is back
                 answers = []
             # Readers of batches where nothing happens are woken by all others too.
@@ -135,7 +138,7 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
                 await asking.until_set(changed, 0.5)
                 await asyncio.sleep(pause)
     if sent < batch.total:  # what ends as it should is taken for all answers
-        raise StoreUnavailable("The service stops before the last answer of a batch; read its results again.")
+        raise StoreUnavailable("The answers of a batch end before the last one; read them again.")
 
 
 async def _known(request: Request, id: str) -> Batch:

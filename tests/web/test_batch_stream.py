@@ -22,6 +22,10 @@ class SlowStore:
     """Has nothing for three times, then the only answer."""
 
     looks = 0
+    forgotten = False
+
+    def batch(self, id: str) -> Batch | None:
+        return None if self.forgotten else Batch(id, "solve", "", 0.0, 1, {"running": 1})
 
     def batch_answers(self, id: str, after: int, limit: int, largest: int) -> list[BatchAnswer]:
         self.looks += 1
@@ -60,3 +64,19 @@ def test_a_stream_that_the_end_of_the_service_cuts_does_not_look_whole() -> None
     with pytest.raises(StoreUnavailable):
         asyncio.run(read())
     assert [json.loads(part)["id"] for part in parts] == ["a"]
+
+
+def test_the_stream_of_a_batch_that_is_erased_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes_batches, "KEEP_ALIVE", 0.0)
+    batch = Batch("b", "solve", "", 0.0, 2, {"running": 1, "successful": 1})
+    store = SlowStore()
+
+    async def read() -> None:
+        engine: Any = Engine(Settings())
+        engine._store, engine.hub = store, Hub()
+        async for part in routes_batches._stream(engine, batch):
+            if part != b"\n":
+                store.looks, store.forgotten = 0, True
+
+    with pytest.raises(StoreUnavailable):
+        asyncio.run(asyncio.wait_for(read(), 30))
