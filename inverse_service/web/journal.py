@@ -15,6 +15,10 @@ BETWEEN = 10.0
 REQUEST: ContextVar[str] = ContextVar("request", default="")
 
 
+class StreamCut(Exception):
+    """A stream ends before its last answer; raised, as only a broken connection tells its reader so. It is no fault."""
+
+
 class JsonLines(logging.Formatter):
     """Time (UTC), level, where, what; then the extras of the record, such as `job`."""
 
@@ -43,6 +47,8 @@ class Seldom(logging.Filter):
         self._left_out: Counter[str] = Counter()
 
     def filter(self, record: logging.LogRecord) -> bool:
+        if record.exc_info and isinstance(record.exc_info[1], StreamCut):
+            return False
         sentence = str(record.msg)[:100]
         if record.created - self._last.get(sentence, -BETWEEN) < BETWEEN:
             self._left_out[sentence] += 1

@@ -16,6 +16,7 @@ from inverse_service.errors import InputError, NoWorker, Place, WorkerFailed
 from inverse_service.service.documents.answers import as_bytes, problem_document
 from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
 from inverse_service.service.jobs.tasks import UNREADABLE
+from inverse_service.web.journal import StreamCut
 from inverse_service.web.middleware import HEADERS
 
 if TYPE_CHECKING:
@@ -122,7 +123,10 @@ def _methods(request: Request) -> set[str]:
 
 
 async def _on_fault(request: Request, error: Exception) -> Response:
-    log.error("fault at %s", request.url.path, exc_info=error)
+    if isinstance(error, StreamCut):
+        log.warning("a stream was cut off at %s", request.url.path)
+    else:
+        log.error("fault at %s", request.url.path, exc_info=error)
     # This answer is made outside of the middleware that adds them.
     detail = "The service failed on this request; that is a fault of the service."
     return problem(Refusal(500, "fault", detail, headers=HEADERS))

@@ -22,6 +22,7 @@ from inverse_service.web import asking
 from inverse_service.web.clients import client_of, require_client, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import AT_ONCE, RETRY_AFTER, SMALL, batch_fields, lines_of
+from inverse_service.web.journal import StreamCut
 from inverse_service.web.openapi import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
@@ -138,7 +139,7 @@ async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
                 await asking.until_set(changed, 0.5)
                 await asyncio.sleep(pause)
     if sent < batch.total:  # what ends as it should is taken for all answers
-        raise StoreUnavailable("The answers of a batch end before the last one; read them again.")
+        raise StreamCut
 
 
 async def _known(request: Request, id: str) -> Batch:

@@ -11,11 +11,11 @@ import pytest
 from api_schemas.job import Batch as Document
 from inverse_service.client.flows import BatchResults, Lines
 from inverse_service.service.jobs.batches import Batch, BatchAnswer
-from inverse_service.service.jobs.model import StoreUnavailable
 from inverse_service.settings import Settings
 from inverse_service.web import routes_batches
 from inverse_service.web.asking import Hub
 from inverse_service.web.engine import Engine
+from inverse_service.web.journal import StreamCut
 
 
 class SlowStore:
@@ -61,7 +61,7 @@ def test_a_stream_that_the_end_of_the_service_cuts_does_not_look_whole() -> None
             parts.append(part)
             engine.hub.closing = True
 
-    with pytest.raises(StoreUnavailable):
+    with pytest.raises(StreamCut):
         asyncio.run(read())
     assert [json.loads(part)["id"] for part in parts] == ["a"]
 
@@ -78,5 +78,5 @@ def test_the_stream_of_a_batch_that_is_erased_ends(monkeypatch: pytest.MonkeyPat
             if part != b"\n":
                 store.looks, store.forgotten = 0, True
 
-    with pytest.raises(StoreUnavailable):
+    with pytest.raises(StreamCut):
         asyncio.run(asyncio.wait_for(read(), 30))
