@@ -16,7 +16,7 @@ from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import STEP, check
-from inverse_service.expressions.tree import TIME, Apply, Number, Symbol, Velocity, holds, walk
+from inverse_service.expressions.tree import TIME, Apply, Number, Sum, Symbol, Velocity, holds, walk
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct, oriented
 from inverse_service.inverse_problem.search.motion_terms import MotionTerms, euler_lagrange, split_velocities
 from inverse_service.inverse_problem.search.terms import (
@@ -154,7 +154,9 @@ def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> lis
         motion, point = material.motion, material.analysis.real_point
         symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
         parts = _linear_parts(material, (key for tree in trees for key in oriented(terms_of(tree), point)))
-        if None in parts:
+        sums = {letter for key in combination for letter, e in key if isinstance(letter, Sum) and e > 0}
+        # With 3 x^2 + 1 in L, and below f, each term of (3 x^2 + 1)/(3 x^2 + 1) has a divisor that cancels.
+        if any(part is None or any(letter in sums and e < 0 for letter, e in part) for part in parts):
             quotients = factored(list(trees), symbols, Budget.long())
             parts = _linear_parts(material, (key for tree in quotients for key in oriented(terms_of(tree), point)))
     except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
