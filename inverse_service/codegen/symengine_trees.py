@@ -117,11 +117,8 @@ def real_value(formula: Formula, table: Mapping[str, float]) -> float:
 
 
 def closure(names: Sequence[str], formulas: Sequence[Formula]) -> Any:
-    """A function of rows of numbers; made in 0.1 ms, where machine code would cost twenty times as much.
-
-    Common parts are looked for first: long formulas (variational equations) would take seconds without.
-    """
-    return symengine.Lambdify([symbol(name) for name in names], list(formulas), backend="lambda", cse=True)
+    """A function of rows of numbers; made in 0.1 ms, where machine code would cost twenty times as much."""
+    return symengine.Lambdify([symbol(name) for name in names], list(formulas), backend="lambda")
 
 
 class Evaluator:
