@@ -10,7 +10,7 @@ import pytest
 import symengine
 from mpmath import mp
 
-from inverse_service.codegen.symengine_trees import names_of, symbol, translate
+from inverse_service.codegen.symengine_trees import closure, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.names import Names
@@ -94,3 +94,15 @@ def test_names_of_the_user_never_reach_the_kernel() -> None:
     assert {str(value) for value in table.values()} == {
         "pi", "c0", "c1", "c2", "p0", "p1", "p2", "q0", "q1", "q2", "v0", "v1", "v2",
     }  # fmt: skip
+
+
+def test_closures_have_the_values_of_their_formulas_whatever_the_names() -> None:
+    """With common parts, and names that a search for these could give them."""
+    names = ["x0", "x1", "x2"]
+    a, b, c = map(symbol, names)
+    common = symengine.sin(a * b + c) + (a + b) ** 3
+    formulas = [common * a, common / (1 + b**2), common + common**2 * c]
+    numbers = [0.3, 0.7, -1.1]
+    u = math.sin(0.3 * 0.7 - 1.1) + 1.0**3
+    expected = [u * 0.3, u / (1 + 0.7**2), u - 1.1 * u**2]
+    assert closure(names, formulas)(numbers).ravel().tolist() == pytest.approx(expected, rel=1e-14)
