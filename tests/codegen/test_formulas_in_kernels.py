@@ -97,12 +97,12 @@ def test_names_of_the_user_never_reach_the_kernel() -> None:
 
 
 def test_closures_have_the_values_of_their_formulas_whatever_the_names() -> None:
-    """With common parts, and names that a search for these could give them."""
-    names = ["x0", "x1", "x2"]
-    a, b, c = map(symbol, names)
+    """With common parts, to which a search for these gives names that no formula has, such as x0 here."""
+    names = ["x0", "x1", "x2", "x3", "x4", "x5"]
+    a, b, c = map(symbol, names[3:])
     common = symengine.sin(a * b + c) + (a + b) ** 3
     formulas = [common * a, common / (1 + b**2), common + common**2 * c]
-    numbers = [0.3, 0.7, -1.1]
+    numbers = [5.0, 6.0, 7.0, 0.3, 0.7, -1.1]
     u = math.sin(0.3 * 0.7 - 1.1) + 1.0**3
     expected = [u * 0.3, u / (1 + 0.7**2), u - 1.1 * u**2]
     assert closure(names, formulas)(numbers).ravel().tolist() == pytest.approx(expected, rel=1e-14)
