@@ -92,7 +92,7 @@ def _refusal_of(error: Exception) -> Refusal:
         case WorkerFailed():
             return Refusal(500, "fault", error.detail)
         case TooManyJobs():
-            return Refusal(429, error.code, error.detail, headers={"Retry-After": "5"})
+            return Refusal(429, error.code, error.detail, headers={"Retry-After": str(error.seconds)})
     detail = "The store of jobs does not answer; try again in some seconds."
     return Refusal(503, StoreUnavailable.code, detail, headers={"Retry-After": "5"})
 

@@ -11,6 +11,7 @@ import psycopg
 import pytest
 
 from inverse_service.errors import InputError
+from inverse_service.service.jobs import sqlite_store
 from inverse_service.service.jobs.batches import BatchLine
 from inverse_service.service.jobs.model import JobRequest, WrongVersion
 from inverse_service.service.jobs.opening import open_store
@@ -88,6 +89,19 @@ def test_a_newer_database_says_so_and_stays_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a newer version of this program wrote it"):
         open_store(str(path))
     assert path.read_bytes() == before
+
+
+def test_a_database_that_cannot_be_written_is_not_called_one_of_another_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_only(path: str) -> sqlite3.Connection:
+        """Root may write everything, so that rights alone would show nothing."""
+        return sqlite3.connect(f"file:{path}?mode=ro", uri=True, isolation_level=None)
+
+    path = tmp_path / "jobs.sqlite"
+    monkeypatch.setattr(sqlite_store, "connect", read_only)
+    with pytest.raises(InputError, match="it and its folder have to be writable .attempt to write a readonly database"):
+        open_store(str(path))
 
 
 @pytest.mark.parametrize("script", ["CREATE TABLE mine (x)", "PRAGMA user_version = 1"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from inverse_service.service.jobs.batches import BatchLine
@@ -87,8 +89,10 @@ def test_who_used_the_processor_time_of_the_day_is_refused_new_work_alone(store:
     (job,) = store.claim("o", 1)
     store.dismiss("a", "alice")
     store.release("a", job.attempt, crashed=False, usage=Usage(cpu=10.0))
-    with pytest.raises(TooManyJobs, match="today"):
+    with pytest.raises(TooManyJobs, match="today") as refused:
         store.submit([request("b", client="alice")], bounds)
+    midnight = (time.time() + refused.value.seconds) % 86_400
+    assert min(midnight, 86_400 - midnight) < 2, "until midnight (UTC), which Retry-After says"
     with pytest.raises(TooManyJobs, match="today"):
         store.create_batch("c", "solve", "alice", [BatchLine(1, "1", request("b", client="alice"))], bounds)
     assert store.job("b") is None

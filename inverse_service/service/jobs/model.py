@@ -288,10 +288,14 @@ def _whole(given: Mapping[str, Any], key: str, default: int, low: int, high: int
 
 
 class TooManyJobs(InverseServiceError):
-    """The bound on open jobs is reached; nothing was stored."""
+    """A bound on open jobs or on the processor time of a day is reached; nothing was stored. Ask again after `seconds`."""
 
     code = "too-many-jobs"
     retry = True
+
+    def __init__(self, detail: str, seconds: int = 5) -> None:
+        super().__init__(detail)
+        self.seconds = seconds
 
 
 class StoreUnavailable(InverseServiceError):

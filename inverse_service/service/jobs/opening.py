@@ -91,6 +91,11 @@ def _store_at(path: Path) -> SqliteStore:
 def _reason(error: Exception) -> str:
     if isinstance(error, WrongVersion | Damaged):
         return str(error)
+    match getattr(error, "sqlite_errorcode", 0) & 0xFF:  # extended codes have more above
+        case sqlite3.SQLITE_READONLY | sqlite3.SQLITE_CANTOPEN:
+            return f"it and its folder have to be writable ({error})"
+        case sqlite3.SQLITE_IOERR | sqlite3.SQLITE_FULL | sqlite3.SQLITE_BUSY:
+            return str(error)
     return getattr(error, "strerror", None) or "it is no database of this program"
 
 

@@ -7,6 +7,7 @@ taken in the order jobs (by id), then batches (by id), so that no two wait for e
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, Final, Protocol
@@ -136,7 +137,8 @@ def _refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: 
     if bounds.daily < model.NO_BOUND:
         used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"
         if session.rows(used, list(clients), float(bounds.daily)):
-            raise model.TooManyJobs("The processor time of this client for today (UTC) is used; ask again tomorrow.")
+            detail = "The processor time of this client for today (UTC) is used; ask again tomorrow."
+            raise model.TooManyJobs(detail, seconds=86_400 - int(time.time()) % 86_400)
     if _room(session, clients, bounds) > FAR * len(new) + FAR_AT_LEAST:
         return
     session.lock(ACCEPT_LOCK)
