@@ -15,7 +15,7 @@ import h11
 from starlette.responses import Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from inverse_service.web.middleware import MOST_HEADERS, headers_too_large, not_http
+from inverse_service.web.middleware import MOST_HEADERS, headers_too_large, not_http, too_many_connections
 
 # The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
 HEADERS = 10.0
@@ -33,7 +33,6 @@ HEARD_AT_ONCE = 8
 # Data with a line end in so many bytes, as chunks of a byte or thousands of headers are, cost the loop far more than
 # their length: of them so much is taken in a turn, of others so much.
 CRUMB, FEW_BYTES, MANY_BYTES = 16, 2048, 262_144
-FULL = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
 @dataclass(slots=True)
@@ -150,7 +149,7 @@ class Connection(H11Protocol):
         super().connection_made(transport)
         self.address = self.client[0] if self.client else ""
         if not self._all.admit(self):
-            transport.write(FULL)
+            self._write(too_many_connections())
             transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:

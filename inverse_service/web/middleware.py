@@ -8,7 +8,7 @@ import logging
 import re
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -190,10 +190,16 @@ def not_http() -> Response:
     return _refused(400, "unreadable", detail)
 
 
-def _refused(status: int, kind: str, detail: str) -> Response:
+def too_many_connections() -> Response:
+    """The answer to a connection for which there is no room; its request is not read."""
+    detail = "Too many connections are open, in all or of this address; close some, or come again in some seconds."
+    return _refused(503, "busy", detail, {"Retry-After": "5"})
+
+
+def _refused(status: int, kind: str, detail: str, more: Mapping[str, str] = {}) -> Response:
     """Ends the connection too: what follows on it may be meant as a part of this request."""
     content = as_bytes(problem_document(status, kind, detail))
-    headers = HEADERS | {"Connection": "close"}
+    headers = HEADERS | {"Connection": "close"} | dict(more)
     return Response(content, status, headers=headers, media_type="application/problem+json")
 
 

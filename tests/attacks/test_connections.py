@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import socket
 import time
 from collections.abc import Iterator
@@ -53,6 +54,10 @@ def test_one_address_has_so_many_connections_and_others_have_theirs(service: Att
     with Watch(service) as watch:
         mine = opened(service, 100)
         time.sleep(0.3)
+        head, _, body = mine[-1].recv(4096).partition(b"\r\n\r\n")
+        assert head.startswith(b"HTTP/1.1 503")
+        assert b"retry-after: 5" in head.lower()
+        assert json.loads(body)["type"] == "urn:inverse-service:problem:busy"
         assert still_open(mine) == 60
     close(mine)
     watch.hold()

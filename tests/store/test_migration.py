@@ -100,7 +100,7 @@ def test_a_database_that_cannot_be_written_is_not_called_one_of_another_program(
 
     path = tmp_path / "jobs.sqlite"
     monkeypatch.setattr(sqlite_store, "connect", read_only)
-    with pytest.raises(InputError, match="it and its folder have to be writable .attempt to write a readonly database"):
+    with pytest.raises(InputError, match=r"writable .attempt to write a readonly"):
         open_store(str(path))
 
 

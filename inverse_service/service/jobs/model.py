@@ -288,7 +288,10 @@ def _whole(given: Mapping[str, Any], key: str, default: int, low: int, high: int
 
 
 class TooManyJobs(InverseServiceError):
-    """A bound on open jobs or on the processor time of a day is reached; nothing was stored. Ask again after `seconds`."""
+    """A bound on open jobs or on the processor time of a day is reached; nothing was stored.
+
+    `seconds` is the time after which it is worth to ask again.
+    """
 
     code = "too-many-jobs"
     retry = True
