@@ -25,7 +25,7 @@ from distributed.scheduler import KilledWorker
 from inverse_service.errors import InputError
 from inverse_service.service.cluster import remote
 from inverse_service.service.cluster.remote import Fingerprint, Order, Terms, difference, fingerprint
-from inverse_service.service.jobs.outcome import Call, Outcome
+from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.worker_process import Report
 from inverse_service.service.jobs.workers import Running
 
@@ -43,6 +43,13 @@ class RemoteRunning(Running):
     cluster: Cluster | None = None
     future: Any = None
     failures: int = 0
+    # When it was heard of first; a machine that is told to stop says no more of what it used.
+    heard: float | None = None
+
+    def spent(self) -> Usage:
+        """What it has taken so far, as if it had had a processor all the time."""
+        wall = 0.0 if self.heard is None else time.monotonic() - self.heard
+        return Usage(wall, wall)
 
     @property
     def has_begun(self) -> bool:
@@ -51,7 +58,7 @@ class RemoteRunning(Running):
 
     def cancel(self) -> None:
         """Drop it where it waits, kill its process where it runs."""
-        Running.cancel(self)
+        self._cancelled = True
         if self.cluster is not None:
             self.cluster.abandon(self)
 
@@ -121,7 +128,7 @@ class Cluster:
 
     def abandon(self, running: RemoteRunning) -> None:
         """The task is cancelled: it ends here at once, and there as soon as the message arrives."""
-        if not self._close_task(running, Outcome("cancelled")):
+        if not self._close_task(running, Outcome("cancelled", spent=running.spent())):
             return
         future, client = running.future, self._client
         if future is not None:
@@ -217,6 +224,8 @@ class Cluster:
 
     def _reported(self, event: tuple[float, dict[str, Any]]) -> None:
         task = self._open.get(event[1]["key"])
+        if task is not None:
+            task.heard = task.heard or time.monotonic()
         if task is not None and task.report is not None:
             task.report(event[1]["value"])
 

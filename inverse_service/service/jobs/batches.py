@@ -74,6 +74,8 @@ def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, gener
     return digest.hexdigest()[:DIGITS]
 
 
+# The total of a batch of which lines are missing still.
+INCOMPLETE: Final = -1
 COUNTS: Final = (
     "SELECT CASE WHEN lines.dismissed = 1 THEN 'dismissed' ELSE coalesce(jobs.status, 'failed') END AS status, "
     "count(*) AS lines FROM lines LEFT JOIN jobs ON jobs.id = lines.job WHERE batch = ? GROUP BY 1"
@@ -91,7 +93,7 @@ ANSWERS: Final = (
 def read_batch(session: Session, id: str) -> Batch | None:
     """A batch with its counts by status."""
     row = first(session, "SELECT * FROM batches WHERE id = ?", id)
-    if row is None:
+    if row is None or row["total"] == INCOMPLETE:
         return None
     by_status = {found["status"]: found["lines"] for found in session.rows(COUNTS, id)}
     return Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
@@ -111,36 +113,46 @@ def _answer_of(row: Any) -> BatchAnswer:
     return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
 
 
-def create_batch(
-    session: Session, id: str, kind: str, client: str, lines: Sequence[BatchLine], bounds: Bounds
-) -> Batch:
-    """The batch, its lines, the jobs that are new; the batch as it is where it is there already."""
-    if (found := read_batch(session, id)) is not None:
-        return found
-    requests = [line.request for line in lines if line.request is not None]
-    answered = {job.id for job in statements.submit(session, requests, bounds, of_batch=True)[0] if job.is_final}
-    rows, order = [], 0
-    for line in lines:
-        job = None if line.request is None else line.request.id
-        has_answer = job is None or job in answered
-        order += has_answer
-        rows.append((id, line.number, line.identifier, job, line.problem, order if has_answer else None))
-    is_new = session.rows(
-        "INSERT INTO batches (id, kind, client, created, total, answers) VALUES (?, ?, ?, moment(), ?, ?) "
-        "ON CONFLICT DO NOTHING RETURNING id",
-        id, kind, client, len(lines), order,
+# Lines that are stored, or dismissed, in one transaction; others write between two of them.
+STEP: Final = 200
+
+
+def begin_batch(session: Session, id: str, kind: str, client: str) -> None:
+    """The row of a batch whose lines come in steps; nobody sees it before `complete_batch`."""
+    session.run(
+        "INSERT INTO batches (id, kind, client, created, total) VALUES (?, ?, ?, moment(), ?) ON CONFLICT DO NOTHING",
+        id, kind, client, INCOMPLETE,
     )  # fmt: skip
-    if is_new:  # else another front end stored it at the same moment
-        session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, ?, 0)", rows)
+
+
+def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: Bounds) -> None:
+    """Some lines and the jobs that are new; lines that are there already stay as they are."""
+    statements.submit(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)
+    rows = [(id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem) for x in lines]
+    session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, NULL, 0) ON CONFLICT DO NOTHING", rows)
+    answered = f"(job IS NULL OR job IN (SELECT id FROM jobs WHERE {statements.FINISHED}))"
+    numbers = (id, lines[0].number, lines[-1].number)
+    statements.number_lines(session, f"batch = ? AND number BETWEEN ? AND ? AND {answered}", numbers)
+
+
+def complete_batch(session: Session, id: str, total: int) -> Batch:
+    """The batch, all of whose lines are stored."""
+    session.run("UPDATE batches SET total = ? WHERE id = ?", total, id)
     batch = read_batch(session, id)
     assert batch is not None
     return batch
 
 
-def leave_batch(session: Session, batch: str) -> list[str]:
-    """Dismiss the open lines of a batch, and those of their jobs that nobody else waits for: their ids."""
-    rows = session.rows("SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL", batch)
+def forget_batch(session: Session, id: str) -> None:
+    """Nothing of a batch that was refused stays."""
+    session.run("DELETE FROM lines WHERE batch = ?", id)
+    session.run("DELETE FROM batches WHERE id = ?", id)
+
+
+def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
+    """Dismiss some open lines of a batch: how many jobs they have, and which of these nobody else waits for."""
+    rows = session.rows("SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL LIMIT ?", batch, STEP)
     ids = sorted(row["job"] for row in rows)
     statements.lock_jobs(session, ids)
-    statements.dismiss_lines(session, "batch = ?", (batch,))
-    return [id for id in ids if not statements.is_waited_for(session, id) and statements.dismiss(session, id)[1]]
+    statements.dismiss_lines(session, "batch = ? AND job AMONG (?)", (batch, ids))
+    return len(ids), statements.dismiss_unwanted(session, ids)

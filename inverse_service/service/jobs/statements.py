@@ -38,10 +38,10 @@ NEXT: Final = (
     "LEFT JOIN busy ON busy.client = jobs.client LEFT JOIN ranks ON ranks.client = jobs.client) "
     "SELECT id FROM candidates WHERE place <= ? ORDER BY rank, place, priority, sequence LIMIT ?"
 )
-# Whether anybody waits for a job: somebody who asked for it, or a batch. Arguments: its id, twice.
-WAITED_FOR: Final = (
-    "SELECT EXISTS (SELECT 1 FROM askers WHERE job = ? AND gone = 0) "
-    "OR EXISTS (SELECT 1 FROM lines WHERE job = ? AND order_number IS NULL) AS waited"
+# Nobody waits for a job: neither somebody who asked for it, nor a batch.
+UNWANTED: Final = (
+    "NOT EXISTS (SELECT 1 FROM askers WHERE job = jobs.id AND gone = 0) "
+    "AND NOT EXISTS (SELECT 1 FROM lines WHERE job = jobs.id AND order_number IS NULL)"
 )
 ACCEPT: Final = (
     "INSERT INTO jobs (id, kind, document, options, status, client, priority, created) "
@@ -104,7 +104,7 @@ def submit(
     now = first(session, "SELECT moment() AS now")["now"]
     new = [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)][::-1]
     if new:
-        _refuse_too_many(session, new, bounds)
+        refuse_too_many(session, new, bounds)
         asked = [(r.id, r.kind, r.document, r.options, r.client, r.priority, r.fresh) for r in new]
         session.many(ACCEPT, asked)  # two front ends that insert the same job at once make one
         if again := [request.id for request in new if request.id in known]:
@@ -114,6 +114,18 @@ def submit(
         waiting = [(request.id, request.client) for request in requests if found[request.id].is_open]
         session.many("INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0", waiting)
     return [found[request.id] for request in requests], [request.id for request in new]
+
+
+def refuse_without_room(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
+    """Raises TooManyJobs or LimitError where not all of these questions can be accepted now."""
+    wanted = {request.id: request for request in requests}
+    rows = session.rows("SELECT id, status, expires, moment() AS now FROM jobs WHERE id AMONG (?)", list(wanted))
+    for row in rows:
+        job = model.Job(row["id"], "", "", "", row["status"], expires=row["expires"])
+        if not job.is_to_be_asked(wanted[job.id].fresh, row["now"]):
+            del wanted[job.id]
+    if wanted:
+        refuse_too_many(session, list(wanted.values()), bounds)
 
 
 def lock_jobs(session: Session, ids: list[str]) -> dict[str, model.Job]:
@@ -128,7 +140,7 @@ def _read(session: Session, ids: list[str], with_bodies: bool) -> dict[str, mode
     return {job.id: job for job in jobs_of(rows)}
 
 
-def _refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
+def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
     """Raises TooManyJobs, LimitError for a batch that would never have room. Well below the limits no lock is taken: it
     dominates the rate."""
     if len(new) > (most := min(bounds.total, bounds.client)):
@@ -246,20 +258,29 @@ def leave(session: Session, id: str, client: str) -> tuple[model.Job | None, boo
         return job, False
     session.run("INSERT INTO askers VALUES (?, ?, 1) ON CONFLICT (job, client) DO UPDATE SET gone = 1", id, client)
     dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
-    return (replace(job, status="dismissed"), False) if is_waited_for(session, id) else dismiss(session, id)
+    is_over = bool(dismiss_unwanted(session, [id]))
+    return (read_job(session, id) if is_over else replace(job, status="dismissed")), is_over
 
 
 def dismiss(session: Session, id: str) -> tuple[model.Job | None, bool]:
-    """The job, and whether this call ended it; one that was computed again has its earlier answer back."""
+    """The job, and whether this call ended it, whoever waits for it."""
+    is_over = bool(dismiss_unwanted(session, [id], "1 = 1"))
+    return read_job(session, id), is_over
+
+
+def dismiss_unwanted(session: Session, ids: list[str], where: str = UNWANTED) -> list[str]:
+    """Those of these open jobs that nobody waits for, dismissed; one computed again has its earlier answer back."""
     earlier = "coalesce((SELECT bodies.status FROM bodies WHERE bodies.id = jobs.id), 'dismissed')"
     changed = session.rows(
-        f"UPDATE jobs SET status = {earlier}, finished = moment(), owner = NULL WHERE id = ? AND {OPEN} RETURNING id",
-        id,
+        f"UPDATE jobs SET status = {earlier}, finished = moment(), owner = NULL "
+        f"WHERE id AMONG (?) AND {OPEN} AND {where} RETURNING id",
+        ids,
     )
-    if changed:
-        session.run("DELETE FROM askers WHERE job = ?", id)
-        dismiss_lines(session, "job = ?", (id,))
-    return read_job(session, id), bool(changed)
+    over = [row["id"] for row in changed]
+    if over:
+        session.run("DELETE FROM askers WHERE job AMONG (?)", over)
+        dismiss_lines(session, "job AMONG (?)", (over,))
+    return over
 
 
 def recover(session: Session, owner: str | None, lease: float) -> list[model.Job]:
@@ -288,18 +309,13 @@ def is_drained(session: Session) -> bool:
     return found is not None and bool(found["value"])
 
 
-def is_waited_for(session: Session, id: str) -> bool:
-    """Whether somebody, or a batch, waits for a job."""
-    return bool(first(session, WAITED_FOR, id, id)["waited"])
-
-
-def dismiss_lines(session: Session, where: str, arguments: tuple[str, ...]) -> None:
+def dismiss_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> None:
     """Cancel the lines of batches that have no answer yet."""
     session.run(f"UPDATE lines SET dismissed = 1 WHERE {where} AND order_number IS NULL", *arguments)
     number_lines(session, f"{where} AND dismissed = 1", arguments)
 
 
-def number_lines(session: Session, where: str, arguments: tuple[str, ...]) -> None:
+def number_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> None:
     """Number lines that have an answer now, in the order in which answers come.
 
     Whoever takes numbers of a batch holds its row until the commit, so they become visible in their order.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import ClassVar, TypeVar
 
 from inverse_service.service.jobs import batches, model, statements, upkeep
@@ -167,8 +168,25 @@ class JobStore(ABC):
     def create_batch(
         self, id: str, kind: str, client: str, lines: Sequence[batches.BatchLine], bounds: model.Bounds = NO_BOUNDS
     ) -> batches.Batch:
-        """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is."""
-        return self._write(lambda s: batches.create_batch(s, id, kind, client, lines, bounds), lambda _: [""])
+        """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is.
+
+        In small transactions, between which others are served. One that a death of the service left incomplete is
+        unseen, and goes on where it is sent again.
+        """
+        if (found := self.batch(id)) is not None:
+            return found
+        asked = [line.request for line in lines if line.request is not None]
+        self._read(lambda s: statements.refuse_without_room(s, asked, bounds))
+        self._write(lambda s: batches.begin_batch(s, id, kind, client), durable=False)
+        try:
+            for place in range(0, len(lines), batches.STEP):
+                add = partial(batches.add_lines, id=id, lines=lines[place : place + batches.STEP], bounds=bounds)
+                self._write(add, lambda _: [""], durable=False)
+        except model.TooManyJobs:  # others were faster
+            self.dismiss_batch(id)
+            self._write(lambda s: batches.forget_batch(s, id))
+            raise
+        return self._write(lambda s: batches.complete_batch(s, id, len(lines)), lambda _: [""])
 
     def batch(self, id: str) -> batches.Batch | None:
         """One batch with its counts."""
@@ -181,8 +199,15 @@ class JobStore(ABC):
         return self._read(lambda s: batches.answers(s, id, after, limit, largest))
 
     def dismiss_batch(self, id: str) -> list[str]:
-        """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop."""
-        return self._write(lambda s: batches.leave_batch(s, id), lambda ids: ids or [""])
+        """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop.
+
+        In small transactions, as they are stored.
+        """
+        over, left = list[str](), 1
+        while left:
+            left, some = self._write(lambda s: batches.leave_some(s, id), lambda found: ["", *found[1]])
+            over += some
+        return over
 
     def counts(self) -> Mapping[model.JobStatus, int]:
         """Number of jobs in each status."""
@@ -237,10 +262,13 @@ class JobStore(ABC):
 
     def dismiss_client(self, client: str) -> list[str]:
         """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
-        return self._write(lambda s: upkeep.leave_all(s, client), lambda ids: [*ids, ""])
+        own = self._read(lambda s: s.rows("SELECT id FROM batches WHERE client = ? ORDER BY id", client))
+        ended = [id for batch in own for id in self.dismiss_batch(batch["id"])]
+        return ended + self._write(lambda s: upkeep.leave_all(s, client), lambda ids: [*ids, ""])
 
     def erase_client(self, client: str) -> int:
         """Forget all jobs, answers and batches of a client that no other one asked for; how many jobs."""
+        self.dismiss_client(client)
         return self._write(lambda s: upkeep.erase(s, client), lambda _: [""])
 
 

@@ -8,7 +8,6 @@ import threading
 import time
 from typing import TYPE_CHECKING, Final
 
-from inverse_service.service.jobs.batches import leave_batch
 from inverse_service.service.jobs.model import ClientUse
 from inverse_service.service.jobs.statements import FINISHED, OPEN, Session, first, leave
 
@@ -107,23 +106,20 @@ def prioritise_batch(session: Session, batch: str, priority: int) -> int:
 
 
 def leave_all(session: Session, client: str) -> list[str]:
-    """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
-    batches = session.rows("SELECT id FROM batches WHERE client = ? ORDER BY id", client)
-    ended = [id for batch in batches for id in leave_batch(session, batch["id"])]
+    """Dismiss the single jobs that are open for a client; the ids of those that nobody else waits for, which stop."""
     asked = session.rows(
         f"SELECT id FROM jobs WHERE {OPEN} AND (client = ? OR id IN (SELECT job FROM askers WHERE client = ?)) "
         "ORDER BY id",
         client, client,
     )  # fmt: skip
-    return ended + [row["id"] for row in asked if leave(session, row["id"], client)[1]]
+    return [row["id"] for row in asked if leave(session, row["id"], client)[1]]
 
 
 def erase(session: Session, client: str) -> int:
-    """Forget a client: its batches, its jobs with their answers, what it used; how many jobs.
+    """Forget a client that has nothing open: its batches, its jobs with their answers, what it used; how many jobs.
 
     Jobs that others wait for, or that a batch of another client names, lose its name instead.
     """
-    leave_all(session, client)
     session.run("DELETE FROM lines WHERE batch IN (SELECT id FROM batches WHERE client = ?)", client)
     for table in ("batches", "askers", "ranks", "uses"):
         session.run(f"DELETE FROM {table} WHERE client = ?", client)

@@ -19,10 +19,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.locks import hold
@@ -60,6 +60,8 @@ class WorkerProcess:
             self._process.start()
         sender.close()
         self.tasks = 0
+        # What the task under way took, read before the process that could tell is killed.
+        self._began, self._used = Reading(), Usage()
 
     @property
     def pid(self) -> int:
@@ -72,7 +74,7 @@ class WorkerProcess:
 
     def run(self, call: Call, report: Report | None = None) -> Outcome:
         """Run the task and kill the process at its deadline. Raises NotStarted."""
-        began = time.monotonic()
+        self._began, self._used = Reading.of(self.pid), Usage()
         try:
             self._connection.send(call)
             self._connection.recv()
@@ -80,10 +82,14 @@ class WorkerProcess:
             raise NotStarted from None
         self.tasks += 1
         outcome = self._await(Patience(self.pid, call.deadline), report)
-        return outcome if outcome.spent.wall else replace(outcome, spent=Usage(wall=time.monotonic() - began))
+        if outcome.spent.wall:
+            return outcome
+        wall = time.monotonic() - self._began.moment
+        return replace(outcome, spent=self._used if self._used.wall else Usage(wall, wall))
 
     def kill(self) -> None:
         """End the process at once, whatever it does."""
+        self._used = Reading.of(self.pid).since(self._began)
         with contextlib.suppress(OSError, AttributeError):
             self._process.kill()
 
@@ -206,9 +212,9 @@ def forget_peak() -> None:
         stream.write("5")
 
 
-def peak_memory() -> float:
-    """Largest resident memory since `forget_peak`, in MiB; 0 where the system does not tell."""
-    with contextlib.suppress(OSError), open("/proc/self/status") as stream:
+def peak_memory(pid: int | Literal["self"] = "self") -> float:
+    """Largest resident memory of a process since its `forget_peak`, in MiB; 0 where the system does not tell."""
+    with contextlib.suppress(OSError), open(f"/proc/{pid}/status") as stream:
         for line in stream:
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) / 1024
@@ -247,6 +253,34 @@ def _waited(pid: int) -> float:
     with contextlib.suppress(OSError), open(f"/proc/{pid}/schedstat") as stream:
         return int(stream.read().split()[1]) / 1e9
     return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What another process has used at a moment: s of processor, MiB at the peak; None where the system does not tell.
+
+    Where it does not, a task is taken to have used the processor all the time.
+    """
+
+    moment: float = 0.0
+    cpu: float | None = None
+    memory: float = 0.0
+
+    @classmethod
+    def of(cls, pid: int) -> Reading:
+        """That of now."""
+        cpu = None
+        with contextlib.suppress(OSError, AttributeError, IndexError), open(f"/proc/{pid}/stat") as stream:
+            # After the name, which may hold blanks: state and ten numbers, then those of user and system.
+            user, system = stream.read().rpartition(")")[2].split()[11:13]
+            cpu = (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+        return cls(time.monotonic(), cpu, peak_memory(pid))
+
+    def since(self, before: Reading) -> Usage:
+        """What was used between the two."""
+        wall = self.moment - before.moment
+        is_known = self.cpu is not None and before.cpu is not None
+        return Usage(wall, (self.cpu or 0.0) - (before.cpu or 0.0) if is_known else wall, self.memory)
 
 
 class Meter:

@@ -1,0 +1,47 @@
+"""The processor time of a day is charged for runs that hit their limit and for those that are cancelled."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from tests.attacks.harness import attacked
+
+NAMES = [f"x{k}" for k in range(8)]
+TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
+
+
+def long_question(number: int) -> dict[str, Any]:
+    return {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS), "name": f"long {number}"}
+
+
+def answered(client: httpx.Client, address: str) -> dict[str, Any]:
+    """A job when it is over."""
+    while (answer := client.get(address)).status_code == 202:
+        time.sleep(0.1)
+    found: dict[str, Any] = answer.json()
+    return found
+
+
+def test_runs_at_their_limit_and_cancelled_ones_are_charged(tmp_path: Path) -> None:
+    with attacked(tmp_path, client_daily_seconds="3") as service, service.client() as alice:
+        first = alice.post("/v1/solve?time_limit=1.5", json=long_question(1), headers={"Prefer": "respond-async"})
+        used = answered(alice, first.headers["Location"])["usage"]
+        assert used["cpu"] > 0.5
+        assert used["memory"] > 10
+        running = alice.post("/v1/solve", json=long_question(2), headers={"Prefer": "respond-async"})
+        address = running.headers["Location"]
+        while alice.get(address).json()["status"] != "running":
+            time.sleep(0.05)
+        time.sleep(4.0)
+        assert alice.delete(address).status_code == 200
+        end = time.monotonic() + 10
+        while (again := alice.post("/v1/solve", json=long_question(3))).status_code != 429 and time.monotonic() < end:
+            alice.delete(again.headers["Location"])
+            time.sleep(0.2)
+        assert again.status_code == 429
+        with service.other() as bob:
+            assert bob.post("/v1/solve", json=long_question(4)).status_code == 202

@@ -1,0 +1,73 @@
+"""A batch of 10,000 lines is stored and dismissed in steps, between which others write."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+from inverse_service.service.jobs.batches import BatchLine
+from inverse_service.service.jobs.model import Bounds, JobRequest, TooManyJobs
+from inverse_service.service.jobs.store import JobStore
+
+LINES = [BatchLine(k, str(k), JobRequest(f"job {k}", "solve", "{}", client="alice")) for k in range(1, 4_001)]
+
+
+def writes_beside(store: JobStore, change: Callable[[], object]) -> int:
+    """How many small changes of another client are stored while a long one goes on."""
+    thread = threading.Thread(target=change)
+    thread.start()
+    number = 0
+    while thread.is_alive():
+        store.submit([JobRequest(f"other {time.monotonic_ns()}", "solve", "{}", client="bob")])
+        number += 1
+    thread.join()
+    return number
+
+
+def test_others_write_while_a_batch_is_stored_and_while_it_is_dismissed(store: JobStore) -> None:
+    assert writes_beside(store, lambda: store.create_batch("batch", "solve", "alice", LINES)) > 5
+    batch = store.batch("batch")
+    assert batch is not None
+    assert (batch.total, batch.counts) == (4_000, {"accepted": 4_000})
+    dismissed: list[str] = []
+    assert writes_beside(store, lambda: dismissed.extend(store.dismiss_batch("batch"))) > 5
+    assert len(dismissed) == 4_000
+    batch = store.batch("batch")
+    assert batch is not None
+    assert batch.counts == {"dismissed": 4_000}
+    assert [answer.order for answer in store.batch_answers("batch", limit=5_000)] == list(range(1, 4_001))
+
+
+def test_of_a_batch_that_finds_no_room_half_way_nothing_stays(store: JobStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    store.submit([JobRequest(f"bob {k}", "solve", "{}", client="bob") for k in range(100)])
+    # Others were faster: what was free when it was looked at is not any more.
+    monkeypatch.setattr("inverse_service.service.jobs.statements.refuse_without_room", lambda *_: None)
+    with pytest.raises(TooManyJobs):
+        store.create_batch("batch", "solve", "alice", LINES[:1_000], Bounds(total=1_000))
+    assert store.batch("batch") is None
+    assert store.batch_answers("batch") == []
+    assert store.counts() == {"accepted": 100, "dismissed": 800}
+
+
+def test_a_batch_that_was_cut_off_is_unseen_and_goes_on_where_it_is_sent_again(
+    store: JobStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from inverse_service.service.jobs import batches
+
+    add, calls = batches.add_lines, list[int]()
+
+    def dies(*arguments: object, **named: object) -> None:
+        calls.append(1)
+        if len(calls) == 3:
+            raise OSError("the service is killed")
+        add(*arguments, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(batches, "add_lines", dies)
+    with pytest.raises(OSError, match="killed"):
+        store.create_batch("batch", "solve", "alice", LINES[:1_000])
+    assert store.batch("batch") is None
+    batch = store.create_batch("batch", "solve", "alice", LINES[:1_000])
+    assert (batch.total, batch.counts) == (1_000, {"accepted": 1_000})
