@@ -5,21 +5,19 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.codegen.program import HIDDEN, NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
-from inverse_service.simulation.between_steps import hidden_in_members
 from inverse_service.simulation.derivation import USES_FREE, Derived, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
 from inverse_service.simulation.estimates import angles, errors_of, finer
-from inverse_service.simulation.impulses import Ways
 from inverse_service.simulation.initial import without_value
 from inverse_service.simulation.observing import (
     energy,
@@ -33,7 +31,6 @@ from inverse_service.simulation.scene_data import (
     EXACT,
     FreeLagrangian,
     Members,
-    MethodChoice,
     Problem,
     Requested,
     Scene,
@@ -59,7 +56,6 @@ class EnsembleRun:
     series: Mapping[str, Array] = field(default_factory=dict)
     numbers: Mapping[str, Array] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
-    between: str = ""
 
 
 def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop | None) -> EnsembleRun:
@@ -85,14 +81,13 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
         return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
     ran = time.perf_counter()
     _mark(many, np.flatnonzero(without_value(scene)), NO_START)
-    between = "" if many.cancelled else _mark_hidden(scene, problem, requested.choice, many, values, momenta, stop)
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
     estimates, doubt = ({}, "") if many.cancelled else _estimated(scene, problem, requested, many, values, momenta)
     numbers |= estimates
     outcome = Outcome("cancelled" if many.cancelled else _kind(many), scene.grid.steps, doubt=doubt)
-    return EnsembleRun(requested, outcome, many, velocities, series, numbers, seconds, between)
+    return EnsembleRun(requested, outcome, many, velocities, series, numbers, seconds)
 
 
 def _kind(many: Many) -> str:
@@ -130,28 +125,6 @@ def _part(
     """Values and momenta of some members."""
     own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
     return own, None if momenta is None else momenta[rows]
-
-
-def _mark_hidden(
-    scene: Scene, problem: Problem, choice: MethodChoice, many: Many, values: Mapping[str, float | Array],
-    momenta: Array | None, stop: Stop | None,
-) -> str:  # fmt: skip
-    """End the members that went by something between two points where they did; what was looked at."""
-    members, grid = scene.ensemble, replace(scene.grid, record_every=1)
-    assert members is not None
-
-    def paths(rows: NDArray[np.int64]) -> tuple[Array, Ways]:
-        own, begun = _part(values, momenta, rows)
-        again = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], grid, own, begun)
-        starts = again.positions[:, :-1].reshape(-1, len(scene.coordinates))
-        moves = np.diff(again.positions, axis=1).reshape(starts.shape)
-        each = {name: np.repeat(value, grid.steps) if np.ndim(value) else value for name, value in own.items()}
-        return again.positions, Ways(starts, moves, np.tile(again.times[:-1], len(rows)), grid.step, each)
-
-    found, sentence = hidden_in_members(scene, choice, len(many.positions), paths, stop)
-    for member, (step, impulse) in found.items():
-        _mark(many, [member], HIDDEN, step, impulse)
-    return sentence
 
 
 def _mark(many: Many, members: Iterable[int], code: int, step: float = 0.0, size: float = np.nan) -> None:

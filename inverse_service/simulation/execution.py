@@ -15,7 +15,6 @@ from inverse_service.codegen.compiled import Card, Compiled
 from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.program import (
     GUARDED,
-    HIDDEN,
     NO_CONVERGENCE,
     NO_START,
     NOT_FINITE,
@@ -44,7 +43,6 @@ _NO_VALUE = (
 _ENDS = "the motion, or a formula of it or its derivative, has a singular point there: stop before, or begin elsewhere"
 _FASTER = "take a smaller step or a larger tolerance; where something decays fast, the method stiff"
 _BENT = "the third difference of the path compared with its steps, squared: fewer than five steps in a turn"
-HIDDEN_QUANTITY = "the impulse of a force between two points, which neither shows: more than 0.1 of the momentum"
 _KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25
@@ -166,8 +164,6 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
         return Stopped("no_convergence", step, quantity, value if place < len(card.solves) else math.nan, remedy)
     if code == NO_START:
         return Stopped("off_domain", 0, "the state at the start, which has no finite value", value, _UNDEFINED)
-    if code == HIDDEN:
-        return Stopped("unresolved", step, HIDDEN_QUANTITY, value, f"{_REMEDY}, or go on with guard = false, unchecked")
     if code == UNRESOLVED:
         return Stopped("unresolved", step, _BENT, value, f"{_REMEDY}, or go on with guard = false, unchecked")
     if code == TOO_MANY:

@@ -2,7 +2,7 @@
 
 In two steps: the energy, a constant, changes by half of the kinetic energy; of a method with a tolerance, by far more
 than that. Over the whole run: a force changes with t
-faster than the steps, and the end is far from the true motion. What lies between two points: `between_steps`. A run
+faster than the steps, and the end is far from the true motion. A run
 with a Lagrangian that has another motion there than the given equations is `off_domain`.
 
 A run that is none of these stays `completed`; how far it is from the motion, `estimates` says.
@@ -11,12 +11,11 @@ A run that is none of these stays `completed`; how far it is from the motion, `e
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from inverse_service.expressions.tree import TIME, Expression, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.between_steps import forces, forces_of_velocities, greatest_near
-from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.observing import (
     end_of_energy,
@@ -29,10 +28,6 @@ from inverse_service.simulation.quantities import Observed, velocities_at_points
 from inverse_service.simulation.scene_data import (
     OWN_STEPS,
     SCIPY,
-    Grid,
-    MethodChoice,
-    Problem,
-    Unavailable,
 )
 from inverse_service.simulation.truth import Truth, places_of
 from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE
@@ -49,9 +44,7 @@ UNSEEN = "the error at the end: the force changes with t within each step, which
 # over the size of the motion, is too large.
 LOST, TOO_LARGE = 0.2, 0.1
 LOOKED_AT, INSIDE = 256, 33
-BY_STEPS, APART, HALF = MethodChoice("adaptive", tolerance=1e-13), 1e-4, 0.5  # of the velocity, of its change
-WENT_BY = "a step compared with DOP853 from the same point"
-OTHER_STEPS = f"take the method adaptive, or {RESOLVE}"
+_NEAR = 5  # steps
 
 
 def jump_of_energy(run: Observed) -> Outcome | None:
@@ -105,34 +98,11 @@ def rounding_of_energy(run: Observed, energies: Array) -> Array:
     return np.nan_to_num(found)
 
 
-def other_way(run: Observed, motion: Problem | Unavailable) -> Outcome | None:
-    """The outcome where a step went by what a force does in a narrow place: DOP853, begun at each point with short
-    steps, arrives elsewhere at the next one.
-
-    A Taylor series, begun far from such a place, shows nothing of it. Steps that are given go by what is narrow in the
-    velocities; there the change of the velocity counts, of which half may be an error of the method.
-    """
-    at, scene, choice = run.trajectory, run.scene, run.requested.choice
-    if choice is None or not choice.guard or (choice.method in OWN_STEPS | set(SCIPY) and choice.method != "heyoka"):
-        return None
-    looked = forces(scene, velocities=True) if choice.method == "heyoka" else forces_of_velocities(scene)
-    v = velocities_at_points(run) if looked and 0 < scene.grid.steps < len(at.times) else None
-    if v is None or isinstance(motion, Unavailable):
-        return None
-    q, once = at.positions, Grid(scene.grid.step, 1)
-    again = run_ensemble(motion, BY_STEPS, q[:-1], v[:-1], once, scene.values, begins=at.times[:-1])
-    speed, change = np.linalg.norm(v, axis=1), np.linalg.norm(np.diff(v, axis=0), axis=1)
-    allowed = APART * (np.maximum(speed[:-1], speed[1:]) + speed.max() / 10)
-    if choice.method != "heyoka":
-        allowed = 10 * allowed + HALF * greatest_near(change)
-    far = np.linalg.norm(again.rates[:, -1] - v[1:], axis=1) > allowed
-    far |= np.linalg.norm(again.positions[:, -1] - q[1:], axis=1) > allowed * abs(scene.grid.step)
-    places = np.flatnonzero(far)
-    if not len(places):
-        return None
-    step = int(places[0])
-    error = float(np.abs(again.positions[step, -1] - q[step + 1]).max())
-    return Outcome("unresolved", step, float(at.times[step]), WENT_BY, error, OTHER_STEPS)
+def greatest_near(kinetic: Array) -> Array:
+    """The greatest of the few about each, along the last axis; nan counts for nothing."""
+    padded = np.pad(kinetic, [(0, 0)] * (kinetic.ndim - 1) + [(_NEAR, _NEAR)], "edge")
+    found: Array = np.fmax.reduce(sliding_window_view(padded, 2 * _NEAR + 1, axis=-1), axis=-1)
+    return found
 
 
 def other_motion(run: Observed) -> Outcome | None:

@@ -25,7 +25,6 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, add
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.advice import COST, Means, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.between_steps import MOST_STEPS, forces, hidden_in, nothing_sought, without_hidden
 from inverse_service.simulation.derivation import (
     COMPARED,
     USES_EXACT,
@@ -51,7 +50,6 @@ from inverse_service.simulation.resolution import (
     jump_of_energy,
     lost_to_time,
     other_motion,
-    other_way,
 )
 from inverse_service.simulation.scene_data import (
     EXACT,
@@ -121,8 +119,6 @@ def run_scene(
     if USES_EXACT & set(scene.observe) and scene.ensemble is None:
         tell("true motion")
         truth = _truth(scene, derived, compared_until or stop)
-        if isinstance(truth, Truth):
-            truth = without_hidden(scene, derived, truth, compared_until or stop)
     runs: list[MethodRun] = []
     members: list[EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
@@ -207,24 +203,17 @@ def observed_run(
         return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
     observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
-    motion, looked = with_accelerations(scene, derived), ""
-    if found.outcome.completed:
-        with timed(seconds, "between steps"):
-            unseen, looked = _unseen(observed, derived, motion, stop)
-            found = found if unseen is None else found.ended(found.times <= (unseen.time or 0.0), unseen)
-            observed = replace(observed, trajectory=found)
-    if problem is not None and whole_grid(scene) != scene.grid:
-        found = thinned(scene, found)
+    if found.outcome.completed and (unseen := other_motion(observed) or jump_of_energy(observed)) is not None:
+        found = found.ended(found.times <= (unseen.time or 0.0), unseen)
         observed = replace(observed, trajectory=found)
     events: tuple[Found, ...] = ()
     if scene.events and len(found.times) > 1:
         with timed(seconds, "events"):
-            found, events = with_events(observed, motion)
+            found, events = with_events(observed, with_accelerations(scene, derived))
             observed = replace(observed, trajectory=found)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     numbers, series = observed_quantities(observed, seconds)
-    numbers |= {"between_points": looked} if problem is not None and found.outcome.completed else {}
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed)
 
 
@@ -241,15 +230,6 @@ def _motion(
     return problem, _integrated(scene, requested, problem, free, stop)
 
 
-def _unseen(
-    whole: Observed, derived: Derived, motion: Problem | Unavailable, stop: Stop | None
-) -> tuple[Outcome | None, str]:
-    """The outcome of a run to the end whose steps did not see what it moves through, and what was looked at."""
-    scene = whole.scene
-    hidden, looked = hidden_in(whole, derived, stop) if forces(scene) else (None, nothing_sought(scene))
-    return other_motion(whole) or jump_of_energy(whole) or hidden or other_way(whole, motion), looked
-
-
 def _integrated(
     scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None
 ) -> Trajectory | Unavailable:
@@ -262,7 +242,7 @@ def _integrated(
             return Unavailable("The energy has no finite value at the start: start somewhere else.")
     try:
         start = start_of(scene, requested, free, values)
-        return run(problem, requested.choice, start, whole_grid(scene), values, observation, stop)
+        return run(problem, requested.choice, start, scene.grid, values, observation, stop)
     except InputError as error:
         return Unavailable(error.detail)
 
@@ -270,21 +250,8 @@ def _integrated(
 def _again(
     problem: Problem, free: FreeLagrangian | None, stop: Stop | None, scene: Scene, requested: Requested
 ) -> Trajectory | Unavailable:
-    """The method once more, at the points that the scene records."""
-    found = _integrated(scene, requested, problem, free, stop)
-    return found if isinstance(found, Unavailable) or whole_grid(scene) == scene.grid else thinned(scene, found)
-
-
-def whole_grid(scene: Scene) -> Grid:
-    """With every point recorded, where something may lie between them."""
-    looked = scene.grid.steps <= MOST_STEPS and bool(forces(scene, velocities=True))
-    return replace(scene.grid, record_every=1) if looked else scene.grid
-
-
-def thinned(scene: Scene, found: Trajectory) -> Trajectory:
-    """The points that the grid of the scene records, of a run with all points: every so many, and the end."""
-    grid = scene.grid
-    return found.part(grid.recorded if found.outcome.completed else np.arange(0, len(found.times), grid.record_every))
+    """The method once more."""
+    return _integrated(scene, requested, problem, free, stop)
 
 
 def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:

@@ -1,14 +1,14 @@
-"""The true motion that methods are compared with: exact where it is known, else the references that agree.
+"""The true motion that methods are compared with: exact where it is known, else a reference and its check.
 
-Three kinds that share no step: heyoka's Taylor series, DOP853 with steps of its own, Gauss-Legendre of order 12. Of the
-two that agree longest and best the first is taken; four times their distance bounds its error.
+The reference is heyoka's Taylor series where it is installed, checked by DOP853; else DOP853, checked by Gauss-Legendre
+of order 12. Four times the distance of the two bounds the error of the reference.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,14 @@ from inverse_service.simulation.scene_data import (
     Unavailable,
 )
 
-ENOUGH = 1e-12  # two references that are this near, over the size of the motion, need no third
-USELESS = 1e-3  # where references part by more than this share of the motion, there is no truth any more
-SAFETY = 4.0  # times the distance of the two references that agree best: a bound of the error of the better one
+ENOUGH = 1e-12  # two solutions that are this near, over the size of the motion, agree
+USELESS = 1e-3  # where they part by more than this share of the motion, there is no truth any more
+SAFETY = 4.0  # times the distance of the two: a bound of the error of the better one
 ROUND_OFF = 1e-15
 MOST_STEPS = 1_000_000
-TOLERANCES = {"heyoka": 1e-15, "adaptive": 1e-14}
+TAYLOR, EXPLICIT, IMPLICIT = (
+    MethodChoice("heyoka", tolerance=1e-15), MethodChoice("adaptive", tolerance=1e-13), MethodChoice("reference"),
+)  # fmt: skip
 NONE_FOUND = "No reference solution was found: the reference integrators did not get through."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
 
@@ -45,7 +47,7 @@ class Truth:
     """Positions and velocities (m, n) at the recorded times, nan from where they are not known; `reason` says why.
 
     `against` is "exact" or "reference"; `bounds` (m,) bound the error of the positions up to each time, in the unit of
-    the errors; `references` are the distances of the reference solutions from the one taken.
+    the errors; `by` names the reference and its check.
     """
 
     times: Array
@@ -55,7 +57,7 @@ class Truth:
     bounds: Array
     seconds: float
     reason: str = ""
-    references: Mapping[str, float] = field(default_factory=dict)
+    by: str = ""
 
     @property
     def uncertainty(self) -> float:
@@ -99,34 +101,34 @@ def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable
 
 
 def _references(scene: Scene, derived: Derived, stop: Stop | None) -> Truth | Unavailable:
-    """heyoka where it is installed, DOP853 with steps of its own, and Gauss-Legendre where these do not agree."""
     begun, times = time.perf_counter(), scene.grid.times
     problem = with_accelerations(scene, derived)
     if isinstance(problem, Unavailable):
         return problem
-    found: dict[str, Array] = {}
-    for name, tolerance in TOLERANCES.items():
-        try:
-            found[name] = _rows(scene, problem, MethodChoice(name, tolerance=tolerance), 1, times, stop)
-        except InputError:  # heyoka is not installed, or knows a function not
-            continue
-    size = _size(found)
-    if len(found) < 2 or not _apart(*found.values()) <= ENOUGH * size:
-        _add_collocation(scene, problem, times, found, stop)
-    return _judged(times, found, begun)
+
+    def rows(choice: MethodChoice, refinement: int = 1) -> Array:
+        return _rows(scene, problem, choice, refinement, times, stop)
+
+    try:
+        first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by DOP853"
+    except InputError:  # heyoka is not installed, or does not know a function
+        first, by = rows(EXPLICIT), "DOP853, checked by Gauss-Legendre of order 12"
+        second = _collocation(rows, first, scene.grid.steps, stop)
+    return _judged(times, first, second, by, begun)
 
 
-def _add_collocation(scene: Scene, problem: Problem, times: Array, found: dict[str, Array], stop: Stop | None) -> None:
-    """Gauss-Legendre of order 12, refined until it agrees with one of the others or no longer comes nearer."""
-    nearest, refinement = np.inf, 1
-    while refinement * scene.grid.steps <= MOST_STEPS and not (stop and stop()):
-        rows = _rows(scene, problem, MethodChoice("reference"), refinement, times, stop)
-        apart = min((_apart(rows, other) for name, other in found.items() if name != "reference"), default=np.inf)
-        if apart < nearest or "reference" not in found:
-            found["reference"] = rows
-        if apart <= ENOUGH * _size(found) or (np.isfinite(nearest) and apart > 0.5 * nearest):
-            return
+def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: Stop | None) -> Array:
+    """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes nearer."""
+    nearest, refinement, best = np.inf, 1, np.full_like(other, np.nan)
+    while refinement * steps <= MOST_STEPS and not (stop and stop()):
+        found = rows(IMPLICIT, refinement)
+        apart = float(np.nan_to_num(_distances(found, other), nan=np.inf)[-1])
+        if apart < nearest or refinement == 1:
+            best = found
+        if apart <= ENOUGH * _size(other) or (np.isfinite(nearest) and apart > 0.5 * nearest):
+            break
         nearest, refinement = min(apart, nearest), 2 * refinement
+    return best
 
 
 def _rows(
@@ -158,19 +160,11 @@ def _rows(
     return rows
 
 
-def _size(found: Mapping[str, Array]) -> float:
+def _size(rows: Array) -> float:
     """The size of the motion: the greatest change of a coordinate."""
-    rows = next((rows for rows in found.values() if np.isfinite(rows[-1]).all()), None)
-    if rows is None:
-        rows = next(iter(found.values()), np.zeros((1, 2)))
     half = rows[:, : rows.shape[1] // 2]
     change = np.abs(half - half[0])
     return float(change[np.isfinite(change)].max(initial=0.0)) or 1.0
-
-
-def _apart(first: Array, second: Array) -> float:
-    """The greatest distance of positions; infinite where one ends before the other."""
-    return float(np.nan_to_num(_distances(first, second), nan=np.inf)[-1])
 
 
 def _distances(first: Array, second: Array) -> Array:
@@ -180,33 +174,21 @@ def _distances(first: Array, second: Array) -> Array:
     return found
 
 
-def _judged(times: Array, found: Mapping[str, Array], begun: float) -> Truth | Unavailable:
-    """The first of the two references that agree longest and best; what bounds its error; where it is lost."""
-    size, names = _size(found), list(found)
-    pairs = [(_known(found[a], found[b], size), a, b) for k, a in enumerate(names) for b in names[k + 1 :]]
-    if not pairs:
-        return Unavailable(NONE_FOUND)
-    (until, _), first, second = max(pairs, key=lambda pair: (pair[0][0], -pair[0][1]))
+def _judged(times: Array, first: Array, second: Array, by: str, begun: float) -> Truth | Unavailable:
+    """The reference, what bounds its error, and until when it is known."""
+    distances = _distances(first, second)
+    good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
+    until = len(good) if good.all() else int(np.argmin(good))
     if until < 2:
         return Unavailable(NONE_FOUND)
-    rows = found[first].copy()
+    rows, reason = first.copy(), ""
     rows[until:] = np.nan
-    n = rows.shape[1] // 2
-    largest = np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
-    bounds = SAFETY * _distances(rows, found[second]) + ROUND_OFF * largest
-    reason = ""
     if until < len(times):
-        ended = bool(np.isnan(found[first][until]).any() or np.isnan(found[second][until]).any())
+        ended = bool(np.isnan(first[until]).any() or np.isnan(second[until]).any())
         why = "the reference solutions end there" if ended else "from there on reference solutions part"
         reason = PARTED.format(times[until - 1], why)
-    apart = {name: float(_distances(rows, other)[until - 1]) for name, other in found.items() if name != first}
+    n = rows.shape[1] // 2
+    bounds = SAFETY * np.where(good, distances, np.nan)
+    bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
     seconds = time.perf_counter() - begun
-    return Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, {first: 0.0} | apart)
-
-
-def _known(first: Array, second: Array, size: float) -> tuple[int, float]:
-    """(how many of the times two references agree at, their distance up to there)."""
-    distances = _distances(first, second)
-    good = np.isfinite(distances) & (SAFETY * distances <= USELESS * size)
-    until = len(good) if good.all() else int(np.argmin(good))
-    return until, float(distances[until - 1]) if until else np.inf
+    return Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)

@@ -25,7 +25,6 @@ def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
     kinds = Counter(outcome.kind for outcome in ended.values())
     kinds["completed"] = count - len(ended)
     document |= {"steps": scene.grid.steps, "members": count, "outcomes": dict(kinds)}
-    document |= {"between_points": run.between} if run.between else {}
     document |= {"doubt": run.outcome.doubt} if run.outcome.doubt else {}
     document["ended"] = [
         {"member": k, "outcome": o.kind, "step": o.step, "time": o.time, "quantity": o.quantity, "remedy": o.remedy}

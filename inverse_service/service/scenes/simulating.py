@@ -278,7 +278,7 @@ def _truth(truth: Truth | Unavailable | None) -> dict[str, Any] | None:
     if isinstance(truth, Unavailable):
         return {"against": None, "reason": truth.reason}
     found = {"against": truth.against, "uncertainty": truth.uncertainty, "seconds": truth.seconds}
-    found |= {"references": dict(truth.references)} if truth.references else {}
+    found |= {"by": truth.by} if truth.by else {}
     return found | ({"reason": truth.reason} if truth.reason else {})
 
 
