@@ -90,7 +90,7 @@ class QuestionDocument(NamedDocument):
     special_cases: bool = False
 
 
-KindName = Literal["natural", "riemannian", "finsler", "positive_definite", "rayleigh", "rayleigh_general"]
+KindName = Literal["natural", "riemannian", "finsler", "positive_definite", "rayleigh"]
 
 
 VectorField = Annotated[
@@ -120,8 +120,7 @@ class SystemDocument(QuestionDocument):
     `clock`: N(q) in dtau = N dt: is there a Lagrangian with this clock? "search" tries factors of f.
     `kinds`: which kinds of Lagrangians are asked about: "natural" (T + A v - V), "riemannian" (T alone), "finsler"
     (homogeneous of degree 2 in the velocities), "positive_definite" (a definite Hessian at a real point), "rayleigh"
-    (natural, with friction D quadratic in the velocities), "rayleigh_general" (any, with any friction),
-    {"invariant": ["x", {"x": "-y", "y": "x"}]}.
+    (natural, with friction D quadratic in the velocities), {"invariant": ["x", {"x": "-y", "y": "x"}]}.
     `near`: that point, {"x": "1", "x'": 0, "k": 2}; what it does not name is chosen.
     """
 

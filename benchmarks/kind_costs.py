@@ -26,7 +26,6 @@ from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
 from inverse_service.inverse_problem.of_kind import kind_answers
-from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
 from inverse_service.inverse_problem.of_kind.kind_answers import answer_kind
 from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
@@ -35,7 +34,7 @@ from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 PAGE = Path(__file__).parents[1] / "docs" / "kinds.md"
-KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "rayleigh_general", "positive_definite")
+KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "positive_definite")
 MOST, MOST_SECONDS = 4, 5.0
 
 
@@ -63,14 +62,8 @@ def plain(system: SecondOrderSystem, seed: int) -> None:
 def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
     """Answer about a kind, as if nothing else were known of the system; whether the answer is definite."""
     names, end = system.coordinates, now() + MOST_SECONDS
-    if name.startswith("rayleigh"):
-        analysis = analyze(system)
-        found = (
-            answer_rayleigh(analysis, (), lambda _: [], seed, end)
-            if name == "rayleigh"
-            else answer_general(analysis, (), (), seed, end)
-        )
-        return found.certificate is not None
+    if name == "rayleigh":
+        return answer_rayleigh(analyze(system), (), lambda _: [], seed, end).certificate is not None
     solution = Solution(system, Answer("undetermined"), Answer("undetermined"), None)
     if name == "positive_definite":
         return answer_definite(solution, kind_named(name, names), {}, seed, end).certificate is not None

@@ -109,7 +109,7 @@ def solve(
         typer.Option(
             "--kind",
             help="Also: is there an L of this kind? natural, riemannian, finsler, positive_definite, rayleigh, "
-            "rayleigh_general, invariant:x,y. Repeatable.",
+            "invariant:x,y. Repeatable.",
         ),
     ] = None,
     clock: Annotated[

@@ -186,7 +186,7 @@ def test_none_without_friction_says_nothing_of_friction_or_of_no_kind(kind: str)
     assert check_result(result).verdict == "valid"
     forged = result | {"kinds": {kind: result["kinds"]["natural"]}}
     assert check_result(forged).verdict == "invalid"
-    assert check(forged, {"equations": FRICTION, "kinds": ["rayleigh_general"]})["verdict"] == "invalid"
+    assert check(forged, {"equations": FRICTION, "kinds": ["rayleigh"]})["verdict"] == "invalid"
 
 
 YES = of_lagrangian("0", "0", FLAT)

@@ -264,14 +264,14 @@ def test_a_name_of_the_catalogue_is_an_argument(call: Any) -> None:
 
 
 def test_kinds_and_a_clock_are_options(call: Any) -> None:
-    options = ("--kind", "natural", "--kind", "rayleigh_general", "--kind", "invariant:y", "--clock", "1 + y^2")
+    options = ("--kind", "natural", "--kind", "rayleigh", "--kind", "invariant:y", "--clock", "1 + y^2")
     done = call("solve", "x'' = -x'^3; y'' = 0", *options, "--format", "json")
     result = json.loads(done.out)
     found = {kind: part["verdict"] for kind, part in result["kinds"].items()}
-    assert found == {"natural": "not_variational", "rayleigh_general": "variational", "invariant": "variational"}
+    assert found == {"natural": "not_variational", "rayleigh": "not_variational", "invariant": "variational"}
     assert result["with_clock"]["factor"] in ("1 + y^2", "y^2 + 1")
     refused = call("solve", "x'' = -x", "--kind", "convex")
-    assert (refused.code, "rayleigh_general" in refused.err) == (2, True)
+    assert (refused.code, "rayleigh" in refused.err) == (2, True)
     refused = call("solve", "x'' = -x", "--clock", "x'")
     assert (refused.code, "coordinates and parameters" in refused.err) == (2, True)
 

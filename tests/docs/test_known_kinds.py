@@ -51,8 +51,6 @@ SOURCES = {
     "Kobayashi, Nomizu 1963": "Foundations of Differential Geometry I, Interscience",
     "Landau, Lifshitz 1976": "Mechanics, 3rd edition, Pergamon",
     "Merkin 1997": "Introduction to the Theory of Stability, Springer",
-    "Mestdag, Sarlet, Crampin 2011": "The inverse problem for Lagrangian systems with certain non-conservative forces, "
-    "Differential Geom. Appl. 29, arXiv:1004.0674",
     "Milnor 1976": "Curvatures of left invariant metrics on Lie groups, Adv. Math. 21",
     "Minguzzi 2015": "Rayleigh's dissipation function at work, Eur. J. Phys. 36",
     "Muzsnay 2006": "The Euler-Lagrange PDE and Finsler metrizability, Houston J. Math. 32",
@@ -93,8 +91,6 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
     for kind, listed, answer in (
         ("rayleigh", test_rayleigh.WITH_FRICTION, "yes"),
         ("rayleigh", test_rayleigh.WITHOUT, "no"),
-        ("rayleigh_general", test_rayleigh.WITH_ANY_FRICTION, "yes"),
-        ("rayleigh_general", test_rayleigh.WITHOUT_ANY_FRICTION, "no"),
     ):
         yield from ((source, written(equations), kind, answer) for source, equations in listed)
     for source, asked, plain, clocked in test_reduced.KNOWN:

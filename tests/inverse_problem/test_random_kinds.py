@@ -14,7 +14,6 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.expressions.tree import number
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
-from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
 from inverse_service.inverse_problem.of_kind.kind_answers import answer_kind
 from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
@@ -71,13 +70,6 @@ def springs(draw: Draw, sign: int) -> str:
     return f"x'' = {a}*x + {b}*y; y'' = {c}*x + {d}*y"
 
 
-def dissipative(draw: Draw, more: str = "") -> str:
-    """Masses with dD/dv for a D of degrees 1 to 4, and what is no such force."""
-    a, b, c, d = (draw(1, 3) for _ in range(4))
-    return (f"{a}*x'' = -x*y - {b}*x'^3 + {c}*y*y'*z'; {b}*y'' = y - {d}*y'*z^2 + {c}*y*x'*z';"
-            f"{c}*z'' = -{a}*z'*x^2 + {c}*y*x'*y'{more}")  # fmt: skip
-
-
 # Of each kind: systems that have such a Lagrangian, and ones that just miss it.
 CASES: dict[str, tuple[Maker, Maker]] = {
     "natural": (lambda d: equations(natural(d)), lambda d: equations(natural(d), more=u * v**2 / d(2, 9))),
@@ -88,7 +80,6 @@ CASES: dict[str, tuple[Maker, Maker]] = {
         lambda d: equations(natural(d), friction(d)),
         lambda d: equations(natural(d), friction(d), more=u**3 / d(2, 9)),
     ),
-    "rayleigh_general": (dissipative, lambda d: dissipative(d, f" + {d(1, 5)}*x*y'^2 + x'^2*y'^2")),
     "positive_definite": (lambda d: springs(d, 1), lambda d: springs(d, -1)),
 }
 
@@ -101,8 +92,6 @@ def verdict_on(name: str, text: str) -> str:
     analysis, end, names = analyze(system), float("inf"), system.coordinates
     if name == "rayleigh":
         found = answer_rayleigh(analysis, given.residuals, lambda _: [], 1, end)
-    elif name == "rayleigh_general":
-        found = answer_general(analysis, [], given.residuals, 1, end)
     else:
         kind = invariant([{"x": ("1", number(1))}], names) if name == "invariant" else kind_named(name, names)
         tree = lagrangian_as_given(system, given.residuals)

@@ -51,19 +51,6 @@ WITHOUT = [
 ]
 
 
-# With any D.
-WITH_ANY_FRICTION = [
-    ("friction of the third degree (Rayleigh 1883)", {"x": "-x-x'^3"}),
-    ("powers of the speed, mass by mass (Minguzzi 2015)", {"x": "y-x-x'^3", "y": "x-y-y'^3", "z": "-z-z'^5"}),
-    ("drag by its square (Minguzzi 2015)", DRAG),
-    ("forces x' y' z'", {"x": "y'*z'", "y": "2*z'*x'", "z": "x'*y'"}),
-    ("a force without potential, which D takes (Mestdag, Sarlet, Crampin 2011)", {"x": "x^2+y^2", "y": "-y'"}),
-    ("a magnetic field that is not closed: T is indefinite", {"x": "z*y'-x'", "y": "-z*x'-2*y'", "z": "-3*z'"}),
-]
-NOT_ANY = {"x": "y*z'^2+x'*z'-x*y'^2", "y": "x*x'^2+y'*z'+z", "z": "x'*y'+z*y'^2"}
-WITHOUT_ANY_FRICTION = [("three equations for one function", NOT_ANY)]
-
-
 def solved(equations: Any, *kinds: str) -> dict[str, Any]:
     document = {"equations": equations, "parameters": ["c", "k"], "kinds": list(kinds)}
     if not isinstance(equations, str):
@@ -108,27 +95,6 @@ def test_others_are_proven_to_have_none(name: str, equations: Any) -> None:
     found = result["kinds"]["rayleigh"]
     assert (found["verdict"], found["checked"], found["lagrangian"]) == ("not_variational", "valid", None), name
     assert check_document(json.dumps(result))["verdict"] in ("valid", "incomplete")
-
-
-@pytest.mark.parametrize(("name", "equations"), WITH_ANY_FRICTION)
-def test_systems_that_have_any_friction_have_a_lagrangian_and_D(name: str, equations: Any) -> None:
-    result = solved(equations, "rayleigh_general")
-    found = result["kinds"]["rayleigh_general"]
-    assert (found["verdict"], found["checked"]) == ("variational", "valid"), name
-    assert max(residuals(equations, found["lagrangian"]["text"], found["dissipation"]["text"])) < 1e-12
-    assert check_document(json.dumps(result))["verdict"] in ("valid", "incomplete")
-
-
-@pytest.mark.parametrize("order", ["xyz", "zyx"])
-def test_three_equations_for_one_function_may_have_no_solution(order: str) -> None:
-    found = solved({name: NOT_ANY[name] for name in order}, "rayleigh_general")["kinds"]["rayleigh_general"]
-    assert (found["verdict"], found["checked"]) == ("not_variational", "valid")
-
-
-def test_two_coordinates_always_have_one_with_any_friction() -> None:
-    found = solved({"x": "y*x'*y'", "y": "x'^2*x"}, "rayleigh_general", "rayleigh")["kinds"]
-    assert (found["rayleigh_general"]["verdict"], found["rayleigh"]["verdict"]) == ("variational", "not_variational")
-    assert found["rayleigh_general"]["certificate"]["kind"] == "existence"
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,6 @@ BUILDERS: Mapping[str, Callable[[Sequence[str]], tuple[Derivation | Friction, ..
     "finsler": _homogeneous,
     "positive_definite": lambda names: (),
     "rayleigh": _natural,  # of T - V, a Lagrangian of the even part of f
-    "rayleigh_general": lambda names: (ANY_FRICTION,),
 }
 
 

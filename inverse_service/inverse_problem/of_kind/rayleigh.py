@@ -2,36 +2,35 @@
 
 E_i is g_ij f^j and terms of degree 2, 1, 0 in v, so f is quadratic in v. With f = f_e + f_o, even and odd in v, T - V
 is a Lagrangian of f_e, and g f_o = C v with D the symmetric part of C and dA its antisymmetric part (Mestdag, Sarlet,
-Crampin, arXiv:1004.0674, with D homogeneous). With any D (rayleigh_general) the rows C and D decide: kinds/restricted.
+Crampin, arXiv:1004.0674, with D homogeneous).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import chain
+from fractions import Fraction
+from itertools import chain, combinations, combinations_with_replacement, product
 
+from inverse_service.algebra.semidefinite import kernel
 from inverse_service.deadline import now
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Expression, Velocity, add, number
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, number, substitute
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.kinds.restricted import ANY_FRICTION, LagrangianKind, kind_named
-from inverse_service.inverse_problem.of_kind.any_friction import (
-    HALF,
-    confirmed,
-    constant_metrics,
-    parts_of_parity,
-    without_friction,
-)
 from inverse_service.inverse_problem.of_kind.kind_answers import NOT_FOUND, KindAnswer, decided, is_valid
 from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.completion import completed
-from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
+from inverse_service.inverse_problem.search.protocol import describe
+from inverse_service.inverse_problem.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
+FAMILY = "natural, with friction"
+HALF = Fraction(1, 2)
 # Natural Lagrangians of a system without friction; a search for them takes its time.
 Search = Callable[[SecondOrderSystem], Sequence[Expression]]
 
@@ -119,3 +118,55 @@ def _push(analysis: Analysis, tree: Expression) -> list[Expression]:
     names = analysis.system.coordinates
     found = euler_lagrange_residual(tree, names, analysis.system.accelerations)
     return [parts_of_parity(each, names)[1] for each in found]
+
+
+def constant_metrics(system: SecondOrderSystem) -> Iterator[Expression]:
+    """L = G_ij v_i v_j/2 + b_ij q_j v_i with rational numbers: g df/dv + 2 b - 2 b^T is symmetric."""
+    names, n = system.coordinates, len(system.coordinates)
+    pairs = [*combinations_with_replacement(range(n), 2)]
+    metric, width = {pair: place for place, pair in enumerate(pairs)}, len(pairs) + n * n
+    rows: dict[object, list[Fraction]] = {}
+    try:
+        slopes = [[terms_of(differentiate(f, Velocity(name))) for name in names] for f in system.accelerations]
+    except TooManyTerms:
+        return
+    for i, j in combinations(range(n), 2):
+        rows[i, j, EMPTY] = [Fraction(4 * (k == len(pairs) + i * n + j)) for k in range(width)]
+        for (a, b, sign), k in product(((i, j, 1), (j, i, -1)), range(n)):
+            for key, value in slopes[k][b].items():
+                row = rows.setdefault((i, j, key), [Fraction(0)] * width)
+                row[metric[min(a, k), max(a, k)]] += sign * value
+    v, q = [Velocity(name) for name in names], [Symbol(name) for name in names]
+    basis = kernel([*rows.values()] or [[Fraction(0)] * width], width)
+    for weights in ([1] * len(basis), [k + 1 for k in range(len(basis))]):
+        whole = [
+            sum((w * x for w, x in zip(weights, column, strict=True)), Fraction(0))
+            for column in zip(*basis, strict=True)
+        ]
+        parts = [whole[k] / (1 + (i == j)) * v[i] * v[j] for k, (i, j) in enumerate(pairs)]
+        turns = [whole[len(pairs) + i * n + j] * sign * q[b] * v[a]
+                 for i, j in combinations(range(n), 2) for a, b, sign in ((i, j, 1), (j, i, -1))]  # fmt: skip
+        yield add(*parts, *turns)
+
+
+def confirmed(
+    analysis: Analysis, kind: LagrangianKind, tree: Expression, drag: Expression, deadline: float
+) -> KindAnswer | None:
+    found = certify.of_lagrangian(analysis, tree, analysis.system.depends_on_time, kind)
+    certificate = found | {"dissipation": to_text(drag)}
+    if not is_valid(certificate, deadline):
+        return None
+    return KindAnswer("variational", "", certificate, describe(analysis, tree, FAMILY), drag)
+
+
+def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:
+    even = tuple(parts_of_parity(f, system.coordinates)[0] for f in system.accelerations)
+    return replace(system, accelerations=even, branch=None)
+
+
+def parts_of_parity(formula: Expression, names: Sequence[str]) -> tuple[Expression, Expression]:
+    """Its parts that are even and odd in the velocities."""
+    turned = substitute(formula, {Velocity(name): -Velocity(name) for name in names})
+    found: Iterator[Expression] = (HALF * (formula + other) for other in (turned, -turned))
+    even, odd = (collected(part) for part in found)
+    return even, odd

@@ -64,8 +64,8 @@ EXPECTED: dict[Steps, str] = {
     ("special_cases",): "true or false, without quotes",
     ("clock",): 'a formula in the coordinates, such as "1 + x^2"',
     ("kinds",): """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """
-    """"rayleigh_general", {"invariant": ["x"]}]""",
-    ("kinds", "*"): "one of natural, riemannian, finsler, positive_definite, rayleigh, rayleigh_general",
+    """{"invariant": ["x"]}]""",
+    ("kinds", "*"): "one of natural, riemannian, finsler, positive_definite, rayleigh",
     ("kinds", "*", "*"): 'a list such as ["x", {"y": "x"}]',
     ("near",): """an object of numbers such as {"x": "1", "x'": "0"}""",
     ("near", "*"): 'a number, such as "1/2"',

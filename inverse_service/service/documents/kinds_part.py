@@ -15,9 +15,8 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
-from inverse_service.inverse_problem.of_kind.any_friction import answer_general
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
-from inverse_service.inverse_problem.of_kind.kind_answers import KindAnswer, answer_kind, lagrangians_of
+from inverse_service.inverse_problem.of_kind.kind_answers import KindAnswer, answer_kind
 from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
 from inverse_service.inverse_problem.solutions import Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve
@@ -88,7 +87,7 @@ def with_kinds(
         if kind.name == "positive_definite":
             found = answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, deadline)
         else:
-            answer = _rayleigh if kind.name.startswith("rayleigh") else answer_kind
+            answer = _rayleigh if kind.name == "rayleigh" else answer_kind
             found = answer(solution, kind, asked, deadline)
         parts[kind.name] = kind_part(found)
     return result.model_copy(update={"kinds": parts})
@@ -108,7 +107,7 @@ def to_near(schema: SystemDocument, system: SecondOrderSystem) -> dict[Symbol | 
         raise InputError('the values at a point are rational numbers such as "1/2" or 0.3.', "/near") from None
 
 
-def _rayleigh(solution: Solution, kind: LagrangianKind, asked: SolveOptions, deadline: float) -> KindAnswer:
+def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, deadline: float) -> KindAnswer:
     def natural(system: SecondOrderSystem) -> list[Expression]:
         limit = _SHARE_OF_SEARCH * left(deadline)
         options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=limit, conditions=False)
@@ -118,10 +117,7 @@ def _rayleigh(solution: Solution, kind: LagrangianKind, asked: SolveOptions, dea
 
     try:
         analysis, given = analyze(solution.system), given_of(asked, solution.system)
-        if kind.name == "rayleigh":
-            return answer_rayleigh(analysis, given, natural, asked.seed, deadline)
-        known = [one.expression for one in lagrangians_of(solution.main)]
-        return answer_general(analysis, known, given, asked.seed, deadline)
+        return answer_rayleigh(analysis, given, natural, asked.seed, deadline)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
 

@@ -25,7 +25,6 @@ LAGRANGIANS = {
     "finsler": "homogeneous of degree 2 in the velocities",
     "positive_definite": "a definite Hessian at a real point",
     "rayleigh": "natural, with friction",
-    "rayleigh_general": "any, with any friction D(q, q')",
 }
 # What can only be chosen on the form, not typed.
 CHOSEN: dict[str, tuple[str, ...]] = {
