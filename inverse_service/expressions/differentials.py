@@ -52,7 +52,7 @@ def _quotient(tokens: list[Token], place: int, names: Names) -> tuple[list[Token
     while above.name is not None and slash < len(tokens) and tokens[slash].kind == "prime":
         primes, slash = primes + int(tokens[slash].value), slash + 1
     called: list[Token] = []  # the (x) of dV(x)/dx
-    if above.name is not None and tokens[slash].is_operator("("):
+    if above.name is not None and slash < len(tokens) and tokens[slash].is_operator("("):
         end = closing(tokens, slash) + 1
         called, slash = tokens[slash:end], end
     if slash >= len(tokens) or not tokens[slash].is_operator("/"):

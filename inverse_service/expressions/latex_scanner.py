@@ -32,6 +32,7 @@ _SPACING = frozenset([",", ";", ":", "!", " ", "quad", "qquad", "displaystyle", 
 _SIZES = frozenset(size + side for size in ("big", "Big", "bigg", "Bigg") for side in ("", "l", "r"))
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
 _PLAIN = frozenset("+-*/^_(){}[]=,;&|.")
+_LOOKED_AHEAD = 8  # end marks, so that no reader looks past the last
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,7 @@ class Raw:
 
 
 def scan(text: str) -> list[Raw]:
-    """The raw tokens, ended by one of kind "end"; InputError for a character that has no meaning."""
+    """The raw tokens, ended by those of kind "end"; InputError for a character that has no meaning."""
     check_length(text)
     place, stop = _inside_wrappers(text)
     pieces: list[Raw] = []
@@ -69,7 +70,8 @@ def scan(text: str) -> list[Raw]:
         if piece:
             pieces.append(piece)
             at_most(len(pieces), LIMITS.tokens, "the formula has too many parts", pieces[-1].column)
-    return [*_with_single_braces(_with_fractions(pieces)), Raw("end", "", stop + 1)]
+    end = Raw("end", "", stop + 1)
+    return [*_with_single_braces(_with_fractions(pieces)), *[end] * _LOOKED_AHEAD]
 
 
 def _with_fractions(pieces: list[Raw]) -> list[Raw]:

@@ -218,7 +218,7 @@ def _derivative_of(tokens: Sequence[Token], place: int, order: int, found: Token
     start, inner = place, 0
     while [token.text for token in tokens[place + 1 : place + 3]] == ["D", "("]:  # D(D(x))
         place, inner = place + 2, inner + 1
-    name, *ends = tokens[place + 1 : place + 3 + inner]
+    name, *ends = (*tokens[place + 1 : place + 3 + inner], tokens[start - 1])[: 2 + inner]
     closed = len(ends) == 1 + inner and all(token.is_operator(")") for token in ends)
     if not _opens(tokens, start) or name.kind != "name" or not closed:
         raise refusal("a derivative of a name occurs", tokens[start - 1].column, "write x'' or diff(x, t, 2)")

@@ -1,0 +1,77 @@
+"""No short line, no beginning of a formula, and no formula with a character missing is a fault of the program."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import random
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.service.documents.documents import parse_document
+
+ROOT = Path(__file__).parents[2]
+WORDS = r"""d dx t e i x y k dt x' x'' d/dt dx/dt 2 1/2 0.5 sin cos sqrt ( ) ^ _ / * + - = , ' | [ ] { } [1] (t) (x) D
+    diff Derivative V f d^2 dt^2 dt2 d( d)/dt x_ 1e I . & ; < > ~ @ $ % ! : # " ` D@@2 Eq Matrix der Symbol Float
+    Integer( Rational( Piecewise[{ Log[ x.diff( Differential piecewise \frac \dot \ddot \omega \sqrt \left( \right)
+    \partial \mathrm \cdot \over \rm \prime \left \right \\ \frac{d}{dt} \frac{d {dt} ^{ _{ \begin{cases}
+    \end{cases} \mathbf \tag{ \text{if}"""
+PIECES = [*WORDS.split(), *"\n\u2202\u221a\u03b8\u1e8b\u1e8d\u00b2\u00b7\u2212\u222b\u00bd\u03c9"]
+
+
+def read(document: Any) -> None:
+    try:
+        parse_document(document)
+    except InputError:
+        pass
+    except Exception as error:
+        error.add_note(json.dumps(document))
+        raise
+
+
+def short_lines(seed: int, count: int) -> Iterator[str]:
+    source = random.Random(seed)
+    for _ in range(count):
+        pieces = [source.choice(PIECES) for _ in range(source.randint(1, 6))]
+        yield source.choice(["x'' = ", "x'' = -k x ", r"\ddot{x} = ", ""]) + source.choice(["", " "]).join(pieces)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_short_line_is_a_fault_of_the_program(seed: int) -> None:
+    for line in short_lines(seed, 1000):
+        read({"equations": line, "parameters": "guess"})
+    for line in short_lines(seed + 100, 100):
+        read({"lagrangian": line, "parameters": "guess"})
+        read({"equations": {"x": line}, "parameters": ["k"]})
+
+
+def formulas() -> list[str]:
+    """Those in the catalogue and in code of the documentation."""
+    found: dict[str, None] = {}
+    for path in sorted((ROOT / "inverse_service/catalogue").rglob("*.json")):
+        found.update(dict.fromkeys(_texts(json.loads(path.read_text()))))
+    for path in sorted((ROOT / "docs").glob("*.md")):
+        found.update(dict.fromkeys(re.findall(r"`([^`\n]*['\\=][^`\n]*)`", path.read_text())))
+    return [text for text in found if any(mark in text for mark in "'=\\^*") and len(text) < 200]
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from _texts(part)
+
+
+def test_no_beginning_of_a_formula_is_a_fault_of_the_program() -> None:
+    texts = formulas()
+    assert len(texts) > 300
+    shortened = [text[:length] for text in texts for length in range(1, len(text))]
+    deleted = [text[:place] + text[place + 1 :] for text in texts for place in range(len(text))]
+    for text in itertools.islice(itertools.chain(shortened, deleted), 0, None, 9):
+        read({"equations": text, "parameters": "guess"})
