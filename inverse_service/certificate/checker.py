@@ -36,11 +36,13 @@ from .formulas import (
     SYSTEM,
     TEXT,
     Ended,
+    Nodes,
     Reader,
     bounded,
     check_shape,
     is_irrational,
     is_root,
+    read_formulas,
     read_tokens,
     require,
 )
@@ -89,6 +91,7 @@ class Question:
 
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         (self.generator, self.deadline), self.timed, claim = tools, timed, claim or {}
+        self.nodes = Nodes()
         self.read_system(document)
         self.content = (self.coordinates, {*self.parameters}, self.functions, self.motion, self.bound)
         self.contains_time = any("t" in force for force in self.motion)
@@ -166,9 +169,12 @@ class Question:
             ring.elementary("log", value := Reader(ring, said).value)
             tie = ring.add([Reader(ring, root).value, value], [1, -1])
             ring.ties.append(ring.multiply(tie, ring.constant(Fraction(1)), 0))
-        ring.degree = degree
-        found: list[Any] = [Reader(ring, force).value for force in self.force_texts]
-        ring.names |= {name + "'": rate for name, rate in zip(self.bound, found[len(self.free) :], strict=True)}
+        # All rings meet the same atoms in the same order, whatever their degree: the conditions are not remembered.
+        ring.degree, ring.memory = degree, None
+        found = read_formulas(ring, self.force_texts)
+        if self.bound:
+            rates = zip(self.bound, found[len(self.free) :], strict=True)
+            ring.names = ring.names | {name + "'": rate for name, rate in rates}
         return found
 
     def prepare(

@@ -1,8 +1,9 @@
-"""The grammar of certificates: shapes of documents, tokens, and a reader that computes in any ring as it reads."""
+"""The grammar of certificates: shapes of documents, tokens, and a reader that computes in any ring."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import accumulate, pairwise
 from typing import Any
@@ -107,12 +108,116 @@ def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
     return False
 
 
+class Nodes:
+    """The distinct parts of all formulas that were read, each after its own parts.
+
+    A node is (operator, parts): a number, a name, "+" with pairs of a part and its weight, "*", "/", "^" of two parts,
+    ("power", part, integer) or (function, parts).
+    """
+
+    def __init__(self) -> None:
+        self.table, self.listed = dict[tuple[Any, ...], int](), list[tuple[Any, ...]]()
+        self.formulas = dict[tuple[str, ...], list[int]]()
+
+    def node(self, *key: Any) -> int:
+        number = self.table.setdefault(key, len(self.listed))
+        if number == len(self.listed):
+            self.listed.append(key)
+        return number
+
+    def parts(self, number: int) -> tuple[int, ...]:
+        match self.listed[number]:
+            case "number" | "name", _:
+                return ()
+            case "+", terms:
+                return tuple(part for part, _ in terms)
+            case "power", part, _:
+                return (part,)
+            case _, *parts:
+                return tuple(parts)
+        raise AssertionError
+
+    def order(self, formula: tuple[str, ...]) -> list[int]:
+        """The nodes of a formula in an order in which they can be computed; the last one is the formula itself."""
+        if formula not in self.formulas:
+            needed, waiting = set[int](), [_Parser(self, formula).root]
+            while waiting:
+                number = waiting.pop()
+                if number not in needed:
+                    needed.add(number)
+                    waiting += self.parts(number)
+            self.formulas[formula] = sorted(needed)
+        return self.formulas[formula]
+
+
 class Reader:
-    """Reads one formula by operator precedence, computing in a ring; names in `bound` have these values."""
+    """The value of a formula in a ring: every distinct part is computed once for all formulas that the ring reads.
+
+    Names in `bound` have these values; what holds names that are bound is computed for this call alone.
+    """
 
     def __init__(self, ring: Any, formula: tuple[str, ...], **bound: Any) -> None:
-        self.ring, self.tokens, self.names, self.position = ring, formula, ring.names | bound, 0
-        self.value = self.expression(0, 0)
+        self.value = read_formulas(ring, [formula], **bound)[0]
+
+
+def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) -> list[Any]:
+    """The values of formulas in a ring, which share their parts."""
+    nodes: Nodes = ring.question.nodes
+    if bound:
+        names, known = ring.names | bound, dict[int, Any]()
+    else:  # what was computed holds for these values of the names, and to this degree
+        memory = getattr(ring, "memory", None)
+        if memory is None or memory[0] is not ring.names or memory[1] != ring.degree:
+            memory = ring.memory = (ring.names, ring.degree, dict[int, Any]())
+        names, known = ring.names, memory[2]
+    found = list[Any]()
+    for formula in formulas:
+        order = nodes.order(formula)
+        for number in order:
+            if number not in known:
+                known[number] = _computed(ring, nodes.listed[number], names, known)
+        found.append(known[order[-1]])
+    return found
+
+
+def _computed(ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]) -> Any:
+    match node:
+        case "number", value:
+            return ring.constant(value)
+        case "name", name:
+            require(name in names, f"The name {name[:40]} is not known.")
+            return names[name]
+        case "+", terms:
+            ring.question.check_time()
+            return ring.add([known[part] for part, _ in terms], [weight for _, weight in terms])
+        case "power", part, exponent:
+            return ring.power(known[part], exponent)
+        case ("*" | "/" | "^") as operator, left, right:
+            return joined(ring, operator, known[left], known[right])
+        case token, *parts:
+            return _called(ring, token, [known[part] for part in parts])
+
+
+def _called(ring: Any, token: str, values: list[Any]) -> Any:
+    """A(u), A'(u), B(u, w), B[1,0](u, w) or an elementary function."""
+    if token in IRRATIONAL and len(values) == 1:
+        return applied(ring, token, values[0])
+    name, _, listed = token.rstrip("]").partition("[")
+    orders = [int(order) for order in listed.split(",")] if listed else [name.count("'")]
+    name, orders = name.rstrip("'"), [0] * len(values) if orders == [0] else orders
+    if name in ring.question.integrals:
+        return ring.integral(name, orders, values)
+    good = len(values) == len(orders) == len(ring.question.functions.get(name, ()))
+    require(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is no function of {len(values)} arguments.")
+    return ring.function(name, tuple(orders), values)
+
+
+class _Parser:
+    """Reads one formula by operator precedence into nodes."""
+
+    def __init__(self, nodes: Nodes, formula: tuple[str, ...]) -> None:
+        self.nodes, self.tokens, self.position = nodes, formula, 0
+        self.root = self.expression(0, 0)
         self.expect(not self.tokens[self.position], "an operator is expected")
 
     def expect(self, condition: object, what: str) -> None:
@@ -124,50 +229,45 @@ class Reader:
         self.position += found
         return found
 
-    def expression(self, floor: int, depth: int) -> Any:
+    def expression(self, floor: int, depth: int) -> int:
         """What stands before an operator that binds no tighter than `floor`; -x^2 is -(x^2), x^y^z is x^(y^z)."""
         self.expect(depth <= MAX_DEPTH, f"at most {MAX_DEPTH} brackets and exponents may be nested")
         minuses = 0
         while self.take("-"):
             minuses += 1
         value = self.expression(3, depth) if minuses else self.atom(depth)
-        value = self.ring.add([value], [-1]) if minuses % 2 else value
+        terms = [(value, -1 if minuses % 2 else 1)]  # their sum is what was read so far
         while BINDING.get((operator := self.tokens[self.position])[:1], 0) > floor:
             self.position += 1
+            if operator in ("+", "-"):
+                terms.append((self.expression(1, depth), 1 if operator == "+" else -1))
+                continue
+            value = self.added(terms)
             if operator[1:]:
-                value = self.ring.power(value, int(operator[1:].strip("( \t\r\n)")))
+                value = self.nodes.node("power", value, int(operator[1:].strip("( \t\r\n)")))
             else:
                 tower = operator == "^"
-                value = joined(self.ring, operator, value, self.expression(BINDING[operator] - tower, depth + tower))
-        return value
+                right = self.expression(BINDING[operator] - tower, depth + tower)
+                value = self.nodes.node(operator, value, right)
+            terms = [(value, 1)]
+        return self.added(terms)
 
-    def atom(self, depth: int) -> Any:
+    def added(self, terms: list[tuple[int, int]]) -> int:
+        return terms[0][0] if terms[0][1] == 1 == len(terms) else self.nodes.node("+", tuple(terms))
+
+    def atom(self, depth: int) -> int:
         token = self.tokens[self.position]
         self.expect(token == "(" or token[:1].isalnum(), "a number, a name or '(' is expected")
         self.position += token != "("
         if token[0].isdigit():
-            return self.ring.constant(Fraction(token))
+            return self.nodes.node("number", Fraction(token))
         if not self.take("("):
-            self.expect(token in self.names, f"the name {token[:40]} is not known")
-            return self.names[token]
+            return self.nodes.node("name", token)
         values = [self.expression(0, depth + 1)]
         while token != "(" and self.take(","):
             values.append(self.expression(0, depth + 1))
         self.expect(self.take(")"), "')' is expected")
-        return values[0] if token == "(" else self.call(token, values)
-
-    def call(self, token: str, values: list[Any]) -> Any:
-        """A(u), A'(u), B(u, w), B[1,0](u, w) or an elementary function."""
-        if token in IRRATIONAL and len(values) == 1:
-            return applied(self.ring, token, values[0])
-        name, _, listed = token.rstrip("]").partition("[")
-        orders = [int(order) for order in listed.split(",")] if listed else [name.count("'")]
-        name, orders = name.rstrip("'"), [0] * len(values) if orders == [0] else orders
-        if name in self.ring.question.integrals:
-            return self.ring.integral(name, orders, values)
-        good = len(values) == len(orders) == len(self.ring.question.functions.get(name, ()))
-        self.expect(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is no function of {len(values)} arguments")
-        return self.ring.function(name, tuple(orders), values)
+        return values[0] if token == "(" else self.nodes.node(token, *values)
 
 
 def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:

@@ -113,8 +113,11 @@ class Expansion:
         for name, unit in zip(question.variables, self.units, strict=True) if degree else ():
             self.names[name][unit] = arithmetic.number(Fraction(1))
         self.read()
-        for name, rate, a in zip(question.bound, self.rates, self.mu, strict=True) if degree else ():
-            self.names[name + "'"] = self.add([rate, {self.all_units[a]: self.one[0]}])
+        if degree and question.bound:
+            moved = zip(question.bound, self.rates, self.mu, strict=True)
+            self.names = self.names | {
+                name + "'": self.add([rate, {self.all_units[a]: self.one[0]}]) for name, rate, a in moved
+            }
         self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
 
     def read(self) -> None:

@@ -15,7 +15,16 @@ from time import thread_time
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.certificate.checker import CheckResult, Claims, Question, judged
-from inverse_service.certificate.formulas import MAX_POWER, Ended, Reader, applied, is_irrational, joined, read_tokens
+from inverse_service.certificate.formulas import (
+    MAX_POWER,
+    Ended,
+    Reader,
+    applied,
+    is_irrational,
+    joined,
+    read_formulas,
+    read_tokens,
+)
 from inverse_service.certificate.numbers import Balls, Undefined
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.tree import (
@@ -261,7 +270,7 @@ def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
 def _table(ring: Ring, coordinates: Sequence[str], values: dict[str, Value]) -> Table:
     """Values of all leaves, q'' := f."""
     bound = {name: value for name, value in values.items() if name.endswith("'")}
-    forces = [Reader(ring, force, **bound).value for force in ring.question.force_texts]
+    forces = read_formulas(ring, ring.question.force_texts, **bound)
     return _leaves(coordinates, values) | {
         Acceleration(name): force for name, force in zip(coordinates, forces, strict=True)
     }
