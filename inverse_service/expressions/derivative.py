@@ -133,13 +133,14 @@ def _lowered(base: Expression, exponent: Expression) -> Expression:
 
 
 def _of_integral(integral: Integral, rate: Rule) -> Expression:
-    """By its own derivatives; ValueError for one that is left open."""
+    """By its own derivatives; one that is left open is that of an arbitrary function of the same name."""
     terms = []
-    for slope, argument in zip(integral.slopes, integral.arguments, strict=True):
+    for place, (slope, argument) in enumerate(zip(integral.slopes, integral.arguments, strict=True)):
         inner = rate(argument)
         if inner != ZERO:
             if slope is None:
-                raise ValueError(f"the derivative of {integral.name} is left open")
+                orders = tuple(int(k == place) for k in range(len(integral.arguments)))
+                slope = Arbitrary(integral.name, integral.arguments, orders)
             terms.append(slope * inner)
     return add(*terms)
 

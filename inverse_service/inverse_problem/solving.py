@@ -11,7 +11,7 @@ from inverse_service.deadline import now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, node_count, walk
+from inverse_service.expressions.tree import TIME, Expression, holds, node_count, walk
 from inverse_service.inverse_problem.confirming import (
     Progress,
     Work,
@@ -35,9 +35,9 @@ from inverse_service.inverse_problem.explanation.finding import (
     series_steps,
 )
 from inverse_service.inverse_problem.explanation.wording import printed_conditions, said, with_shared_letters
-from inverse_service.inverse_problem.search.as_given import lagrangian_as_given, with_written_masses
 from inverse_service.inverse_problem.search.motion_terms import reading_class
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome
+from inverse_service.inverse_problem.search.row_factors import lagrangians_of_lines, with_written_masses
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.inverse_problem.solutions import Answer, Conditions, Solution, SolveOptions, Step
 from inverse_service.linear_pde.involutive_form import MOST_UNKNOWNS, Limits
@@ -135,9 +135,9 @@ def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
     """(L(q, v), L(t, q, v)); an autonomous Lagrangian answers the second question too."""
     wanted, depends = work.options.time_dependent, work.analysis.system.depends_on_time
     given = _as_given(work)
+    if given is not None and not _holds_time(given):
+        return None if depends or wanted else given, None if wanted is False and not depends else given
     if given is not None:
-        if not _holds_time(given):
-            return None if depends or wanted else given, None if wanted is False and not depends else given
         return None if depends or wanted else _answer(work, with_time=False), given
     autonomous = None if depends or wanted is True else _answer(work, with_time=False)
     if wanted is False and not depends:
@@ -151,23 +151,31 @@ def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
 
 
 def _as_given(work: Work) -> Answer | None:
-    """The answer by the Lagrangian of equations that are Euler-Lagrange equations as written; needs no decision."""
-    system = work.analysis.system
+    """The answer by factors for each equation as written, without t where there is one; needs no decision."""
+    system, table = work.analysis.system, work.analysis.real_point
     began = now()
     work.progress("the equations as given")
-    tree = lagrangian_as_given(system, tuple(on_branch(equation, system) for equation in work.options.given))
+    written = tuple(on_branch(equation, system) for equation in work.options.given)
+    without_time = work.options.time_dependent is False and not system.depends_on_time
+    best: Expression | None = None
+    for signs in (False, True):
+        for tree in () if best is not None else lagrangians_of_lines(system, written, table, signs):
+            if (best is not None and holds(tree, TIME)) or (holds(tree, TIME) and without_time):
+                continue
+            best = next(
+                (f for f in dict.fromkeys((tidied(tree, system), tree)) if is_confirmed(work, f, holds(f, TIME))), best
+            )
+            if best is not None and not holds(best, TIME):
+                break
     work.add_seconds("search", began)
-    for form in dict.fromkeys((tidied(tree, system), tree)) if tree is not None else ():
-        with_time = TIME in walk(form)
-        if with_time and work.options.time_dependent is False and not system.depends_on_time:
-            return None
-        if is_confirmed(work, form, with_time):
-            short = not system.is_unsolved and sum(map(node_count, system.accelerations)) <= bounds.TERMS
-            decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
-            found = of_lagrangian(work.analysis, with_time, form, AS_GIVEN, as_given_steps(form), decision)
-            others = _with_other_matrices(work, with_time) if short else None
-            return completed(work, replace(found, checked="valid"), others, with_time)
-    return None
+    if best is None:
+        return None
+    with_time = holds(best, TIME)
+    short = not system.is_unsolved and sum(map(node_count, system.accelerations)) <= bounds.TERMS
+    decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
+    found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(best), decision)
+    others = _with_other_matrices(work, with_time) if short else None
+    return completed(work, replace(found, checked="valid"), others, with_time)
 
 
 def _with_other_matrices(work: Work, with_time: bool) -> Found | None:

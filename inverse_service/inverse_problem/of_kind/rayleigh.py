@@ -22,9 +22,9 @@ from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.decision.deciding import Decision
 from inverse_service.inverse_problem.kinds.restricted import ANY_FRICTION, LagrangianKind, kind_named
 from inverse_service.inverse_problem.of_kind.kind_answers import NOT_FOUND, KindAnswer, decided, is_valid
-from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.protocol import describe
+from inverse_service.inverse_problem.search.row_factors import lagrangian_as_given
 from inverse_service.inverse_problem.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

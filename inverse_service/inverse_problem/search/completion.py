@@ -119,7 +119,7 @@ def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | Non
             if magnetic is not None:
                 rest = _less(names, rest, terms_of(magnetic))
                 total.append(magnetic)
-    found = _completed(names, rest)
+    found = linear_completion(names, rest)
     return None if found is None else add(*total, found)
 
 
@@ -159,7 +159,7 @@ def _of_round_field(names: Sequence[str], wanted: Sequence[Terms], i: int, j: in
     if not field or not _is_round(field, x, y) or add_terms(field, _beside(wanted[j], v)):
         return None
     radial = multiply_terms(terms_of(substitute(tree_of(field), {y: ZERO})), {monomial(x): Fraction(1)})
-    flux = _completed([x.name], [radial])
+    flux = linear_completion([x.name], [radial])
     if flux is None:
         return None
     square = x**2 + y**2
@@ -184,7 +184,7 @@ def _at_rest(terms: Terms) -> Terms:
     return {key: a for key, a in terms.items() if not split_velocities(key)[1]}
 
 
-def _completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:
+def linear_completion(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:
     columns: dict[Monomial, list[Terms]] = {}
     wanted = [_in_one_square(terms) for terms in wanted]
     fresh = [(i, key) for i, terms in enumerate(wanted) for key in terms]

@@ -8,6 +8,7 @@ from inverse_service.inverse_problem.search import (
     holomorphic,
     other_coordinates,
     reductions,
+    row_factors,
     scalar_multiplier,
     shapes,
 )
@@ -19,6 +20,15 @@ from inverse_service.inverse_problem.search.protocol import Leaf, Reduction
 Rung = Leaf | Reduction | Family
 
 LEAVES = (
+    Leaf(
+        "each equation times a function",
+        0.1,
+        lambda material: True,
+        row_factors.propose,
+        "Each equation times a function of `t` and the coordinates, the equations are self-adjoint: then the matrix of "
+        "their accelerations is the Hessian of `L`, which follows by integration.",
+        exact=True,
+    ),
     Leaf(
         "one function times a constant matrix",
         0.5,

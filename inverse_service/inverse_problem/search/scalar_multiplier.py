@@ -24,9 +24,8 @@ from inverse_service.algebra.exact_ring import ExactRing, quotient_tree, sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import HALF, ONE, TIME, Acceleration, Expression, Integral, Velocity, add, walk
+from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Integral, Velocity, add, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.search.as_given import lagrangian_as_given, masses
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.material import Material
 from inverse_service.inverse_problem.search.members import Matrix as RealMatrix
@@ -44,7 +43,6 @@ from inverse_service.inverse_problem.search.terms import (
     monomial,
     multiply_terms,
     terms_of,
-    tree_of,
 )
 from inverse_service.mechanics.conditions import (
     MotionInRing,
@@ -94,27 +92,13 @@ class _Prepared:
 def propose(material: Material, seed: int) -> list[Expression]:
     """Lagrangians with such a multiplier, the simplest first; none where f has none."""
     known = _prepared(material)
+    if known is None:
+        return []
     try:
-        if known is None:
-            return _of_masses(material)
         found = [_lagrangian(material, known.setting, matrix) for matrix in known.matrices]
     except (TooLarge, TooManyTerms, ZeroDivisionError):
         return []
     return [tree for tree in found if tree is not None]
-
-
-def _of_masses(material: Material) -> list[Expression]:
-    """With products of constants on the diagonal of G, where the conditions on any G are too large."""
-    setting: _Setting | None = material.shared.get("one function")
-    if setting is None:
-        return []
-    system = material.analysis.system
-    equations = [
-        setting.phi * tree_of(mass) * (Acceleration(name) - f)
-        for name, f, mass in zip(system.coordinates, system.accelerations, masses(system), strict=True)
-    ]
-    found = lagrangian_as_given(system, equations)
-    return [] if found is None else [found]
 
 
 def kinetic_terms(material: Material) -> list[Monomial]:
@@ -168,9 +152,7 @@ def _multipliers(material: Material) -> _Prepared | None:
         setting = _setting(exact, material.analysis)
         if setting is None or (TIME in walk(setting.phi) and not material.motion.with_time):
             return None
-        material.shared["one function"] = setting
         chosen = _regular(setting, material.analysis.real_point)
-        material.shared["one function"] = None
     except (TooLarge, TooManyTerms, ZeroDivisionError):
         return None
     return _Prepared(setting, chosen) if chosen else None

@@ -11,7 +11,7 @@ from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, subtract
-from inverse_service.inverse_problem.search.as_given import lagrangian_as_given
+from inverse_service.inverse_problem.search.row_factors import lagrangian_as_given
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import AS_GIVEN, solve
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
