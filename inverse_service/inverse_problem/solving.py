@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from inverse_service import bounds
 from inverse_service.certificate.formulas import MAX_TEXT
-from inverse_service.deadline import now, until
+from inverse_service.deadline import OutOfTime, now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
@@ -38,6 +38,7 @@ from inverse_service.inverse_problem.explanation.wording import printed_conditio
 from inverse_service.inverse_problem.search.motion_terms import reading_class
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome
 from inverse_service.inverse_problem.search.row_factors import lagrangians_of_lines, with_written_masses
+from inverse_service.inverse_problem.search.terms import TooManyTerms
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.inverse_problem.solutions import Answer, Conditions, Solution, SolveOptions, Step
 from inverse_service.linear_pde.involutive_form import MOST_UNKNOWNS, Limits
@@ -61,8 +62,8 @@ _MOST_FOR_FREEDOM = 30_000
 # Rational functions of the velocities, and what is harder to read (`reading_class`).
 _RATIONAL = 2
 # The costs up to which something nicer is searched for where a complete answer is known, where one without H in closed
-# form is, and other matrices.
-_QUICK, _FAIR, _CONSTANT_MATRIX = 1.9, 3.65, 0.5
+# form is.
+_QUICK, _FAIR = 1.9, 3.65
 
 
 def solve_branches(
@@ -182,12 +183,15 @@ def _with_other_matrices(work: Work, with_time: bool) -> Found | None:
     """Lagrangians for which another constant matrix stands in the multiplier of the one that is known."""
     if len(work.analysis.system.coordinates) == 1:
         return None
-    from inverse_service.inverse_problem.search.ladder import search
+    from inverse_service.inverse_problem.search import scalar_multiplier
+    from inverse_service.inverse_problem.search.material import gather
 
-    with until(now() + _SEARCH_SHARE * work.left()):
-        return search(
-            work.analysis, with_time, work.options.seed, math.inf, work.progress, highest=_CONSTANT_MATRIX
-        ).found
+    try:
+        with until(now() + _SEARCH_SHARE * work.left()):
+            trees = tuple(scalar_multiplier.propose(gather(work.analysis, with_time), work.options.seed))
+    except (TooManyTerms, OutOfTime):
+        return None
+    return Found(tuple(tidied(tree, work.analysis.system) for tree in trees), AS_GIVEN, ()) if trees else None
 
 
 def _holds_time(answer: Answer) -> bool:

@@ -132,8 +132,9 @@ def branch_steps(system: SecondOrderSystem, positive: Sequence[Expression]) -> t
 def as_given_steps(tree: Expression) -> tuple[Step, ...]:
     """How L follows from equations that are Euler-Lagrange equations as written."""
     step = said(
-        "The equations are self-adjoint as they are written: the matrix of their accelerations satisfies the Helmholtz "
-        "conditions, so it is the Hessian of a Lagrangian, which follows by integration: ",
+        "The equations, each times a factor that is read off from the quotients of their coefficients, are "
+        "self-adjoint: then the matrix of the accelerations is the Hessian of a Lagrangian, which follows by "
+        "integration: ",
         _written(row("L = ", tree), "the `L` given above"), ".", about=("Helmholtz",),
     )  # fmt: skip
     return (step,)

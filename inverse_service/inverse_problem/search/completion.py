@@ -115,7 +115,7 @@ def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | Non
     total, rest = [], list(wanted)
     with suppress(TooLarge, ZeroDivisionError):
         for i, j in combinations(range(len(names)), 2):
-            magnetic = _of_round_field(names, rest, i, j)
+            magnetic = round_potential(names, rest, i, j)
             if magnetic is not None:
                 rest = _less(names, rest, terms_of(magnetic))
                 total.append(magnetic)
@@ -149,7 +149,7 @@ def _less(names: Sequence[str], wanted: Sequence[Terms], known: Terms) -> list[T
     return [terms_of(tree) for tree in factored(trees, symbols, Budget.short())]
 
 
-def _of_round_field(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> Expression | None:
+def round_potential(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> Expression | None:
     """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
 
     It is regular where B is, but for the axis: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.

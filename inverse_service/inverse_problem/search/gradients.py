@@ -5,8 +5,9 @@
 A gradient is integrated one variable at a time: what an integral by one variable gives to the slopes by the others is
 taken from these, and what is left does not depend on that variable any more (Poincare's lemma). A term is grouped by
 its factors that are no powers of the variable: the integral of c u^e du/dx is c u^(e+1)/(e+1), never multiplied out, so
-that a potential is finite where the force is. A two-form that is polynomial is integrated along rays, which keeps
-rotations (W (x y' - y x')); any other along a coordinate that it depends on, so that cyclic coordinates stay cyclic.
+that a potential is finite where the force is. A constant field that rotations leave alone gets a potential with
+that symmetry, W (x y' - y x')/2; any other is integrated along a coordinate that it depends on, so that cyclic
+coordinates stay cyclic.
 """
 
 from __future__ import annotations
@@ -170,27 +171,39 @@ class Integrator:
         """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None where none is found."""
         names = self.system.coordinates
         symbols = [ex.Symbol(name) for name in names]
-        parts = [_by_velocity(terms, names) for terms in wanted]
-        if any(part is None for part in parts):
+        rest, total = list(wanted), Terms()
+        for i, j in combinations(range(len(names)), 2):
+            magnetic = completion.round_potential(names, rest, i, j)
+            if magnetic is not None:
+                total = add_terms(total, terms_of(magnetic))
+                own = completion.expressions_without_acceleration(names, terms_of(magnetic))
+                rest = [self.in_normal_form(add_terms(w, part, -1)) for w, part in zip(rest, own, strict=True)]
+        fields: dict[tuple[int, int], Terms] = {}
+        slopes = list[Terms]()
+        for i, terms in enumerate(rest):
+            parts = _by_velocity(terms, names)
+            if parts is None:
+                return None
+            slopes.append({key: value for key, value in terms.items() if not split_velocities(key)[1]})
+            fields |= {(i, j): part for j, part in enumerate(parts) if part}
+        if not all(is_zero(add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()):
             return None
-        fields = {
-            (i, j): part[j] for i, part in enumerate(parts) if part is not None for j in range(len(names)) if part[j]
-        }
-        potential = self._vector_potential(fields) if fields else {}
+        potential = self._vector_potential(fields, slopes)
         if potential is None:
             return None
-        total = _sum(multiply_terms(a, {monomial(ex.Velocity(names[i])): Fraction(1)}) for i, a in potential.items())
-        slopes = [{key: value for key, value in terms.items() if not split_velocities(key)[1]} for terms in wanted]
         for i, a in potential.items():
+            total = add_terms(total, multiply_terms(a, {monomial(ex.Velocity(names[i])): Fraction(1)}))
             if _holds(a, ex.TIME):
                 slopes[i] = add_terms(slopes[i], derivative_of_terms(a, ex.TIME), -1)
         scalar = self.function_of(symbols, slopes)
         return None if scalar is None else add_terms(total, scalar, -1)
 
-    def _vector_potential(self, fields: dict[tuple[int, int], Terms]) -> dict[int, Terms] | None:
-        """A_i with d_j A_i - d_i A_j = fields[i, j]."""
+    def _vector_potential(
+        self, fields: dict[tuple[int, int], Terms], slopes: Sequence[Terms]
+    ) -> dict[int, Terms] | None:
+        """A_i with d_j A_i - d_i A_j = fields[i, j]; `slopes` are the other terms, whose symmetries it is to have."""
         symbols = [ex.Symbol(name) for name in self.system.coordinates]
-        if all(_holds(terms, symbols[i]) == _holds(terms, symbols[j]) for (i, j), terms in fields.items()):
+        if all(_is_turned(symbols, slopes, *pair) for pair in fields):
             radial = _along_rays(fields, symbols)
             if radial is not None:
                 return radial
@@ -234,14 +247,14 @@ def _outside(slope: Terms, variable: ex.Symbol) -> list[tuple[Terms, Terms]]:
         own: Monomial = frozenset(item for item in key if ex.holds(item[0], variable))
         found.setdefault(own, {})[times(key, own, -1)] = value
     pairs: list[tuple[Terms, Terms]] = []
-    for own, beside in found.items():
+    for key, beside in found.items():
         for known, inner in pairs:
-            ratios = {beside[key] / known[key] for key in known} if known.keys() == beside.keys() else set()
+            ratios = {beside[one] / known[one] for one in known} if known.keys() == beside.keys() else set()
             if len(ratios) == 1:
-                inner[own] = ratios.pop()
+                inner[key] = ratios.pop()
                 break
         else:
-            pairs.append((beside, {own: Fraction(1)}))
+            pairs.append((beside, {key: Fraction(1)}))
     return pairs
 
 
@@ -322,18 +335,21 @@ def _by_velocity(terms: Terms, names: Sequence[str]) -> list[Terms] | None:
     return found
 
 
+def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[Terms], i: int, j: int) -> bool:
+    """Whether rotations of two coordinates, or scaling one up and the other down, change nothing in a potential."""
+    by = [{monomial(symbols[k]): Fraction(1)} for k in (i, j)]
+    turning = add_terms(multiply_terms(slopes[j], by[0]), multiply_terms(slopes[i], by[1]), -1)
+    scaling = add_terms(multiply_terms(slopes[i], by[0]), multiply_terms(slopes[j], by[1]), -1)
+    return not turning or not scaling
+
+
 def _along_rays(fields: dict[tuple[int, int], Terms], symbols: Sequence[ex.Symbol]) -> dict[int, Terms] | None:
-    """A_i = q_j int_0^1 s F_ij(s q) ds of polynomial fields (Poincare's homotopy); None for other fields."""
+    """A_i = q_j int_0^1 s F_ij(s q) ds of constant fields (Poincare's homotopy); None for other fields."""
     found: dict[int, Terms] = {}
-    known = set(symbols)
     for (i, j), terms in fields.items():
         for key, value in terms.items():
-            degree = Fraction(0)
-            for letter, e in key:
-                if letter in known and e.denominator == 1 and e > 0:
-                    degree += e
-                elif ex.holds(letter, *symbols):
-                    return None
-            term = {times(key, monomial(symbols[j])): value / (degree + 2)}
+            if any(ex.holds(letter, *symbols) for letter, _ in key):
+                return None
+            term = {times(key, monomial(symbols[j])): value / 2}
             found[i] = add_terms(found.get(i, {}), term)
     return found
