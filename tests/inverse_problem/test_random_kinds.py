@@ -17,8 +17,8 @@ from inverse_service.inverse_problem.kinds.restricted import invariant, kind_nam
 from inverse_service.inverse_problem.of_kind.definite import answer_definite
 from inverse_service.inverse_problem.of_kind.kind_answers import answer_kind
 from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
-from inverse_service.inverse_problem.search.row_factors import lagrangian_as_given
 from inverse_service.inverse_problem.search.protocol import describe
+from inverse_service.inverse_problem.search.row_factors import lagrangian_as_given
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.reading import read_given, read_system
 
