@@ -288,11 +288,11 @@ def power_rule(own: Monomial, beside: Terms, x: ex.Symbol) -> Terms | None:
     if not own:
         total = Terms()
         for key, value in beside.items():
-            e = dict(key).get(x, Fraction(0))
-            raised = (
-                times(key, monomial(x)) if e != -1 else times(times(key, monomial(x)), monomial(ex.Apply("log", x)))
-            )
-            total = add_terms(total, {raised: value / (e + 1 if e != -1 else 1)})
+            e, raised = dict(key).get(x, Fraction(0)), times(key, monomial(x))
+            if e == -1:
+                total = add_terms(total, {times(raised, monomial(ex.Apply("log", x))): value})
+            else:
+                total = add_terms(total, {raised: value / (e + 1)})
         return total
     if len(own) != 1:
         return None
@@ -300,12 +300,10 @@ def power_rule(own: Monomial, beside: Terms, x: ex.Symbol) -> Terms | None:
     if isinstance(u, ex.Sum) and (whole := constant_factor(beside, terms_of(u))) is not None:
         beside, e = whole, e + 1  # x/(x - y)^3 - y/(x - y)^3
     factor = constant_factor(beside, letter_derivative(u, x))
-    if factor is None or _holds(factor, x):
+    if factor is None or _holds(factor, x) or ex.is_exponential(u):
         return None
-    raised = {monomial(ex.Apply("log", u)): Fraction(1)} if e == -1 else {frozenset([(u, e + 1)]): 1 / (e + 1)}
-    if e == -1 and ex.is_exponential(u):
-        return None
-    return multiply_terms(factor, raised)
+    power: Terms = {frozenset([(u, e + 1)]): 1 / (e + 1)} if e != -1 else {monomial(ex.Apply("log", u)): Fraction(1)}
+    return multiply_terms(factor, power)
 
 
 def constant_factor(left: Terms, right: Terms) -> Terms | None:
