@@ -6,9 +6,9 @@ nonholonomic mechanical systems (2009); those of the third type are our own. `c`
 
 from __future__ import annotations
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.simulation.scene_data import Observable, Problem
 
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.simulation import advice
 from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of, with_effects
 from inverse_service.simulation.running import MethodRun, observed_problem, run_method

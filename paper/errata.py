@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable
 
 from inverse_service import catalogue
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, number, subtract
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import decide
@@ -16,6 +14,8 @@ from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.mechanics.conditions import Matrix, conditions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from paper.statement import Progress, Section, Statement, finding
 
 CODE = "paper/errata.py"

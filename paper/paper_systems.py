@@ -8,8 +8,6 @@ from typing import Any
 
 from inverse_service import catalogue
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
     HALF,
     ZERO,
@@ -25,6 +23,8 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 
 CLASSICAL = (

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tokens import refusal
+from inverse_service.expressions.refusals import refusal
 from inverse_service.expressions.tree import (
     ONE,
     ZERO,

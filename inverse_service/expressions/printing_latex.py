@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 from inverse_service.expressions.functions import FUNCTION
+from inverse_service.expressions.letters import greek_letter, written
 from inverse_service.expressions.printing_layout import Ratio, has_plain_arguments, signed, variables
-from inverse_service.expressions.tokens import greek_letter, written
 from inverse_service.expressions.tree import (
     HALF,
     TIME,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from html import escape
 
 from inverse_service.expressions.functions import FUNCTION
+from inverse_service.expressions.letters import greek_letter, written
 from inverse_service.expressions.printing_layout import Ratio, signed_terms
-from inverse_service.expressions.tokens import greek_letter, written
 from inverse_service.expressions.tree import (
     HALF,
     TWO,

@@ -15,9 +15,7 @@ from dataclasses import dataclass, replace
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.names import Names, check_clashes, escaped
-from inverse_service.expressions.reader import placed_at, read_equation, read_formula, read_tokens, split_equations
-from inverse_service.expressions.tokens import LIMITS, refusal
+from inverse_service.expressions.refusals import LIMITS, refusal
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
@@ -30,10 +28,12 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.mechanics.document_names import Declared, Parameters, bounded, known_names
 from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
-from inverse_service.mechanics.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.document_names import Declared, Parameters, bounded, known_names
+from inverse_service.reading.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
+from inverse_service.reading.names import Names, check_clashes, escaped
+from inverse_service.reading.reader import placed_at, read_equation, read_formula, read_tokens, split_equations
 
 MOST_PAIRS = 3  # of which every half is tried
 NOT_PAIRS = (

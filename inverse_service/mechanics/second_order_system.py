@@ -12,8 +12,8 @@ from inverse_service.algebra.point import Variable
 from inverse_service.algebra.real_point import are_positive, find_real_point
 from inverse_service.algebra.sign_cases import Case, sign_cases
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, distinct_nodes, substitute, walk
+from inverse_service.reading.names import Names
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
 Functions = tuple[tuple[str, tuple[str, ...]], ...]

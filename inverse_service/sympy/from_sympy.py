@@ -11,8 +11,8 @@ from sympy.core.function import AppliedUndef
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.sympy_trees import Leaves, from_sympy
 from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity
+from inverse_service.reading.sympy_trees import Leaves, from_sympy
 from inverse_service.service.documents.accepting import to_schema, to_system
 from inverse_service.service.documents.preparing import prepared
 from inverse_service.sympy.symbol_names import Table, names_for

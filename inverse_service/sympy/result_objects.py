@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.expressions.reader import has_acceleration
+from inverse_service.reading.reader import has_acceleration
 
 if TYPE_CHECKING:
     from inverse_service.sympy.symbol_names import Table

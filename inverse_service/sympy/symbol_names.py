@@ -12,11 +12,11 @@ import sympy
 from sympy.core.function import AppliedUndef
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names as FormulaNames
-from inverse_service.expressions.names import declared_name
-from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.sympy_trees import to_sympy
 from inverse_service.expressions.tree import TIME, Acceleration, Arbitrary, Expression, Symbol, Velocity
+from inverse_service.reading.names import Names as FormulaNames
+from inverse_service.reading.names import declared_name
+from inverse_service.reading.reader import read_formula
+from inverse_service.reading.sympy_trees import to_sympy
 
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.sympy_trees import to_sympy
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.sympy_trees import to_sympy
 from inverse_service.service.documents.accepting import to_schema, to_system
 from inverse_service.service.documents.preparing import Prepared, prepared
 from inverse_service.sympy import asked

@@ -15,7 +15,7 @@ from api_schemas import base
 from api_schemas.base import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer
 from inverse_service import __version__, catalogue
 from inverse_service.errors import InputError
-from inverse_service.expressions.tokens import LIMITS
+from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
 from inverse_service.service.jobs.metrics import Labels, Metric, gauge, written
 from inverse_service.service.jobs.model import STATUSES, engine_version

@@ -15,9 +15,9 @@ from inverse_service.algebra.real_point import find_real_point, real_sign, turns
 from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.tower import Tower, draw_point
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import PI, Apply, Expression, Number, Symbol, number, walk
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 X, Y = Symbol("x"), Symbol("y")
 

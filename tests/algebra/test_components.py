@@ -10,9 +10,9 @@ import pytest
 from inverse_service.algebra.components import component
 from inverse_service.algebra.real_point import are_positive, find_real_point, requirements
 from inverse_service.expressions.inequalities import inequality_text
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol, Velocity, walk
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 NAMES = Names(("x", "y"), ("a", "k"), {"F": ("x",)})
 VARIABLES = [Symbol("x"), Symbol("y"), Velocity("x"), Velocity("y"), Symbol("a"), Symbol("k")]

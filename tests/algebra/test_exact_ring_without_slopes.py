@@ -8,9 +8,9 @@ from flint import Ordering, fmpq_mpoly_ctx
 from inverse_service.algebra.exact_atoms import exact_ring
 from inverse_service.algebra.exact_ring import factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, divided_out
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Symbol
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 NAMES = Names(("x", "y"), ("c",), {"A": ("x",)})
 TEXTS = (

@@ -17,9 +17,9 @@ from inverse_service.algebra.tower import draw_point, moved_point
 from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import evaluate as real
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ELEMENTARY, Apply, Arbitrary, Expression, Symbol, number, walk
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 X, Y = Symbol("x"), Symbol("y")
 NAMES = Names(("x", "y"), ())

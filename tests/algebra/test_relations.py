@@ -14,9 +14,9 @@ from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.rules import circle_power, circle_product, circle_turn
 from inverse_service.algebra.tower import Tower, atoms_in_order, draw_point
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 VARIABLES = (Symbol("x"), Symbol("y"))
 

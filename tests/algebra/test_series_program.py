@@ -17,9 +17,9 @@ from inverse_service.algebra.reduction import reduce_atoms
 from inverse_service.algebra.series_program import Registers, SeriesProgram, TooLarge, constants_at, run
 from inverse_service.algebra.tower import draw_point
 from inverse_service.algebra.truncated_series import SingularPoint
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ELEMENTARY, Arbitrary, Expression, Symbol, add, multiply, number, power
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 X, Y, K = Symbol("x"), Symbol("y"), Symbol("k")
 NAMES = Names(("x", "y"), ("k",))

@@ -12,10 +12,10 @@ from benchmarks.isolated import measure
 from benchmarks.plain import SIMPLIFICATIONS, endomorphism, field_of, plain_verdict
 from benchmarks.sympy_form import to_sympy
 from inverse_service import catalogue
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Acceleration
 from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 
 def comparison(n: int, seconds: float, plain: float | None, verdict: str | None = "variational") -> Comparison:

@@ -10,9 +10,9 @@ import mpmath
 import sympy
 
 from benchmarks.sympy_form import to_sympy
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
-from inverse_service.mechanics.document_names import parameter_values, with_values
+from inverse_service.reading.document_names import parameter_values, with_values
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 Point = dict[sympy.Expr, mpmath.mpf]
 DIGITS = 40

@@ -13,9 +13,9 @@ from mpmath import mp
 from inverse_service.codegen.symengine_trees import closure, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from tests.codegen.run_program import call, card_of, memory_for, program_for, values_of
 
 FORMULAS = [

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_equations, read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_equations, read_formula
 
 NAMES = Names(
     ("x", "y", "r1", "phi", "theta"),

@@ -11,10 +11,10 @@ from mpmath import mp, mpf
 from inverse_service.expressions.collecting import collect, expand
 from inverse_service.expressions.collecting_trees import merge_powers, terms_tree
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ONE, ZERO, Arbitrary, Expression, Power, Symbol, Velocity, number, walk
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 NAMES = Names(("x", "y"), ("c", "k"), {"A": ("x",)})
 

@@ -7,10 +7,10 @@ from mpmath import mp, mpf
 
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ELEMENTARY, ZERO, Apply, Expression, Symbol, Velocity, number
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 NAMES = Names(("x", "y"), ("m",), {"A": ("x",), "B": ("x", "y")})
 X, Y, V = Symbol("x"), Symbol("y"), Velocity("x")

@@ -9,8 +9,8 @@ from fractions import Fraction
 import pytest
 
 from inverse_service.expressions.inequalities import Range, _power_of, _times, is_plainly_nonzero, is_plainly_positive
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 NAMES = Names(("x", "y"), ("c",), {})
 

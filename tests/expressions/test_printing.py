@@ -15,9 +15,7 @@ from mpmath import mp, mpf
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_latex, to_mathml, to_text
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
     ELEMENTARY,
     MINUS_ONE,
@@ -38,6 +36,8 @@ from inverse_service.expressions.tree import (
     power,
     walk,
 )
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 NAMES = Names(("x", "y", "r1", "phi"), ("m", "R"), {"A": ("r1",), "B": ("x", "y")})
 LEAVES = [

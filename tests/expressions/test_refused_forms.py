@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_equations, read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_equations, read_formula
 
 NAMES = Names(("x", "y", "r1", "phi"), ("m", "g", "R"), {"A": ("r1",), "B": ("x", "y")})
 

@@ -7,9 +7,9 @@ import itertools
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 NAMES = Names(("x",), ("k",))
 VELOCITIES = [

@@ -7,8 +7,6 @@ from fractions import Fraction
 
 import pytest
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
     Expression,
     Symbol,
@@ -19,6 +17,8 @@ from inverse_service.expressions.tree import (
     power,
     walk,
 )
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 
 def formula(text: str) -> Expression:

@@ -15,10 +15,10 @@ from hypothesis import strategies as some
 
 from inverse_service.certificate import checker
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_latex, to_mathml, to_text
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.documents import parse_document
 from inverse_service.service.documents.plain_data import read_json, read_toml, read_yaml
 from inverse_service.service.jobs.outcome import guard

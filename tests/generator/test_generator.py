@@ -12,10 +12,10 @@ import pytest
 import sympy
 
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.mechanics.reading import read_system
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from tests.generator import GeneratedSystem, disguised, random_right_sides, random_system, random_systems
 from tests.generator.euler_lagrange import accelerations, residual
 from tests.generator.families import FAMILIES

@@ -12,12 +12,12 @@ import pytest
 from inverse_service.algebra.components import extent
 from inverse_service.algebra.real_point import real_sign
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.mechanics.reading import read_system
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 from tests.generator import random_right_sides, random_systems
 
 

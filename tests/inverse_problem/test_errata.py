@@ -6,14 +6,14 @@ import pytest
 
 from inverse_service import catalogue
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 
 def catalogue_system(name: str) -> SecondOrderSystem:

@@ -14,8 +14,6 @@ from inverse_service.algebra.rational_functions import Budget
 from inverse_service.catalogue import document, entry, names
 from inverse_service.deadline import now
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, number, walk
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.hierarchy import hierarchy, smallest_sufficient_set
@@ -25,6 +23,8 @@ from inverse_service.inverse_problem.explanation.wording import Explanation
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 EQUATION = re.compile(r"^\((.*?)\)_(\d+): (.*?) = 0\.")
 RESULT = re.compile(r"(?:Hence|not zero identically,|!= 0,) (g_\d\d) = (.*)\.$")

@@ -7,8 +7,6 @@ from typing import Any
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, number, subtract
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import (
     Hamiltonisation,
@@ -21,6 +19,8 @@ from inverse_service.mechanics.nonholonomic.associated_systems import Kind, asso
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.nonholonomic.paper_lagrangians import PaperLagrangian, propose_lagrangians
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 # (system, place of the proposal): L, H and the constraints, with all constants C of the paper equal to 1.
 PROPOSITIONS: dict[tuple[str, int], tuple[str, str, tuple[str, ...]]] = {

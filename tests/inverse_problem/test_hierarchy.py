@@ -10,8 +10,6 @@ from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Budget, Quotient
 from inverse_service.catalogue import document, entry, names
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.hierarchy import (
     ConditionName,
@@ -35,6 +33,8 @@ from inverse_service.mechanics.conditions import (
 )
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 P = 2**31 - 1
 

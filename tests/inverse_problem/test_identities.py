@@ -6,10 +6,10 @@ import itertools
 
 import pytest
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import rank_at_point, values_modulo_primes, vanish
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 X, Y = Symbol("x"), Symbol("y")
 

@@ -10,7 +10,7 @@ import pytest
 from inverse_service import catalogue
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tokens import LIMITS
+from inverse_service.expressions.refusals import LIMITS
 from inverse_service.expressions.tree import ZERO, Expression
 from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import (
     AssociatedAnswer,

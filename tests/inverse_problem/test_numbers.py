@@ -9,10 +9,10 @@ from mpmath import mpf
 
 from inverse_service.algebra.real_point import real_sign
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.documents import solve_system
 from tests.inverse_problem.all_over import assert_holds_all_over
 

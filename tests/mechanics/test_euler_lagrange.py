@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ONE, ZERO, Expression, Velocity
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian, momenta
 from inverse_service.mechanics.implicit_equations import vanishes
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 MOTIONS = {
     "free": ("x'^2/2", ["x"], ["0"]),

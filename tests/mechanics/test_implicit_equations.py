@@ -10,9 +10,7 @@ from mpmath import mp, mpf
 from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_equations
 from inverse_service.expressions.tree import (
     Acceleration,
     Arbitrary,
@@ -25,6 +23,8 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_equations
 
 DOUBLE_PENDULUM = (
     "(m1 + m2)*l1^2*theta1'' + m2*l1*l2*cos(theta1 - theta2)*theta2'' + m2*l1*l2*sin(theta1 - theta2)*theta2'^2"

@@ -13,13 +13,13 @@ from mpmath import mp, mpf
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, Velocity, node_count, walk
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.legendre.on_constraints import constraint_images
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 from inverse_service.service.documents.documents import solve_document
 
 Point = dict[Expression, Any]

@@ -6,10 +6,10 @@ import pytest
 from mpmath import mp, mpf
 
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.mechanics.legendre.isolation import Root, isolate
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 V, P = Velocity("x"), Symbol("p")
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Velocity, walk
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 NAMES = Names(("r", "u"), (), {}, time=True)
 FIRST, SECOND = "(cos(u)*r' - r*sin(u)*u')", "(sin(u)*r' + r*cos(u)*u')"

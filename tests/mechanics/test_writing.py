@@ -8,11 +8,11 @@ import mpmath
 import pytest
 
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
 from inverse_service.mechanics.writing import joined
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 NAMES = Names(("x", "y"), (), {})
 SHORTER = {

@@ -12,9 +12,9 @@ import pytest
 
 from inverse_service.errors import DocumentRefused, InputError
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.checking import check_document, check_plain
 from inverse_service.service.documents.documents import parse_document, solve_document
 from inverse_service.service.documents.text_page import forward_text

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature, positions_of
 
 TIMES = np.linspace(0, 50, 401)

@@ -13,10 +13,10 @@ from sympy.printing.maple import maple_code
 from sympy.printing.mathematica import mathematica_code
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.sympy_trees import to_sympy
 from inverse_service.expressions.tree import Expression
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
+from inverse_service.reading.sympy_trees import to_sympy
 from inverse_service.sympy.symbol_names import Table
 
 t = sp.Symbol("t")

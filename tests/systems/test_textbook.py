@@ -14,8 +14,6 @@ import pytest
 
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
     TIME,
     Acceleration,
@@ -27,6 +25,8 @@ from inverse_service.expressions.tree import (
     subtract,
 )
 from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import answers_of
 

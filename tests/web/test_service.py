@@ -13,8 +13,8 @@ import pytest
 from markupsafe import escape
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.web.pages.reading_back import sentence
 
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}

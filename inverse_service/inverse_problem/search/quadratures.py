@@ -209,7 +209,7 @@ def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expressi
     high = any(isinstance(node, Number) and abs(node.value) > _HIGHEST for node in nodes)
     if high or len(nodes) > bounds.NODES or any(isinstance(node, Arbitrary | Velocity) for node in nodes):
         return None
-    from inverse_service.expressions.sympy_trees import elementary_antiderivatives
+    from inverse_service.reading.sympy_trees import elementary_antiderivatives
 
     signs = {node: 1 if table[node] > 0 else -1 for node in nodes if isinstance(node, Symbol)}
     question, most = (slope, frozenset(signs.items())), end() - now()

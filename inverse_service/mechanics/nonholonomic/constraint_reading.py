@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.names import Names, escaped
-from inverse_service.expressions.reader import placed_at, read_equations, read_formula, without_accelerations
-from inverse_service.expressions.tokens import LIMITS
+from inverse_service.expressions.refusals import LIMITS
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute, walk
-from inverse_service.mechanics.document_names import Declared, Parameters, known_names, parameter_values, with_values
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, motion_on
+from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
+from inverse_service.reading.names import Names, escaped
+from inverse_service.reading.reader import placed_at, read_equations, read_formula, without_accelerations
 
 
 def read_nonholonomic(

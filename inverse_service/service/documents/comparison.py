@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Symbol, Velocity, substitute, subtract
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
+from inverse_service.reading.names import Names
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.preparing import is_motion, is_nonholonomic, prepared
 

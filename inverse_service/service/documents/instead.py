@@ -14,15 +14,15 @@ from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, substitute, walk
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
 from inverse_service.inverse_problem.solutions import Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.preparing import prepared
 from inverse_service.service.documents.translate import hamiltonian_part

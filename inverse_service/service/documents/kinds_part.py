@@ -10,7 +10,6 @@ from api_schemas.result import KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service.deadline import left, now
 from inverse_service.errors import InputError, IrreducibleAtoms
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyze
@@ -21,6 +20,7 @@ from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
 from inverse_service.inverse_problem.solutions import Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
+from inverse_service.reading.names import Names
 from inverse_service.service.documents.accepting import formula_about
 from inverse_service.service.documents.translate import formula, lagrangian_part, plain
 

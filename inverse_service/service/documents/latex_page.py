@@ -8,8 +8,8 @@ from typing import Any
 
 from inverse_service import __version__
 from inverse_service.expressions.printing_latex import lines_of_latex, to_latex
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Symbol
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import text_page
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}

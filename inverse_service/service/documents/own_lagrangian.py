@@ -12,10 +12,10 @@ from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.mechanics.document_names import Declared, known_names
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import MOST_BRANCHES, SecondOrderSystem, branches_of
+from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import accepting, translate
 
 POINTER = "/lagrangian"

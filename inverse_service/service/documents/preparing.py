@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names, declared_name, readings, undeclared
+from inverse_service.expressions.letters import greek_letter
 from inverse_service.expressions.printing_latex import name_latex
-from inverse_service.expressions.tokens import greek_letter
-from inverse_service.expressions.vocabulary import DERIVATIVE_NAMES, FUNCTIONS
-from inverse_service.mechanics.document_names import AND_GUESS, GUESS
+from inverse_service.reading.document_names import AND_GUESS, GUESS
+from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, declared_name, readings, undeclared
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")

@@ -9,8 +9,6 @@ from typing import Any
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import has_acceleration, read_formula
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import LARGEST_N
@@ -18,6 +16,8 @@ from inverse_service.inverse_problem.proofs.deriving import Theorem, determinant
 from inverse_service.inverse_problem.proofs.theorem_text import coq, identities, lean
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import has_acceleration, read_formula
 
 TERM_LIMIT = 20_000
 TIME_LIMIT = 10.0

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import equation_line, read_formula
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import equation_line, read_formula
 from inverse_service.service.documents.nonholonomic_text import any_associated_lines, nonholonomic_lines, reduced_lines
 
 LONG = 300

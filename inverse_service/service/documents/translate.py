@@ -11,7 +11,6 @@ from api_schemas.base import Document, ParseAnswer, ParsedFormula
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.expressions.inequalities import inequality_text, is_plainly_nonzero, is_plainly_positive
-from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
@@ -19,8 +18,9 @@ from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Num
 from inverse_service.inverse_problem import solutions
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.mechanics import method_advice
-from inverse_service.mechanics.document_names import Declared
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.document_names import Declared
+from inverse_service.reading.names import declared_name
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument

@@ -10,10 +10,8 @@ from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.errors import DocumentRefused, Place
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
 from inverse_service.inverse_problem.explanation.wording import Piece, said
@@ -24,6 +22,8 @@ from inverse_service.inverse_problem.solutions import Hamiltonian
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.accepting import validated
 from inverse_service.service.documents.checking import OPEN_MOTION

@@ -9,9 +9,9 @@ import numpy as np
 
 from api_schemas.scene import MemberColumns, SceneEnsemble, SceneInitial
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.tree import Expression
 from inverse_service.integrators.trajectory import Array
+from inverse_service.reading.names import Names
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta

@@ -16,9 +16,7 @@ from inverse_service import catalogue
 from inverse_service.algebra.rational_functions import TooLarge
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions.derivative import define_functions
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_condition
 from inverse_service.expressions.tree import Expression, Symbol, walk
 from inverse_service.integrators.trajectory import Array
 from inverse_service.inverse_problem.solutions import SolveOptions
@@ -27,6 +25,8 @@ from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, Ass
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry
 from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers
 from inverse_service.mechanics.nonholonomic.paper_class import recognized
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_condition
 from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.scenes import scene_system

@@ -9,10 +9,10 @@ from fractions import Fraction
 
 from api_schemas.scene import MAX_STEPS, SceneDocument, SceneMethod
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
-from inverse_service.expressions.tokens import shorten
+from inverse_service.expressions.refusals import shorten
 from inverse_service.expressions.tree import Number
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.simulation.array_values import NoValue, array_value
 from inverse_service.simulation.scene_data import OWN_STEPS, TOLERANCES, Grid, MethodChoice, Requested

@@ -10,9 +10,9 @@ from api_schemas.scene import SceneDocument, SceneInitial
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
-from inverse_service.expressions.names import declared_name
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, holds, walk
-from inverse_service.mechanics.document_names import Declared
+from inverse_service.reading.document_names import Declared
+from inverse_service.reading.names import declared_name
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_initial import read_initial, read_members

@@ -16,12 +16,12 @@ from inverse_service.algebra.elementary import to_kernels
 from inverse_service.errors import DocumentRefused, InputError
 from inverse_service.expressions import tree as trees
 from inverse_service.expressions.derivative import Definitions
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.pieces import STEP
-from inverse_service.expressions.reader import placed_at, read_formula, without_accelerations
-from inverse_service.mechanics.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
+from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import placed_at, read_formula, without_accelerations
 from inverse_service.service.documents.accepting import EXPECTED, Wording, to_schema, validated
 from inverse_service.service.documents.preparing import inward, prepared, uses_the_letter_t
 from inverse_service.service.scenes.scene_refusals import SYSTEM

@@ -12,7 +12,7 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service.mechanics.document_names import GUESS
+from inverse_service.reading.document_names import GUESS
 from inverse_service.service.documents.text_page import branches_of, common_verdict, conditions_of, first_answer
 from inverse_service.service.jobs.batch_output import answer_line
 from inverse_service.service.jobs.batches import BatchAnswer

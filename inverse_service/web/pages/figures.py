@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from inverse_service.expressions.tokens import greek_letter
+from inverse_service.expressions.letters import greek_letter
 from inverse_service.web.pages.preview import angles_of_texts
 
 TRUE = ("exact", "reference")

@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
 from inverse_service.errors import InputError
-from inverse_service.mechanics.document_names import AND_GUESS, GUESS, Declared, document_names
+from inverse_service.reading.document_names import AND_GUESS, GUESS, Declared, document_names
 from inverse_service.service.documents.plain_data import read_document, read_json, refuse_surrogates
 from inverse_service.web.pages.forms import Form
 

@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from starlette.responses import HTMLResponse
 
 from inverse_service import catalogue
-from inverse_service.expressions.names import Names
+from inverse_service.reading.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.form_documents import parameters_of
 from inverse_service.web.pages.learn import hamiltonized

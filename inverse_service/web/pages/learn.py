@@ -16,7 +16,7 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service import __version__
-from inverse_service.expressions.names import Names
+from inverse_service.reading.names import Names
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.problems import Refusal
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import tree as trees
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene_data import Scene

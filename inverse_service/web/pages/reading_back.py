@@ -10,11 +10,11 @@ from typing import Any
 from markupsafe import Markup
 
 from inverse_service.errors import InputError, Place
-from inverse_service.expressions.names import Names
+from inverse_service.expressions.letters import LETTER_COMMANDS, PRIMES
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.reader import equation_line, has_acceleration
-from inverse_service.expressions.tokens import LETTER_COMMANDS, PRIMES
 from inverse_service.expressions.tree import Acceleration, Symbol
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import equation_line, has_acceleration
 from inverse_service.web.pages import typesetting
 
 FIELD_NAMES = {

@@ -21,7 +21,7 @@ from markupsafe import Markup, escape
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
-from inverse_service.expressions.tokens import greek_letter
+from inverse_service.expressions.letters import greek_letter
 from inverse_service.machine_code import code_store
 from inverse_service.service.documents.text_page import guessed_words
 from inverse_service.service.jobs.tasks import KINDS

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from starlette.responses import HTMLResponse
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.reader import equation_line
+from inverse_service.reading.reader import equation_line
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.documents.text_page import branches_of, common_verdict, motions_of
 from inverse_service.service.jobs.model import write_json

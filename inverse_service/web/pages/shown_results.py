@@ -10,9 +10,9 @@ from markupsafe import Markup
 
 from inverse_service.certificate.formulas import FORMAT
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import equation_line
-from inverse_service.mechanics.document_names import GUESS, Declared, known_names
+from inverse_service.reading.document_names import GUESS, Declared, known_names
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import equation_line
 from inverse_service.service.documents.text_page import QUESTIONS as QUESTION
 from inverse_service.service.documents.text_page import (
     answers_of,

@@ -15,7 +15,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
-from inverse_service.expressions.reader import equation_line, has_acceleration
+from inverse_service.reading.reader import equation_line, has_acceleration
 from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine

@@ -9,7 +9,7 @@ from typing import Any
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
-from inverse_service.expressions.names import Names
+from inverse_service.reading.names import Names
 from inverse_service.service.documents.text_page import notes_of_formulas
 from inverse_service.web.pages import figures, typesetting
 from inverse_service.web.pages.rendering import duration, page, short_number

@@ -14,10 +14,10 @@ import numpy as np
 from inverse_service import catalogue
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_condition, read_formula
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.integrators.trajectory import Array
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_condition, read_formula
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.callables import walls

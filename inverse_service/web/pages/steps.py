@@ -8,7 +8,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from inverse_service.expressions.names import Names
+from inverse_service.reading.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.glossary import Term, terms_of
 

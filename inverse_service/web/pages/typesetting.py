@@ -13,11 +13,11 @@ from markupsafe import Markup, escape
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.inequalities import needed
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.reader import read_condition, read_formula
 from inverse_service.expressions.tree import TIME, Symbol, walk
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_condition, read_formula
 
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000

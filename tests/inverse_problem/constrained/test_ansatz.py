@@ -12,8 +12,6 @@ import sympy
 from benchmarks.sympy_form import SympyExpression, to_sympy, velocity
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.constrained import motion_certificate
 from inverse_service.inverse_problem.constrained.ansatz import find_lagrangians
@@ -26,6 +24,8 @@ from inverse_service.inverse_problem.constrained.lagrangian import (
     own_system,
 )
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from tests.inverse_problem.constrained.motions import BLADE, disk, given, heisenberg, knife_edge, motion_of, particle
 
 INCLINED = {

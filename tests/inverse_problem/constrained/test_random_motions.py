@@ -8,14 +8,14 @@ import pytest
 
 from inverse_service.algebra.tower import draw_point
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, substitute
 from inverse_service.inverse_problem.constrained import motion_certificate
 from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion, last_bracket
 from inverse_service.inverse_problem.constrained.lagrangian import own_system
 from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from tests.inverse_problem.constrained.motions import given
 
 NAMES = ("x", "y", "z")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.ladder import _sampler, _Search, attempt
@@ -14,6 +12,8 @@ from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.inverse_problem.search.rungs import RUNGS
 from inverse_service.inverse_problem.search.terms import Monomial, terms_of
 from inverse_service.mechanics.reading import read_system
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 NAMES = Names(("w", "x", "y", "z"), ("a", "b", "c"), {"A": ("x",)})
 

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import pytest
 
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, subtract
 from inverse_service.inverse_problem.search.row_factors import lagrangian_as_given
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import AS_GIVEN, solve
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.reading import read_given, read_system
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 # Equation, parameters, the L that goes with it (Goldstein, Classical Mechanics; Landau and Lifshitz, Mechanics).
 TEXTBOOK = [

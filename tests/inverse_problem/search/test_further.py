@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ZERO, subtract
 from inverse_service.inverse_problem.confirming import OF_ENERGIES
 from inverse_service.inverse_problem.search.further import with_squared_energies
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import AS_GIVEN, solve
 from inverse_service.mechanics.reading import read_given, read_system
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 
 # Currie and Saletan, J. Math. Phys. 7 (1966); Hojman and Harleston, J. Math. Phys. 22 (1981).
 SQUARED = [

@@ -7,9 +7,7 @@ import pytest
 
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.inverse_problem.decision.analysis import analyze, variables_of
 from inverse_service.inverse_problem.search.holomorphic import ComplexTree, NotAnalytic, continued, real_systems
@@ -17,6 +15,8 @@ from inverse_service.inverse_problem.search.material import Material, gather
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 from tests.inverse_problem.search.given import proposed
 
 NAME = "real and imaginary parts of complex Lagrangians"

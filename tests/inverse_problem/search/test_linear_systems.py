@@ -10,9 +10,7 @@ import mpmath
 import pytest
 
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.ladder import holds_numerically
@@ -25,6 +23,8 @@ from inverse_service.inverse_problem.search.reductions import is_damped
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 from tests.inverse_problem.search.forty_digits import same_value
 from tests.inverse_problem.search.given import proposed
 

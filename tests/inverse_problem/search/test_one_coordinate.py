@@ -12,9 +12,7 @@ import pytest
 from inverse_service.algebra.real_point import find_real_point
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity, negate, power, walk
 from inverse_service.inverse_problem.decision.analysis import analyze, variables_of
 from inverse_service.inverse_problem.search.completion import completed
@@ -31,6 +29,8 @@ from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 from tests.inverse_problem.search.forty_digits import defects
 
 X, V = Symbol("x"), Velocity("x")

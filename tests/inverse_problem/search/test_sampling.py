@@ -12,8 +12,6 @@ from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Expansion, Point, evaluate
 from inverse_service.algebra.series_program import SeriesProgram
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.expressions.tree import (
     ONE,
     TIME,
@@ -36,6 +34,8 @@ from inverse_service.inverse_problem.search.sampling import sampler_of
 from inverse_service.inverse_problem.search.terms import Monomial, monomial
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.reading import read_system
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.documents import solve_document
 
 SYSTEM = read_system(["x", "y"], {"x": "-x + c*y'*sin(t)", "y": "exp(x)*x'^2 - y/(1 + x^2)"}, ["c"])

@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.deadline import now, until
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.reader import read_formula as parse
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.search.material import gather
 from inverse_service.inverse_problem.search.scalar_multiplier import propose
 from inverse_service.inverse_problem.solutions import Answer, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.reading import read_given, read_system
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula as parse
 from inverse_service.service.documents.translate import lagrangian_part
 from tests.inverse_problem.search.forty_digits import same_value
 from tests.inverse_problem.search.given import tree

@@ -8,8 +8,8 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.web.pages.preview import listed
 
 from .conftest import Visit

@@ -11,7 +11,7 @@ from importlib import resources
 from fontTools.ttLib import TTFont
 
 from inverse_service import catalogue
-from inverse_service.expressions.names import Names
+from inverse_service.reading.names import Names
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.assets import address
 from inverse_service.web.pages.glossary import TERMS

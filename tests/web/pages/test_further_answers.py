@@ -8,7 +8,7 @@ from urllib.parse import parse_qsl
 import httpx
 import pytest
 
-from inverse_service.expressions.reader import equation_line, has_acceleration
+from inverse_service.reading.reader import equation_line, has_acceleration
 from inverse_service.web.pages.form_documents import (
     document_of_fields,
     fields_from,

@@ -6,7 +6,7 @@ import pytest
 
 from inverse_service import solve
 from inverse_service.errors import InputError
-from inverse_service.mechanics.document_names import Declared, document_names
+from inverse_service.reading.document_names import Declared, document_names
 from inverse_service.web.pages.form_documents import (
     document_of,
     equations_text,

@@ -10,9 +10,9 @@ import pytest
 
 from inverse_service import catalogue
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.reader import read_formula
 from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.model import JobOptions
 from inverse_service.service.jobs.tasks import KINDS

@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.expressions.names import Names
 from inverse_service.expressions.notation import theory
 from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.reading.names import Names
 from inverse_service.service.documents.documents import solve_document, solve_system
 from inverse_service.web.pages import shown_results, steps, typesetting
 from inverse_service.web.pages.typesetting import low_fences

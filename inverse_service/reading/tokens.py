@@ -1,4 +1,6 @@
-"""Plain text to tokens; every character is accepted for a reason or refused with its column.
+"""Tokens, the stream of them, and plain text to tokens.
+
+Plain text to tokens; every character is accepted for a reason or refused with its column.
 
 Accepted: decimal numbers, read exactly (0.1 is 1/10); + - * / ^ and ** (right associative);
 products without sign where nobody can misread them (2x, 2 sin x, m g); functions of
@@ -10,23 +12,181 @@ digits and typographic signs. See `grammar.py`.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from fractions import Fraction
+from typing import Literal
 
-from inverse_service.errors import LimitError
-from inverse_service.expressions.tokens import (
-    LIMITS,
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.letters import (
     OPERATORS,
     PRIMES,
     SPACES,
     SUPERSCRIPT_MINUS,
     SUPERSCRIPTS,
-    Token,
-    at_most,
     describe,
     letter,
-    limit_passed,
-    refusal,
 )
+from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
+
+Kind = Literal["number", "name", "prime", "operator", "newline", "end"]
+FACTOR = Fraction(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """One token; `column` counts from 1 in the original text.
+
+    `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR
+    where no arguments can stand in it. Operators are + - * / ^ ( ) [ ] , = ; |, and < > & ~ true in
+    conditions of pieces.
+    """
+
+    kind: Kind
+    text: str
+    column: int
+    space_before: bool = False
+    value: Fraction = Fraction(0)
+
+    def is_operator(self, *texts: str) -> bool:
+        return self.kind == "operator" and self.text in texts
+
+
+def closing(tokens: Sequence[Token], opening: int) -> int:
+    """The place of the bracket that closes the one at `opening`; the end where none does."""
+    depth = 0
+    for place in range(opening, len(tokens)):
+        depth += tokens[place].is_operator("(", "[") - tokens[place].is_operator(")", "]")
+        if depth == 0:
+            return place
+    return len(tokens)
+
+
+def split_at_commas(tokens: Sequence[Token]) -> list[list[Token]]:
+    """The parts between commas that stand in no bracket."""
+    parts: list[list[Token]] = [[]]
+    depth = 0
+    for token in tokens:
+        depth += token.is_operator("(") - token.is_operator(")")
+        if depth == 0 and token.is_operator(","):
+            parts.append([])
+        else:
+            parts[-1].append(token)
+    return parts
+
+
+def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
+    """InputError for 1,5: a decimal comma to some, two numbers to others. B[1,0] holds orders and is none."""
+    square = 0
+    for place in range(1, len(tokens) - 1):
+        comma, after = tokens[place], tokens[place + 1]
+        square += tokens[place - 1].is_operator("[") - tokens[place - 1].is_operator("]")
+        numbers = tokens[place - 1].kind == "number" and after.kind == "number"
+        if comma.is_operator(",") and numbers and not square and not after.space_before:
+            before = tokens[place - 1]
+            meant = tuple(f"{before.text}{mark}{after.text}" for mark in (".", "")[: 1 + (len(after.text) == 3)])
+            instead = "write a decimal point, or a space after a comma"
+            span = (before.column, after.column + len(after.text))
+            raise refusal("a comma occurs between digits", comma.column, instead, meant, span)
+
+
+def never_closed(opening: Token) -> InputError:
+    """The refusal of a bracket without its end."""
+    closing = {"(": ")", "[": "]", "{": "}"}.get(opening.text, opening.text)
+    return refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
+
+
+END = "an operator or the end"
+
+
+def check_brackets(tokens: Sequence[Token]) -> None:
+    """InputError for a round bracket without its other half."""
+    opened: list[Token] = []
+    for token in tokens:
+        if token.is_operator("("):
+            opened.append(token)
+        elif token.is_operator(")") and not opened:
+            raise unexpected(token, END)
+        elif token.is_operator(")"):
+            opened.pop()
+    if opened:
+        raise never_closed(opened[-1])
+
+
+class TokenStream:
+    """A position in a list of tokens, with the depth of nesting counted."""
+
+    __slots__ = ("_depth", "_tokens", "position")
+
+    def __init__(self, tokens: Sequence[Token], end_column: int) -> None:
+        self._tokens = [*tokens, Token("end", "", end_column)]
+        self._depth = 0
+        self.position = 0
+
+    @property
+    def ahead(self) -> Token:
+        return self._tokens[self.position]
+
+    def look(self, distance: int) -> Token:
+        """The token `distance` places on (or back), the end token beyond either end."""
+        place = self.position + distance
+        return self._tokens[place] if 0 <= place < len(self._tokens) else self._tokens[-1]
+
+    def source(self, start: int, end: int) -> str:
+        """The tokens from one position up to another as they may be written."""
+        found = ""
+        for token in self._tokens[start:end]:
+            glued = found[-1:].isalnum() and token.kind in ("name", "number") and not found[-1:].isdigit()
+            spaced = (token.space_before and token.text != ")") or glued
+            found += f"{' ' * spaced}{token.text}"
+        return found.strip()
+
+    def take(self) -> Token:
+        token = self.ahead
+        if token.kind != "end":
+            self.position += 1
+        return token
+
+    def take_operator(self, *texts: str) -> Token | None:
+        """The next token if it is one of these operators, else None and nothing is taken."""
+        return self.take() if self.ahead.is_operator(*texts) else None
+
+    def close(self, opening: Token, closing: str = ")") -> None:
+        """Take the closing bracket; InputError at the opening one where the formula ends before."""
+        if self.take_operator(closing):
+            return
+        if self.ahead.kind == "end":
+            raise never_closed(opening)
+        raise unexpected(self.ahead, f"'{closing}'")
+
+    def must_close(self) -> None:
+        """InputError where the formula ends before the bracket ahead is closed."""
+        if closing(self._tokens, self.position) == len(self._tokens):
+            raise never_closed(self.ahead)
+
+    def group(self) -> Sequence[Token]:
+        """The tokens of the bracket ahead, up to its end or that of the formula."""
+        return self._tokens[self.position : closing(self._tokens, self.position)]
+
+    @contextmanager
+    def nested(self) -> Iterator[None]:
+        """One level further in; LimitError past `limits.depth`."""
+        self._depth += 1
+        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", self.ahead.column)
+        yield
+        self._depth -= 1
+
+
+def unexpected(token: Token, wanted: str) -> InputError:
+    """What stands here is not what can follow."""
+    if token.kind == "end":
+        return refusal("the formula ends", token.column, f"{wanted} is missing")
+    if wanted == END and token.is_operator(")"):
+        return refusal("')' is not expected", token.column, "leave it out, or add the '(' before it")
+    shown = {"newline": "a new line", "prime": "a prime (')"}.get(token.kind, f"'{shorten(token.text)}'")
+    return refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
+
 
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000

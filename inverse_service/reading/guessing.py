@@ -13,27 +13,26 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import (
+from inverse_service.expressions.refusals import refusal
+from inverse_service.reading.moving_names import derived_stem, is_primed
+from inverse_service.reading.names import (
+    DERIVATIVE_NAMES,
+    FUNCTIONS,
     GREEK_NAMES,
+    REFUSED,
+    REFUSED_UNLESS_DECLARED,
+    RESERVED,
     Names,
     ask_for_the_time,
     looks_like_a_coordinate,
     not_declared,
     readings,
-    undeclared,
-)
-from inverse_service.expressions.reader import read_tokens, remark
-from inverse_service.expressions.tokens import Token, check_brackets, closing, refusal
-from inverse_service.expressions.vocabulary import (
-    DERIVATIVE_NAMES,
-    FUNCTIONS,
-    REFUSED,
-    REFUSED_UNLESS_DECLARED,
-    RESERVED,
     reason_against,
     refused,
+    undeclared,
 )
-from inverse_service.mechanics.moving_names import derived_stem, is_primed
+from inverse_service.reading.reader import read_tokens, remark
+from inverse_service.reading.tokens import Token, check_brackets, closing
 
 # Refused as functions or as numbers, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = (

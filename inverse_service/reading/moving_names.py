@@ -7,7 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.names import (
+from inverse_service.expressions.refusals import joined, refusal, shorten
+from inverse_service.reading.names import (
+    DERIVATIVE_NAMES,
     DOTTED,
     GREEK_NAMES,
     Names,
@@ -15,11 +17,8 @@ from inverse_service.expressions.names import (
     escaped,
     looks_like_a_coordinate,
 )
-from inverse_service.expressions.reader import placed_at, read_tokens
-from inverse_service.expressions.tokens import Token, closing, joined, refusal, shorten, split_at_commas
-from inverse_service.expressions.vocabulary import (
-    DERIVATIVE_NAMES,
-)
+from inverse_service.reading.reader import placed_at, read_tokens
+from inverse_service.reading.tokens import Token, closing, split_at_commas
 
 _LONGEST_ARGUMENTS = 400
 

@@ -10,9 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.names import Names, check_clashes, declared_name, escaped, refuse_two_spellings
-from inverse_service.expressions.reader import read_formula, read_tokens
-from inverse_service.expressions.tokens import LIMITS, joined, shorten
+from inverse_service.expressions.refusals import LIMITS, joined, shorten
 from inverse_service.expressions.tree import (
     Apply,
     Expression,
@@ -22,9 +20,17 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.expressions.vocabulary import check_domain
-from inverse_service.mechanics.guessing import guess_names
-from inverse_service.mechanics.moving_names import inferred_coordinates, key_name
+from inverse_service.reading.guessing import guess_names
+from inverse_service.reading.moving_names import inferred_coordinates, key_name
+from inverse_service.reading.names import (
+    Names,
+    check_clashes,
+    check_domain,
+    declared_name,
+    escaped,
+    refuse_two_spellings,
+)
+from inverse_service.reading.reader import read_formula, read_tokens
 
 ParameterValue = str | int | float | None
 

@@ -15,7 +15,6 @@ from sympy.integrals.heurisch import heurisch
 from sympy.simplify.fu import TR8
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.operands import OF_SECOND_ORDER
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.tree import (
     ELEMENTARY,
@@ -33,6 +32,7 @@ from inverse_service.expressions.tree import (
     multiply,
     square_root,
 )
+from inverse_service.reading.parser import OF_SECOND_ORDER
 
 _REFUSED = ((sympy.Integral, "an integral occurs: carry it out, or declare a function of your own"),)
 

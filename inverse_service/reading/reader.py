@@ -11,14 +11,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.checked import check_depth
-from inverse_service.expressions.grammar import parse_tokens
-from inverse_service.expressions.names import Names
-from inverse_service.expressions.notations import in_our_words
-from inverse_service.expressions.tokenizer import tokenize
-from inverse_service.expressions.tokens import Token, refusal, refuse_decimal_commas, shorten
+from inverse_service.expressions.refusals import refusal, shorten
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, subtract, walk
-from inverse_service.expressions.vocabulary import FUNCTIONS
+from inverse_service.reading.names import FUNCTIONS, Names
+from inverse_service.reading.notations import in_our_words
+from inverse_service.reading.parser import check_depth, parse_tokens
+from inverse_service.reading.tokens import Token, refuse_decimal_commas, tokenize
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -72,9 +70,9 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     names = names or Names()
     if is_latex(formula):
-        from inverse_service.expressions import latex_translator
+        from inverse_service.reading import latex
 
-        tokens = latex_translator.tokenize(formula, names)
+        tokens = latex.tokenize(formula, names)
     else:
         tokens = in_our_words(tokenize(formula), names)
     refuse_decimal_commas(tokens)

@@ -1,0 +1,93 @@
+"""Letters and signs beyond ASCII: what each is in a formula, and how the names of Greek letters are shown."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+_LETTERS = [
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi",
+    "omicron", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega",
+]  # fmt: skip
+_SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03bc\u03bd\u03be\u03bf\u03c0\u03c1"
+_SMALL += "\u03c3\u03c4\u03c5\u03c6\u03c7\u03c8\u03c9"
+# Letters of another shape are names of their own; the micro sign is the letter mu.
+_VARIANTS = {
+    "\u03d5": "varphi", "\u03d1": "vartheta", "\u03f5": "varepsilon", "\u03f1": "varrho", "\u03d6": "varpi",
+    "\u03c2": "varsigma", "\u03f0": "varkappa",
+}  # fmt: skip
+
+GREEK: dict[str, str] = dict(zip(_SMALL, _LETTERS, strict=True))
+GREEK |= {small.upper(): name.capitalize() for small, name in zip(_SMALL, _LETTERS, strict=True)}
+GREEK |= _VARIANTS | {"\u00b5": "mu"}
+# Names that look or sound alike, each with the one that it is read as where only that one is declared.
+ALIKE = {name: name.removeprefix("var") for name in _VARIANTS.values()} | {"ell": "l"}
+LETTER_COMMANDS: dict[str, str] = {name: ALIKE.get(name, name) for name in (*GREEK.values(), "ell")}
+SCRIPT_L = "\u2113"
+
+SUBSCRIPTS = {chr(0x2080 + digit): str(digit) for digit in range(10)}
+SUPERSCRIPTS = dict(zip("\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079", "0123456789", strict=True))
+SUPERSCRIPT_MINUS = "\u207b"
+OPERATORS = {
+    "\u00b7": "*", "\u22c5": "*", "\u00d7": "*", "\u2217": "*", "\u2219": "*", "\u00f7": "/", "\u2215": "/",
+    "\u2022": "*", "\u2062": "*", "\u2044": "/", "\u2212": "-", "\u2013": "-", "\u2010": "-", "\u2011": "-",
+}  # fmt: skip
+PRIMES = {"'": 1, "\u2032": 1, "\u2019": 1, "\u02b9": 1, "\u02bc": 1, "\u00b4": 1, "\u2033": 2, "\u201d": 2}
+SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
+_DOTS = {"\u0307": 1, "\u0308": 2}
+_SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
+
+
+def letter(character: str) -> tuple[str, int] | None:
+    """The ASCII of a character inside a name and the dots over it (x with two dots: ("x", 2)), else None."""
+    if character.isascii():
+        return (character, 0) if character.isalnum() or character == "_" else None
+    if character in GREEK:
+        return GREEK[character], 0
+    if character == SCRIPT_L:
+        return "ell", 0
+    if character in SUBSCRIPTS:
+        return SUBSCRIPTS[character], 0
+    if character in _DOTS:
+        return "", _DOTS[character]
+    if unicodedata.name(character, "").startswith(_SLANTED):  # as word processors set formulas
+        return letter(unicodedata.normalize("NFKC", character))
+    return _dotted_letter(character)
+
+
+def _dotted_letter(character: str) -> tuple[str, int] | None:
+    parts = unicodedata.normalize("NFD", character)
+    if len(parts) != 2 or parts[1] not in _DOTS or not parts[0].isascii():
+        return None
+    return parts[0], _DOTS[parts[1]]
+
+
+def describe(character: str) -> str:
+    """The character for a message: itself if printable ASCII, else its code point."""
+    return f"'{character}'" if " " < character <= "~" else f"U+{ord(character):04X}"
+
+
+_PARTS = re.compile(r"([A-Za-z]+)(.*)")
+_SHOWN = {name: character for character, name in reversed(GREEK.items())} | {"ell": SCRIPT_L}
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """The body of a name and the words of its subscript."""
+
+    body: str
+    subscript: tuple[str, ...]
+
+
+def written(name: str) -> Written:
+    """The parts of a name."""
+    match = _PARTS.fullmatch(name)
+    if match is None:
+        return Written(name, ())
+    return Written(match.group(1), tuple(word for word in match.group(2).split("_") if word))
+
+
+def greek_letter(word: str) -> str | None:
+    """The character of a Greek letter's name, None for any other word."""
+    return _SHOWN.get(word)

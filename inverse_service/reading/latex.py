@@ -1,0 +1,993 @@
+r"""LaTeX to the tokens of the plain-text grammar, each with its column in the original."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Literal
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.letters import GREEK, LETTER_COMMANDS, OPERATORS, PRIMES, SCRIPT_L, SPACES, describe
+from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
+from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, REFUSED, Names, Role, refused
+from inverse_service.reading.tokens import FACTOR, NUMBER, Token, check_length, number_token
+
+RawKind = Literal["command", "letter", "digit", "character", "condition", "end"]
+_ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
+_MARKS = re.compile(r"\\(?:nonumber|notag)(?![A-Za-z])|\\(?:label|tag\*?)\s*\{[^{}]*\}")
+_COMMAND = re.compile(r"\\(operatorname\*|[A-Za-z]+|.)", re.DOTALL)
+_ENVIRONMENT = re.compile(r"\{\s*([a-z]+)\*?\s*\}(\s*\{[lcr| ]*\})?")
+_ENVIRONMENTS = frozenset(
+    ("align", "aligned", "alignat", "array", "cases", "dcases", "equation", "gather", "gathered", "split", "eqnarray")
+)
+_SPACING = frozenset([",", ";", ":", "!", " ", "quad", "qquad", "displaystyle", "textstyle", "limits", "\n"])
+_SIZES = frozenset(size + side for size in ("big", "Big", "bigg", "Bigg") for side in ("", "l", "r"))
+_WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
+_PLAIN = frozenset("+-*/^_(){}[]=,;&|.")
+_LOOKED_AHEAD = 8  # end marks, so that no reader looks past the last
+
+
+@dataclass(frozen=True, slots=True)
+class Raw:
+    """One piece of LaTeX; `text` of a command is its name without the backslash, of a condition that in our grammar."""
+
+    kind: RawKind
+    text: str
+    column: int
+    space_before: bool = False
+
+    def is_character(self, *texts: str) -> bool:
+        return self.kind == "character" and self.text in texts
+
+    def is_command(self, *texts: str) -> bool:
+        return self.kind == "command" and self.text in texts
+
+
+def scan(text: str) -> list[Raw]:
+    """The raw tokens, ended by those of kind "end"; InputError for a character that has no meaning."""
+    check_length(text)
+    place, stop = _inside_wrappers(text)
+    pieces: list[Raw] = []
+    space = False
+    piece: Raw | None
+    ends, pieces_of_cases = line_ends(text, place, stop), _conditions(text)
+    while place < stop:
+        if place in pieces_of_cases:
+            piece, place = pieces_of_cases[place]
+        elif place in ends:
+            piece, place = Raw("command", "\\", place + 1), place + 1
+        else:
+            piece, place = _piece(text, place, space)
+        space = piece is None
+        if piece:
+            pieces.append(piece)
+            at_most(len(pieces), LIMITS.tokens, "the formula has too many parts", pieces[-1].column)
+    end = Raw("end", "", stop + 1)
+    return [*_with_single_braces(_with_fractions(pieces)), *[end] * _LOOKED_AHEAD]
+
+
+def _with_fractions(pieces: list[Raw]) -> list[Raw]:
+    """{a \\over b} as \\frac{a}{b}."""
+    openings: list[int] = []
+    found: list[Raw] = []
+    for piece in pieces:
+        if piece.is_command("over") and openings and not found[openings[-1] - 1].is_command("frac", "over"):
+            start = openings[-1]
+            found.insert(start, replace(found[start], kind="command", text="frac"))
+            openings[-1] += 1
+            found += [replace(piece, kind="character", text="}"), replace(piece, kind="character", text="{")]
+            continue
+        if piece.is_character("{"):
+            openings.append(len(found))
+        elif piece.is_character("}") and openings:
+            openings.pop()
+        found.append(piece)
+    return found
+
+
+def _with_single_braces(pieces: list[Raw]) -> list[Raw]:
+    r"""{\rm d} as \mathrm{d}, _{{1}} as _{1}, \frac{{a}}{{b}} as \frac{a}{b}: what Maple and Maxima print."""
+    closing: dict[int, int] = {}
+    opened: list[int] = []
+    for place, piece in enumerate(pieces):
+        if piece.is_character("{"):
+            opened.append(place)
+        elif piece.is_character("}") and opened:
+            closing[opened.pop()] = place
+    found: dict[int, Raw] = dict(enumerate(pieces))
+    for place, end in closing.items():
+        argument = place and (pieces[place - 1].is_character("_", "}") or pieces[place - 1].is_command("frac"))
+        if argument and closing.get(place + 1) == end - 1 and not pieces[place + 2].is_command("rm"):
+            del found[place + 1], found[end - 1]
+        if pieces[place + 1].is_command("rm"):
+            found[place], found[place + 1] = replace(pieces[place + 1], text="mathrm"), pieces[place]
+            found[place + 2] = replace(pieces[place + 2], space_before=False)
+    return [found[place] for place in sorted(found)]
+
+
+def _inside_wrappers(text: str) -> tuple[int, int]:
+    """(start, stop) of the formula inside $ $ or \\[ \\]."""
+    start, stop = 0, len(text)
+    for opening, closing in _WRAPPERS:
+        inner = text[start:stop]
+        lead, tail = len(inner) - len(inner.lstrip()), len(inner) - len(inner.rstrip())
+        inner = inner.strip()
+        if inner.startswith(opening) and inner.endswith(closing) and len(inner) >= len(opening + closing):
+            return start + lead + len(opening), stop - tail - len(closing)
+    return start, stop
+
+
+def _piece(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
+    """The piece that begins at `place`, None for spacing, and the place after it."""
+    character, column = text[place], place + 1
+    if character == "\\":
+        return _command(text, place, space)
+    if character in SPACES or character in "\n~&":
+        return None, place + 1
+    if character in GREEK:
+        return Raw("command", GREEK[character], column, space), place + 1
+    if character == SCRIPT_L:
+        return Raw("command", "ell", column, space), place + 1
+    if character in PRIMES:
+        return Raw("character", "'" * PRIMES[character], column, space), place + 1
+    if character.isascii() and character.isalpha():
+        return Raw("letter", character, column, space), place + 1
+    if character.isascii() and character.isdigit():
+        return Raw("digit", character, column, space), place + 1
+    character = OPERATORS.get(character, character)
+    if character in _PLAIN:
+        return Raw("character", character, column, space), place + 1
+    raise _not_accepted(text[place], column)
+
+
+def _not_accepted(character: str, column: int) -> InputError:
+    reasons = {
+        "!": "factorials are not accepted, write the number",
+        "<": "comparisons are not accepted, write an equation with =",
+        ">": "comparisons are not accepted, write an equation with =",
+        "$": "write $ only around the whole formula",
+    }
+    instead = reasons.get(character, "use letters, digits, + - * / ^ ( ) , = ' and LaTeX commands")
+    return refusal(f"the character {describe(character)} is not accepted", column, instead)
+
+
+def _command(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
+    if mark := _MARKS.match(text, place):
+        return None, mark.end()
+    match = _COMMAND.match(text, place)
+    if match is None:
+        raise refusal("a backslash stands by itself", place + 1, "write a command such as \\dot{x}")
+    name, end = match.group(1), match.end()
+    if name in _SPACING or name in _SIZES:
+        return None, end
+    if name in ("begin", "end"):
+        return None, _environment(text, place, end)
+    if name == "\\" and (height := _ROW_SPACE.match(text, end)):
+        end = height.end()
+    return Raw("command", name, place + 1, space), end
+
+
+def _environment(text: str, place: int, end: int) -> int:
+    match = _ENVIRONMENT.match(text, end)
+    if match is None or match.group(1) not in _ENVIRONMENTS:
+        raise refusal("this environment is not accepted", place + 1, "write aligned or cases, or the equations alone")
+    return match.end()
+
+
+# \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula where no equation is in it.
+_COLUMNS = r"(?:\s*\{[lcr@{}| ]*\})?"
+_CASES = re.compile(rf"\\begin\s*\{{(d?cases|array)\}}{_COLUMNS}((?:(?!\\begin).)*?)\\end\s*\{{\1\}}", re.DOTALL)
+_EQUATION = re.compile(r"(?<![<>!=])=(?!=)")
+_WORD_IN_CASES = r"\\(?:text|textrm|mathrm|mbox)\s*\{\s*"
+_CONDITIONS = {
+    "piecewise": r"\\begin\s*\{\w+\}" + _COLUMNS,
+    ")": r"[,.;]?\s*(?:\\\\\s*)?\\end\s*\{\w+\}",
+    ";": r"[,.;]?\s*\\\\(?:\s*\[[^]]*\])?",
+    ",": r",?\s*&",
+    "": _WORD_IN_CASES + r"(?:if|for|when|where)?\s*\}",
+    "true": _WORD_IN_CASES + r"(?:otherwise|else)\s*\}",
+    "and": rf"\\(?:land|wedge)(?![a-z])|{_WORD_IN_CASES}and\s*\}}",
+    "or": rf"\\(?:lor|vee)(?![a-z])|{_WORD_IN_CASES}or\s*\}}",
+    "<": r"<=?|\\(?:leqslant|leq|le|lt)(?![a-z])|\u2264",
+    ">": r">=?|\\(?:geqslant|geq|ge|gt)(?![a-z])|\u2265",
+}
+_CONDITION = re.compile("|".join(f"({pattern})" for pattern in _CONDITIONS.values()))
+
+
+def _conditions(text: str) -> dict[int, tuple[Raw | None, int]]:
+    """By their places the marks of piecewise formulas in the words of the plain grammar, and the places after them."""
+    found: dict[int, tuple[Raw | None, int]] = {}
+    for cases in _CASES.finditer(text):
+        marks = [(mark, [*_CONDITIONS][(mark.lastindex or 1) - 1])
+                 for mark in _CONDITION.finditer(text, cases.start(), cases.end())]  # fmt: skip
+        compares = {"<", ">"} & {word for _, word in marks}
+        for mark, word in marks if compares and not _EQUATION.search(cases[2]) else ():
+            found[mark.start()] = Raw("condition", word, mark.start() + 1, True) if word else None, mark.end()
+    return found
+
+
+_SEPARATOR = re.compile(r"\\\\|;")
+_ESCAPED = re.compile(r"\\[{}]")
+_EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&", "(", "[", "{")
+_GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&", ")", "]", "}")
+
+
+def line_ends(text: str, start: int, stop: int) -> frozenset[int]:
+    """The places of the line ends between two equations: an = on either side, no bracket open, no sign in the air."""
+    ends: list[int] = []
+    equals, open_now, last, place = False, (0, 0, 0), "", start - 1
+    for line in text[start:stop].split("\n"):
+        first = _SEPARATOR.split(line, maxsplit=1)[0].strip()
+        complete = equals and open_now == (0, 0, 0) and not last.endswith(_EXPECTS_MORE)
+        if complete and "=" in first and not first.startswith(_GOES_ON):
+            ends.append(place)
+            equals, open_now, last = False, (0, 0, 0), ""
+        *earlier, rest = _SEPARATOR.split(line)
+        if earlier:
+            equals, open_now, last = False, (0, 0, 0), ""
+        equals = equals or "=" in rest
+        open_now = _opened(rest, open_now)
+        last = rest.strip() or last
+        place += len(line) + 1
+    return frozenset(ends)
+
+
+def _opened(part: str, before: tuple[int, int, int]) -> tuple[int, int, int]:
+    """How many { ( [ are open after the part."""
+    plain = _ESCAPED.sub("", part)
+    braces, round_ones, square = (plain.count(a) - plain.count(b) for a, b in ("{}", "()", "[]"))
+    return before[0] + braces, before[1] + round_ones, before[2] + square
+
+
+_TIME_ARGUMENTS = (["{", "left", "(", "t", "right", ")", "}"], ["left", "(", "t", "right", ")"], ["(", "t", ")"])
+
+
+def time_argument(pieces: Sequence[Raw]) -> int:
+    r"""How many pieces {\left(t \right)}, \left(t\right) or (t) takes where it comes first, else 0."""
+    texts = [piece.text for piece in pieces]
+    return next((len(each) for each in _TIME_ARGUMENTS if texts[: len(each)] == each), 0)
+
+
+def open_brackets(tokens: Sequence[Token]) -> int:
+    """How many brackets are opened and not closed."""
+    return sum(token.is_operator("(") - token.is_operator(")") for token in tokens)
+
+
+def role_before(tokens: Sequence[Token], names: Names) -> Role | None:
+    """What the name was declared as that came last, in x as in x' and x^{2}; None for anything else."""
+    place = _before_power(tokens)
+    while place >= 0 and tokens[place].kind == "prime":
+        place -= 1
+    return names.role(names.spelling(tokens[place].text)) if place >= 0 else None
+
+
+def _before_power(tokens: Sequence[Token]) -> int:
+    """The place of the token before ^( … ), where this came last."""
+    last = len(tokens) - 1
+    if last < 0 or not tokens[last].is_operator(")"):
+        return last
+    balances = itertools.accumulate(open_brackets([token]) for token in reversed(tokens))
+    opening = next((last - back for back, balance in enumerate(balances) if balance == 0), 0)
+    return opening - 2 if opening > 0 and tokens[opening - 1].is_operator("^") else -1
+
+
+FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit")
+_COMPONENTS = "a vector is not accepted, write an equation for each component"
+_OTHER_LETTER = "letters of this kind are names of their own, write another name such as B_1"
+# A bold r is not the r of the next line, nor is a script L the l.
+VECTORS = dict.fromkeys(
+    ("mathbf", "boldsymbol", "bm", "pmb", "bf", "textbf", "vec", "overrightarrow", "underline"), _COMPONENTS
+)
+OTHER_LETTERS = dict.fromkeys(
+    ("mathcal", "mathscr", "mathfrak", "mathbb", "mathsf", "mathtt", "hat", "widehat", "bar", "overline", "tilde"),
+    _OTHER_LETTER,
+)
+MARKED = VECTORS | OTHER_LETTERS
+_WORDS = FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys()
+
+_FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
+_PRODUCTS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "lbrace": "(", "rbrace": ")", "{": "(", "}": ")"}
+_OPENING, _CLOSING = "([", ")]"
+_BARS = ("vert", "lvert", "rvert")
+_REASONS = {
+    "partial": "write diff(A(x, y), x) for a partial derivative",
+    "int": "integrals are not carried out, write the integral itself",
+    "sum": "sums are not carried out, write the terms",
+    "circ": "write 30 \\pi/180 for 30 degrees",
+    "infty": "write a finite number",
+    "pm": "write one sign",
+    "mp": "write one sign",
+    "prod": "write the factors",
+    "nabla": "write an equation for each component",
+    "rm": "write \\mathrm{d}",
+    "over": "write \\frac{a}{b}",
+    **dict.fromkeys(("dv", "odv", "derivative"), "write \\frac{d^2 x}{dt^2}"),
+    **dict.fromkeys(("approx", "equiv", "sim", "simeq", "propto", "cong", "coloneqq"), "write ="),
+    **dict.fromkeys(("ne", "neq", "le", "leq", "ge", "geq", "lt", "gt"), "write an equation with ="),
+    "dddot": "write equations of second order",
+    "ddddot": "write equations of second order",
+}
+
+
+class LatexTranslator:
+    """Translates raw tokens one after the other; every method takes what it translates."""
+
+    __slots__ = ("_depth", "_names", "_place", "_raw", "_tokens")
+
+    def __init__(self, raw: list[Raw], names: Names) -> None:
+        self._raw = raw
+        self._names = names
+        self._place = 0
+        self._depth = 0
+        self._tokens: list[Token] = []
+
+    def all(self) -> list[Token]:
+        """The tokens of the whole formula."""
+        while self._ahead.kind != "end":
+            self._one()
+            at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._ahead.column)
+        return self._tokens
+
+    def _begin_factor(self, raw: Raw) -> None:
+        """The ( of a fraction or a root, which holds no argument of the name before it."""
+        self._tokens.append(Token("operator", "(", raw.column, True, FACTOR))
+
+    def _one(self) -> None:
+        """Translate what comes next."""
+        raw = self._ahead
+        if raw.kind == "command":
+            self._command(self._take())
+        elif raw.kind == "condition":
+            self._piece_of_cases(self._take())
+        elif raw.kind == "letter":
+            self._emit_name(self._with_subscript(self._word()), raw)
+        elif raw.is_character(".") and self._tokens and self._raw[self._place + 1].kind == "end":
+            self._take()
+        elif raw.kind == "digit" or raw.is_character("."):
+            self._number()
+        else:
+            self._character(self._take())
+
+    def _piece_of_cases(self, raw: Raw) -> None:
+        """piecewise((a, x > 0), (b, true)) for the rows of cases."""
+        if raw.text == "piecewise":
+            self._emit_name(raw.text, raw)
+        words = {"piecewise": ["(", "("], ")": [")", ")"], ";": [")", ",", "("], "and": ["&"], "or": ["|"]}
+        for word in words.get(raw.text, [raw.text]):
+            self._emit(word, raw)
+
+    def _character(self, raw: Raw) -> None:
+        if raw.is_character("{"):
+            self._group_or_time(raw)
+        elif raw.is_character("^"):
+            self._power(raw)
+            if self._ahead.is_character("^") and self._tokens[-1].kind != "prime":
+                raise refusal("a second power occurs", self._ahead.column, "write x^{a^b} or (x^a)^b")
+        elif raw.text and raw.text in ("'", "''"):
+            self._tokens.append(Token("prime", raw.text, raw.column, raw.space_before, Fraction(len(raw.text))))
+        elif raw.is_character("("):
+            self._emit("(", raw, space=raw.space_before or self._holds_a_sum())
+        elif raw.text and raw.text in "+-*/)=,;|":
+            self._emit(raw.text, raw)
+        elif raw.is_character("[", "]"):
+            self._emit("(" if raw.text == "[" else ")", raw)
+        else:
+            raise self._misplaced(raw)
+
+    def _group_or_time(self, raw: Raw) -> None:
+        pieces = time_argument([raw, *self._raw[self._place : self._place + 6]])
+        role = role_before(self._tokens, self._names) if pieces else None
+        if role == "parameter":
+            raise refusal("a parameter depends on time", raw.column, "", declare="functions")
+        if role == "coordinate":
+            self._place += pieces - 1
+        elif self._derivative_in_braces():
+            return
+        elif self._ahead.is_command("left") and role_before(self._tokens, self._names) in ("function", None):
+            start = len(self._tokens)
+            self._group(raw)  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
+            inner = self._tokens[start + 1 : -1]
+            if all(itertools.accumulate(open_brackets([token]) for token in inner[:-1])):
+                self._tokens[start:] = inner
+            self._tokens[start] = replace(self._tokens[start], space_before=False)
+        else:
+            self._group(raw)
+
+    def _derivative_in_braces(self) -> bool:
+        r"""{\frac{d}{dt}} x, as Maple prints it, without the outer braces; else nothing is taken."""
+        start = self._place
+        end = self._after_group(self._after_group(start + 1))
+        if not self._ahead.is_command(*_FRACTIONS) or not self._raw[end].is_character("}"):
+            return False
+        closing, raw = self._raw.pop(end), self._take()
+        if self._time_derivative(raw) or self._derivative_operator(raw):
+            return True
+        self._raw.insert(end, closing)
+        self._place = start
+        return False
+
+    def _misplaced(self, raw: Raw) -> InputError:
+        reasons = {
+            "_": "a subscript belongs to a name, as in r_1",
+            "}": "it closes nothing, leave it out",
+        }
+        what = "the formula ends" if raw.kind == "end" else f"'{raw.text}' is not expected"
+        return refusal(what, raw.column, reasons.get(raw.text, "something is missing here"))
+
+    def _number(self) -> None:
+        start = self._ahead
+        digits = "".join(piece.text for piece in self._run(start))
+        match = NUMBER.match(digits)
+        if match is None:
+            raise refusal("a dot stands by itself", start.column, "a dot belongs to a number such as 0.5")
+        self._place += match.end()
+        self._tokens.append(number_token(match.group(), start.column, start.space_before))
+
+    def _command(self, raw: Raw) -> None:
+        name = raw.text
+        if name in LETTER_COMMANDS:
+            declared = self._names.role(name) is not None  # then \varphi is not \phi
+            self._emit_name(self._with_subscript(name if declared else LETTER_COMMANDS[name]), raw)
+        elif name in _FRACTIONS:
+            self._fraction(raw)
+        elif name == "sqrt":
+            self._root(raw)
+        elif name in ("dot", "ddot"):
+            self._dot(raw, 1 if name == "dot" else 2)
+        elif name in FUNCTIONS:
+            self._function(name, raw)
+        elif name in FONTS:
+            self._font(raw)
+        elif name in ("left", "right"):
+            self._delimiter(raw)
+        elif name in _BARS:
+            self._emit("|", raw)
+        elif name in _PRODUCTS:
+            self._emit(_PRODUCTS[name], raw)
+        elif name == "\\":
+            self._emit(";", raw)
+        else:
+            what, instead = f"the command \\{shorten(name)} is not accepted", MARKED.get(name) or _REASONS.get(name)
+            if not instead and name in REFUSED:
+                raise refused(what, REFUSED[name], raw.column)
+            raise refusal(what, raw.column, instead or "write the formula without it")
+
+    def _function(self, name: str, raw: Raw) -> None:
+        if self._ahead.is_character("_"):
+            raise refusal("a base of a logarithm occurs", raw.column, "write \\ln(x)/\\ln(b)")
+        self._emit_name(name, raw)
+
+    def _font(self, raw: Raw) -> None:
+        start = self._place
+        name = self._name_part()
+        if any(piece.space_before for piece in self._raw[start + 1 : self._place]):
+            raise refusal("words occur", raw.column, "write the equations alone, separated by ;")
+        if name == "d" and self._names.role("d") is None:
+            raise refusal("a differential occurs", raw.column, "write \\frac{dx}{dt} for a derivative")
+        if not name:
+            raise refusal(f"\\{raw.text} contains no name", raw.column, "write letters and digits in it")
+        self._emit_name(self._with_subscript(name), raw)
+
+    def _delimiter(self, raw: Raw) -> None:
+        delimiter = self._take()
+        text = _PRODUCTS.get(delimiter.text, delimiter.text)
+        if text and text in (_OPENING if raw.text == "left" else _CLOSING):
+            if delimiter.text in ("{", "lbrace") and not self._closes_later():
+                return  # \left\{ before a list of equations; it is ended by \right.
+            self._emit("(" if raw.text == "left" else ")", raw, space=True)
+        elif delimiter.text in ("|", *_BARS):
+            self._emit("|", raw)
+        elif not (delimiter.is_character(".") and raw.text == "right"):
+            raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, "write ( and )")
+
+    def _holds_a_sum(self) -> bool:
+        """Whether a + or - stands between the ( just read and its ): r(r - 2M) is a product, f(x) may be none."""
+        depth = 1
+        for raw in self._raw[self._place :]:
+            depth += raw.is_character("(", "{", "[") - raw.is_character(")", "}", "]")
+            if depth == 0 or depth > LIMITS.depth:
+                return False
+            if depth == 1 and raw.is_character("+", "-"):
+                return True
+        return False
+
+    def _closes_later(self) -> bool:
+        """Whether the \\left just read is ended by a real bracket and not by \\right."""
+        depth = 1
+        for place in range(self._place, len(self._raw) - 1):
+            if self._raw[place].is_command("left"):
+                depth += 1
+            elif self._raw[place].is_command("right"):
+                depth -= 1
+                if depth == 0:
+                    return not self._raw[place + 1].is_character(".")
+        return True
+
+    def _group(self, opening: Raw) -> None:
+        """{ … } as a bracket; { } holds nothing, and a name alone in braces is that name."""
+        start = len(self._tokens)
+        self._enter(opening)
+        while not self._ahead.is_character("}"):
+            if self._ahead.kind == "end":
+                raise refusal("the '{' is never closed", opening.column, "add the missing '}'")
+            self._one()
+        closing = self._take()
+        self._depth -= 1
+        inner = self._tokens[start:]
+        after_function = start > 0 and self._tokens[start - 1].text in FUNCTIONS
+        if len(inner) == 1 and inner[0].is_operator(","):
+            return  # 0{,}5
+        is_name = bool(inner) and inner[0].kind == "name" and all(token.kind == "prime" for token in inner[1:])
+        if not inner or (is_name and not after_function):
+            return
+        self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
+        self._emit(")", closing)
+
+    def _argument(self, command: Raw) -> None:
+        """One argument in brackets: a group, or one piece as in \\frac12."""
+        raw = self._ahead
+        self._emit("(", raw)
+        if raw.is_character("{"):
+            self._group(self._take())
+        elif raw.kind == "digit":
+            self._take()
+            self._tokens.append(number_token(raw.text, raw.column, False))
+        elif raw.kind == "letter":
+            self._emit_name(self._take().text, raw)
+        elif raw.kind == "command" and raw.text not in ("right", "\\"):
+            self._enter(raw)
+            self._one()
+            self._depth -= 1
+        else:
+            raise refusal(f"\\{command.text} has no argument", command.column, "write it in braces { }")
+        self._emit(")", raw)
+
+    def _fraction(self, raw: Raw) -> None:
+        if self._time_derivative(raw) or self._derivative_operator(raw) or self._derivative_of_call(raw):
+            return
+        self._refuse_differentials(raw)
+        self._begin_factor(raw)
+        self._argument(raw)
+        self._emit("/", raw)
+        self._argument(raw)
+        self._emit(")", raw)
+
+    def _root(self, raw: Raw) -> None:
+        if not self._ahead.is_character("["):
+            self._emit_name("sqrt", raw)
+            self._argument(raw)
+            return
+        self._take()
+        digits = self._digits()
+        if not digits or not self._take().is_character("]"):
+            raise refusal("the degree of a root is not an integer", raw.column, "write \\sqrt[3]{x}")
+        self._begin_factor(raw)
+        self._argument(raw)
+        for text in "^(":
+            self._emit(text, raw)
+        self._tokens.append(number_token("1", raw.column, False))
+        self._emit("/", raw)
+        self._tokens.append(number_token(digits, raw.column, False))
+        for text in "))":
+            self._emit(text, raw)
+
+    def _dot(self, raw: Raw, order: int) -> None:
+        """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
+        braces = self._take() if self._ahead.is_character("{") else None
+        name = ""
+        if self._ahead.kind == "letter":
+            name = self._word() if braces else self._take().text
+        elif self._ahead.kind == "command":
+            command = self._take()
+            name = self._name_part() if command.text in FONTS else self._plain_piece(command)
+        if braces:
+            name = self._with_subscript(name)
+        if not name or (braces and not self._take().is_character("}")):
+            raise refusal(f"\\{raw.text} belongs to a name", raw.column, f"write \\{raw.text}{{x}}")
+        self._emit_name(self._with_subscript(name), raw, order)
+
+    def _power(self, caret: Raw) -> None:
+        raw = self._ahead
+        if raw.is_command("prime"):
+            self._primes()
+        elif raw.is_character("{") and _is_prime(self._raw[self._place + 1]):
+            self._take()
+            self._primes()
+            if self._ahead.is_character("}"):
+                self._take()
+            else:
+                self._emit("^", caret)
+                self._group(raw)
+        elif raw.kind in ("digit", "letter"):
+            self._short_power(caret)
+        else:
+            self._emit("^", caret)
+            if raw.is_character("{"):
+                self._refuse_raised_brackets(caret)
+                self._refuse_index(self._raw[self._place + 1 : self._place + 3])
+                self._emit("(", raw)
+                self._group(self._take())
+                self._emit(")", raw)
+
+    def _short_power(self, caret: Raw) -> None:
+        """x^2, e^x: one digit or one name; x^23 is x^2 3 in LaTeX and x^(23) to others: refused."""
+        raw = self._ahead
+        self._emit("^", caret)
+        self._emit("(", raw)
+        if raw.kind == "letter":
+            self._emit_name(self._with_subscript(self._word()), raw)
+        else:
+            self._refuse_index([raw])
+            digits = self._digits()
+            if len(digits) > 1:
+                raise refusal("a power of several digits has no braces", raw.column, "write x^{23} or x^{2} \\cdot 3")
+            self._tokens.append(number_token(digits, raw.column, False))
+        self._emit(")", raw)
+
+    def _refuse_index(self, raised: list[Raw]) -> None:
+        """InputError for q^1, which is a component and no power."""
+        alone = len(raised) == 1 or raised[1].is_character("}")
+        digits = self._run(raised[0]) if len(raised) == 1 else raised[:1]
+        if alone and [piece.text for piece in digits] == ["1"] and self._tokens and self._tokens[-1].kind != "number":
+            raise refusal("a raised 1 occurs", raised[0].column, "an index? write it below, as in q_1 and q_2")
+
+    def _refuse_raised_brackets(self, caret: Raw) -> None:
+        """InputError for f^{(2)} and x^{\\left(n\\right)}: a derivative or a component to most; e^{(x)} is exp(x)."""
+        depth, inside = 0, ""
+        for raw in self._raw[self._place :]:
+            depth += raw.is_character("{") - raw.is_character("}")
+            if depth == 0 or len(inside) > LIMITS.name_characters:
+                break
+            inside += "" if raw.is_command("left", "right") else raw.text
+        raised = re.fullmatch(r"\{*[(\[]\{*(\w+)\}*[)\]]\}*", inside)
+        base = self._tokens[-2] if len(self._tokens) > 1 else caret
+        if raised and base.kind != "number" and base.text not in ("e", "E"):
+            instead = "write x^{2} for a power, f''(x) for a derivative, q_1 for an index"
+            kind = "number" if raised[1].isdigit() else "name"
+            raise refusal(f"a raised {kind} in brackets occurs", self._raw[self._place + 1].column, instead)
+
+    def _primes(self) -> None:
+        while _is_prime(self._ahead):
+            raw = self._take()
+            order = 1 if raw.kind == "command" else len(raw.text)
+            self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
+
+    def _emit(self, text: str, raw: Raw, space: bool | None = None) -> None:
+        self._tokens.append(Token("operator", text, raw.column, raw.space_before if space is None else space))
+
+    def _emit_name(self, name: str, raw: Raw, order: int = 0) -> None:
+        at_most(len(name), LIMITS.name_characters, "a name has too many characters", raw.column)
+        self._tokens.append(Token("name", name, raw.column, raw.space_before))
+        if order:
+            self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
+
+    def _enter(self, raw: Raw) -> None:
+        self._depth += 1
+        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", raw.column)
+
+    def _time_derivative(self, raw: Raw) -> bool:
+        """\\frac{dx}{dt} as x', \\frac{\\partial A}{\\partial x} as diff(A, x), A declared; else nothing is taken."""
+        start, partial = self._place, self._raw[self._place + 1].is_command("partial")
+        name, order, dots = self._derivative_part()
+        variables = self._variables_part() if name else []
+        declared = self._names.role(self._names.spelling(name)) in ("function", "parameter")
+        if 0 < order == len(variables) and declared and not (partial and "t" in variables):
+            if self._ahead.is_character("(") or self._ahead.is_command("left"):
+                instead = f"write {name}'({variables[0]}), or \\cdot before a factor"
+                raise refusal("a bracket follows a derivative", self._ahead.column, instead)
+            self._emit_call(raw, name, *variables)
+        elif 0 < order == len(variables) and {*variables} == {"t"} and not partial:
+            self._emit_name(name, raw, order + dots)
+        elif 0 < order == len(variables) and "t" not in variables and (partial or not self._names.role("d")):
+            what, instead = f"a derivative of {name} by {variables[0]} occurs", f"write {name}'({variables[0]})"
+            raise refusal(what, raw.column, instead, declare="functions")
+        else:
+            self._place = start
+            return False
+        return True
+
+    def _emit_call(self, raw: Raw, *names: str) -> None:
+        """diff(A, x) for \\frac{\\partial A}{\\partial x}, A a declared function."""
+        self._emit_name("diff", raw)
+        for separator, name in zip("(" + "," * len(names), names, strict=False):
+            self._emit(separator, raw, space=False)
+            self._emit_name(name, raw)
+        self._emit(")", raw)
+
+    def _derivative_operator(self, raw: Raw) -> bool:
+        """\\frac{d}{dt} and \\frac{d^{2}}{dx dy} before an operand: taken as diff(u, t); else nothing is taken."""
+        start, partial = self._place, self._raw[self._place + 1].is_command("partial")
+        order = self._operator_part()
+        variables = self._variables_part() if order else []
+        if order < 1 or len(variables) != order or self._ahead.kind == "end":
+            self._place = start
+            return False
+        operand = self._place
+        self._emit_name("diff", raw)
+        self._emit("(", raw, space=False)
+        self._operand()
+        if partial and "t" in variables and not any(map(self._time_argument_at, range(operand, self._place))):
+            instead = "write \\frac{d}{dt}\\left( and \\right) for the derivative along the motion"
+            raise refusal("a partial derivative by the time occurs", raw.column, instead)
+        self._end_derivative(raw, variables)
+        return True
+
+    def _derivative_of_call(self, raw: Raw) -> bool:
+        r"""\frac{dV(x)}{dx} as diff(V(x), x); else nothing is taken."""
+        start, length = self._place, len(self._tokens)
+        self._emit_name("diff", raw)
+        self._emit("(", raw, space=False)
+        if self._take().is_character("{") and not self._names.role("d") and self._differential():
+            order, name = self._small_power(), len(self._tokens)
+            is_name = self._ahead.kind == "letter" or self._ahead.is_command(*LETTER_COMMANDS)
+            self._piece() if is_name else None
+            arguments = self._named_arguments(self._place) if self._is_call(self._place, name) else []
+            if arguments and self._application() and self._take().is_character("}"):
+                variables = self._variables_part()
+                if len(variables) == order and {*variables} <= {*arguments} - {"t"}:
+                    self._end_derivative(raw, variables)
+                    return True
+        self._place = start
+        del self._tokens[length:]
+        return False
+
+    def _end_derivative(self, raw: Raw, variables: list[str]) -> None:
+        for variable in variables:
+            self._emit(",", raw)
+            self._emit_name(variable, raw)
+        self._emit(")", raw)
+
+    def _is_call(self, place: int, start: int = 0) -> bool:
+        """Whether names alone stand in the brackets at a place, after a name of a function or of nothing yet."""
+        last = len(self._tokens) - 1
+        while last > start and self._tokens[last].kind == "prime":
+            last -= 1
+        if last < start or self._tokens[last].kind != "name" or not all(self._named_arguments(place) or [""]):
+            return False
+        return role_before(self._tokens, self._names) in ("function", None)
+
+    def _refuse_differentials(self, raw: Raw) -> None:
+        """InputError for \\frac{dV(x)}{dx}, whose d would be a factor of both; d is one where it is declared."""
+        start, depth = self._place, 1
+        partial = self._raw[start + 1].is_command("partial")
+        differential = not partial and self._take().is_character("{") and self._differential()
+        if differential and not self._names.role("d") and not self._ahead.is_character("}"):
+            while depth and self._ahead.kind != "end":
+                piece = self._take()
+                depth += piece.is_character("{") - piece.is_character("}")
+            if variables := self._variables_part():
+                instead = f"write \\frac{{d}}{{d{variables[0]}}}\\left( and \\right)"
+                raise refusal(f"a derivative by {variables[0]} occurs", raw.column, instead)
+        self._place = start
+
+    def _time_argument_at(self, place: int) -> int:
+        return time_argument(self._raw[place : place + 7])
+
+    def _operand(self) -> None:
+        """A bracket, or one piece with its arguments, or one piece that nothing follows."""
+        start = len(self._tokens)
+        self._enter(self._ahead)
+        self._piece()
+        bracket = self._tokens[start:] and self._tokens[start].is_operator("(")
+        arguments = not bracket and self._application()
+        self._depth -= 1
+        if self._ahead.is_character("^") or not (bracket or self._ends_a_term() or (arguments and self._multiplies())):
+            instead = "write \\left( and \\right) around what is differentiated"
+            raise refusal("where the derivative ends is not clear", self._ahead.column, instead)
+
+    def _application(self) -> bool:
+        """The (t) of a coordinate is left out, the arguments of a declared function are translated."""
+        if pieces := self._time_argument_at(self._place):
+            self._place += pieces
+            return True
+        group = self._ahead.is_character("{") and self._raw[self._place + 1].is_command("left")
+        opens = group or self._ahead.is_character("(") or self._ahead.is_command("left")
+        if opens and (role_before(self._tokens, self._names) == "function" or self._is_call(self._place)):
+            self._piece()
+            return True
+        return False
+
+    def _piece(self) -> None:
+        """What comes next, up to its last bracket."""
+        balance, started = 0, False
+        while (balance > 0 or not started) and self._ahead.kind != "end":
+            place, started = len(self._tokens), True
+            self._one()
+            balance += open_brackets(self._tokens[place:])
+
+    def _multiplies(self) -> bool:
+        """Whether a sign of a product follows, or a further derivative: sin x after d/dt x(t) may belong to it."""
+        bracket = self._ahead.is_command("left") and self._raw[self._place + 1].is_character("(")
+        place = self._place + 2 * bracket
+        fraction = [raw.text for raw in self._raw[place : place + 3]]
+        derivative = fraction[:2] == ["frac", "{"] and fraction[2:] in (["d"], ["partial"], ["mathrm"])
+        return derivative or self._ahead.is_command("cdot", "times", "ast", "div") or self._ahead.is_character("*", "/")
+
+    def _ends_a_term(self) -> bool:
+        ahead = self._ahead
+        return ahead.kind == "end" or ahead.is_character(*"+-=,;)]}.") or ahead.is_command("\\", "right")
+
+    @property
+    def _ahead(self) -> Raw:
+        return self._raw[self._place]
+
+    def _take(self) -> Raw:
+        raw = self._ahead
+        if raw.kind != "end":
+            self._place += 1
+        return raw
+
+    def _run(self, start: Raw) -> list[Raw]:
+        """Pieces of one character that touch each other: a word or a number."""
+        pieces = [start]
+        for raw in self._raw[self._place + 1 : self._place + 1 + LIMITS.digits * 4]:
+            plain = raw.kind in ("letter", "digit") or raw.is_character(".", "-", "+")
+            if not plain or raw.space_before or raw.column != pieces[-1].column + 1:
+                break
+            pieces.append(raw)
+        return pieces
+
+    def _word(self) -> str:
+        """A letter, or the whole word where it is declared or a function; the pieces are taken."""
+        pieces = self._run(self._ahead)[: LIMITS.name_characters]
+        length = next((k for k, piece in enumerate(pieces) if piece.kind == "character"), len(pieces))
+        word = "".join(piece.text for piece in pieces[:length])
+        for size in range(length, 1, -1):
+            known = word[:size] in _WORDS and size == length
+            if known or self._names.role(word[:size]) or self._names.derivative(word[:size]):
+                self._place += size
+                return word[:size]
+        self._place += 1
+        return word[0]
+
+    def _with_subscript(self, name: str) -> str:
+        if not self._ahead.is_character("_"):
+            return name
+        underscore = self._take()
+        comma = self._raw[self._place + 1].is_character(",")
+        subscript = self._name_part()
+        if not subscript:
+            derivative = f"write diff({name}(x), x) for a derivative"
+            instead = derivative if comma else "write letters and digits, as in r_{1}"
+            raise refusal("a subscript is not a word", underscore.column, instead)
+        return f"{name}_{subscript}"
+
+    def _name_part(self) -> str:
+        """The letters, digits and Greek names of the next group or piece, '' if it holds anything else."""
+        if not self._ahead.is_character("{"):
+            raw = self._ahead
+            if raw.kind == "digit":
+                return self._digits()
+            is_font = self._take().is_command(*FONTS) and self._ahead.is_character("{")
+            return self._name_part() if is_font else self._plain_piece(raw)
+        self._take()
+        parts: list[str] = []
+        while not self._ahead.is_character("}"):
+            raw = self._take()
+            part = self._name_part() if raw.is_command(*FONTS) and not parts else self._plain_piece(raw)
+            if not part:
+                return ""
+            parts.append(part)
+        self._take()
+        return "".join(parts)
+
+    def _digits(self) -> str:
+        digits = ""
+        while self._ahead.kind == "digit" and (not digits or not self._ahead.space_before):
+            digits += self._take().text
+        return digits
+
+    def _plain_piece(self, raw: Raw) -> str:
+        if raw.is_command(*MARKED):
+            raise refusal(f"\\{raw.text} occurs", raw.column, MARKED[raw.text])
+        if raw.kind == "command":
+            return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
+        return raw.text if raw.kind in ("letter", "digit") else ""
+
+    def _after_group(self, place: int) -> int:
+        """The place after the { … } that begins at a place; the place itself where none begins."""
+        depth = 0
+        for end in range(place, len(self._raw)):
+            depth += self._raw[end].is_character("{") - self._raw[end].is_character("}")
+            if depth == 0:
+                return end + (end > place)
+        return place
+
+    def _named_arguments(self, place: int) -> list[str]:
+        r"""x, y of (x, y), \left(x, y\right) or this in braces at a place; [] where anything else stands there."""
+        place += self._raw[place].is_character("{")
+        left = self._raw[place].is_command("left")
+        found: list[str] = []
+        if not self._raw[place + left].is_character("("):
+            return []
+        for opening, raw in enumerate(self._raw[place + left + 1 : place + 2 * LIMITS.coordinates], place + left):
+            if raw.is_character(")") or raw.is_command("right"):
+                return found
+            if self._raw[opening].is_character("(", ","):
+                found.append(self._plain_piece(raw))
+            elif not raw.is_character(","):
+                return []
+        return []
+
+    def _derivative_part(self) -> tuple[str, int, int]:
+        """(name, order, dots) of {d^k name}, {d name^k}, {d \\dot name}, ('', 0, 0) if it is not one."""
+        if not self._take().is_character("{") or not self._differential():
+            return "", 0, 0
+        first = self._small_power()
+        raw = self._take()
+        dots = {"dot": 1, "ddot": 2}.get(raw.text, 0) if raw.kind == "command" else 0
+        braces = dots and self._ahead.is_character("{")
+        if dots:
+            self._place += bool(braces)
+            raw = self._take()
+        if raw.kind == "letter":
+            self._place -= 1
+            name = self._with_subscript(self._word())
+        else:
+            plain = self._plain_piece(raw)
+            name = self._with_subscript(plain) if plain else ""
+        if braces and not self._take().is_character("}"):
+            return "", 0, 0
+        after = self._small_power()
+        if after > 1 and not dots:
+            instead = f"write \\frac{{d^2 {name}}}{{dt^2}} or \\left(\\frac{{d{name}}}{{dt}}\\right)^2"
+            raise refusal("what is raised in a derivative is not clear", raw.column, instead)
+        order = first * after
+        if [piece.text for piece in self._raw[self._place : self._place + 3]] == ["(", "t", ")"]:
+            self._place += 3
+        return (name, order, dots) if self._take().is_character("}") else ("", 0, 0)
+
+    def _variables_part(self) -> list[str]:
+        """x, x for {dx^2} and {d x{\\left(t \\right)}^{2}}, y, x for {\\partial y \\partial x}; [] if it is none."""
+        if not self._take().is_character("{"):
+            return []
+        found: list[str] = []
+        while not self._ahead.is_character("}"):
+            if not self._differential():
+                return []
+            braces = self._ahead.is_character("{")
+            self._place += braces
+            raw = self._take()
+            self._place -= raw.kind == "letter"
+            name = self._word() if raw.kind == "letter" else self._plain_piece(raw)
+            if not name or (braces and not self._take().is_character("}")):
+                return []
+            name = self._with_subscript(name)
+            self._place += time_argument(self._raw[self._place : self._place + 7])
+            found += [name] * self._small_power()
+        self._take()
+        return found
+
+    def _operator_part(self) -> int:
+        """The k of {d^k}, 0 if it is not one."""
+        if not self._take().is_character("{") or not self._differential():
+            return 0
+        order = self._small_power()
+        return order if self._take().is_character("}") else 0
+
+    def _differential(self) -> bool:
+        raw = self._take()
+        if raw.is_command("partial"):
+            return True
+        if raw.is_command(*FONTS):
+            return self._name_part() == "d"
+        return raw.kind == "letter" and raw.text == "d"
+
+    def _small_power(self) -> int:
+        if not self._ahead.is_character("^"):
+            return 1
+        self._take()
+        digits = self._name_part()
+        return int(digits) if digits.isdigit() and len(digits) == 1 else 0
+
+
+def _is_prime(raw: Raw) -> bool:
+    return raw.is_command("prime") or raw.is_character("'", "''")
+
+
+def tokenize(text: str, names: Names | None = None) -> list[Token]:
+    """The tokens of a LaTeX formula; without `names` every letter is a name of its own."""
+    return LatexTranslator(scan(text), names or Names()).all()

@@ -1,0 +1,760 @@
+"""The grammar of formulas over tokens: precedence, products without sign, functions, derivatives.
+
+    formula    = term {("+" | "-") term}
+    term       = signs factor {("*" signs | "/" signs | nothing) factor}
+    factor     = base ["^" signs factor]                      right associative, tighter than a sign
+    base       = number | "(" formula ")" | "|" formula "|" | name | name primes | function
+    function   = name ["^" base] ( "(" formula {"," formula} ")" | [number] factor )
+               | "piecewise" "(" piece {"," piece} ")",  piece = "(" formula "," condition ")"
+    condition  = both {"|" both},  both = one {"&" one}
+    one        = "~" one | "true" | "(" condition ")" | formula ("<" | ">") formula {("<" | ">") formula}
+
+Where a reader could take "nothing" for something else than a product (a/b c, x(y + 1), sin x y,
+x^2y) the formula is refused with both ways to write it. Recursion is at_most by `limits.depth`.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.derivative import differentiate, differentiate_in_time
+from inverse_service.expressions.pieces import either, piecewise, step
+from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
+from inverse_service.expressions.tree import (
+    MINUS_ONE,
+    ONE,
+    PI,
+    TIME,
+    Acceleration,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    children,
+    multiply,
+    node_count,
+    number,
+    substitute,
+)
+from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, PIECEWISE, Names, call, unknown_name
+from inverse_service.reading.tokens import END, FACTOR, Token, TokenStream, unexpected
+
+_BITS_PER_DIGIT = 3.3219280948873626
+_EXPONENTIAL = Apply("exp", ONE)
+
+
+def _bits(value: Fraction) -> int:
+    """The binary logarithm of the larger of numerator and denominator, rounded down: 0 for 1 and -1."""
+    return max(value.numerator.bit_length(), value.denominator.bit_length()) - 1
+
+
+def _check_bits(total_bits: float, column: int) -> None:
+    """LimitError where a number would surely have too many digits; called before it is computed."""
+    if total_bits > LIMITS.digits * _BITS_PER_DIGIT:
+        raise _too_long(column)
+
+
+def _check_number(value: Fraction, column: int) -> None:
+    """LimitError where a number has too many digits, so that what is accepted can be read back."""
+    if max(abs(value.numerator), value.denominator) >= 10**LIMITS.digits:
+        raise _too_long(column)
+
+
+def _too_long(column: int) -> InputError:
+    return limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
+
+
+def product(factors: Sequence[Expression], column: int) -> Expression:
+    """The product; LimitError where its coefficient would be too long."""
+    _check_bits(sum(_bits(_coefficient(factor)) for factor in factors), column)
+    result = multiply(*factors)
+    _check_number(_coefficient(result), column)
+    return result
+
+
+def _coefficient(expression: Expression) -> Fraction:
+    first = expression.factors[0] if isinstance(expression, Product) else expression
+    return first.value if isinstance(first, Number) else Fraction(1)
+
+
+def sum_of(terms: Sequence[Expression], column: int) -> Expression:
+    """The sum; LimitError where its constant would be too long at any moment."""
+    constant = Fraction(0)
+    for term in terms:
+        for part in term.terms if isinstance(term, Sum) else (term,):
+            if isinstance(part, Number):
+                constant += part.value
+                _check_number(constant, column)
+    return add(*terms)
+
+
+def reciprocal(expression: Expression, column: int) -> Expression:
+    """1/u; InputError where u is the number 0."""
+    if expression == Number(Fraction(0)):
+        raise refusal("a division by zero occurs", column, "divide by something that is not 0")
+    return expression**-1
+
+
+def raised(base: Expression, exponent: Expression, column: int) -> Expression:
+    """base ^ exponent, e^u being exp(u); refused where it is too large or has no real value."""
+    if base == _EXPONENTIAL:
+        return Apply("exp", exponent)
+    if isinstance(exponent, Number):
+        _check_exponent(exponent.value, column)
+        if isinstance(base, Number):
+            _check_numbers(base.value, exponent.value, column)
+    result = base**exponent
+    _check_number(_coefficient(result), column)
+    if isinstance(result, Power) and isinstance(result.exponent, Number):
+        _check_exponent(result.exponent.value, column)
+    return result
+
+
+def _check_exponent(exponent: Fraction, column: int) -> None:
+    if abs(exponent.numerator) > LIMITS.exponent or exponent.denominator > LIMITS.exponent:
+        instead = f"the limit is {LIMITS.exponent:,}; declare a parameter and write it in its place"
+        raise refusal("the exponent is too large", column, instead, kind=LimitError)
+
+
+def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
+    if base == 0 and exponent <= 0:
+        raise refusal("0 to a power that is not positive has no value", column, "write another base or exponent")
+    if base < 0 and exponent.denominator != 1:
+        base, sign = -base, "-" if exponent.numerator % 2 else ""
+        root = f"write {sign}{base if base.denominator == 1 else f'({base})'}^({exponent})"
+        instead = root if exponent.denominator % 2 else "write another base or exponent"
+        raise refusal("a negative number to this power is not real", column, instead)
+    if abs(base) not in (0, 1):
+        _check_bits(_bits(base) * float(abs(exponent)), column)
+
+
+def check_depth(expression: Expression, column: int = 1) -> Expression:
+    """The same tree; LimitError where it is deeper than `limits.depth`."""
+    level, depth = [expression], 0
+    while level:
+        depth += 1
+        at_most(depth, LIMITS.depth, "the formula is nested too deeply", column)
+        level = [part for node in level for part in children(node)]
+    return expression
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """What is differentiated by, how many times, and where that stands."""
+
+    node: Expression
+    times: int
+    column: int
+
+
+def carry_out(expression: Expression, variables: Sequence[Variable], names: Names) -> Expression:
+    """The derivative; by t it is the one along the motion (x -> x' -> x''), else a partial one."""
+    order = sum(variable.times for variable in variables)
+    at_most(order, LIMITS.derivative_order, "a derivative is too high", variables[0].column)
+    expression = _defined(expression, variables, names)
+    for variable in variables:
+        for _ in range(variable.times):
+            expression = _once(expression, variable, names)
+    return expression
+
+
+def _defined(expression: Expression, variables: Sequence[Variable], names: Names) -> Expression:
+    """What is differentiated with the formulas of its names; InputError for the derivative of a constant."""
+    for variable in variables:
+        if isinstance(variable.node, Symbol) and variable.node in names.definitions:
+            what = f"a derivative by {variable.node.name} occurs, which stands for a formula"
+            raise refusal(what, variable.column, "differentiate by a coordinate")
+    others = {*names.definitions, *(variable.node for variable in variables)}
+    if isinstance(expression, Symbol) and expression.name in names.parameters and expression not in others:
+        what = f"a derivative of the constant {expression.name} occurs"
+        raise refusal(what, variables[0].column, "leave it out", declare="functions")
+    return substitute(expression, dict(names.definitions)) if names.definitions else expression
+
+
+def _once(expression: Expression, variable: Variable, names: Names) -> Expression:
+    nodes = node_count(expression)
+    at_most(nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column)
+    if variable.node != TIME:
+        result = differentiate(expression, variable.node)
+    else:
+        result = _along_motion(expression, variable, names)
+    return check_depth(result, variable.column)
+
+
+def _refuse_two_meanings(function: Arbitrary, column: int) -> None:
+    """InputError for the derivative of V(t, x) by t: the partial one to some, that along the motion to others."""
+    if TIME not in function.arguments or len(function.arguments) == 1:
+        return
+    orders = ",".join(str(int(argument == TIME)) for argument in function.arguments)
+    arguments = ", ".join(node.name for node in function.arguments if isinstance(node, Symbol))
+    partial = f"{function.name}[{orders}]({arguments})"
+    what = f"a derivative of {function.name} by t could be the partial one or the one along the motion; it occurs"
+    raise refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
+
+
+def _along_motion(expression: Expression, variable: Variable, names: Names) -> Expression:
+    try:
+        return differentiate_in_time(expression, names.coordinates)
+    except ValueError:
+        raise _third(variable.column) from None
+
+
+OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
+
+
+def _third(column: int) -> InputError:
+    return refusal("a third derivative occurs", column, OF_SECOND_ORDER)
+
+
+class FormulaParser:
+    """Reads one formula from a stream of tokens."""
+
+    __slots__ = ("_bars", "_names", "_stream")
+
+    def __init__(self, stream: TokenStream, names: Names) -> None:
+        self._stream = stream
+        self._names = names
+        self._bars = 0
+
+    def formula(self) -> Expression:
+        """The whole stream as one formula; InputError where anything is left over."""
+        result = self._expression()
+        rest = self._stream.ahead
+        if rest.kind == "end":
+            return result
+        if rest.is_operator("=", ";"):
+            raise refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
+        if rest.is_operator("[", "]"):
+            raise refusal("square brackets are not accepted here", rest.column, "write ( and )")
+        if rest.is_operator("<", ">"):
+            raise refusal("a comparison occurs", rest.column, "write an equation with one =")
+        if rest.is_operator(","):
+            raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
+        raise unexpected(rest, END)
+
+    def _expression(self) -> Expression:
+        column = self._stream.ahead.column
+        with self._stream.nested():
+            terms = [self._term()]
+            while self._stream.ahead.is_operator("+", "-"):
+                terms.append(self._term())
+        return sum_of(terms, column)
+
+    def _term(self) -> Expression:
+        column = self._stream.ahead.column
+        factors = [*self._signs(), self._factor()]
+        operation: str | None = "*"
+        while (operation := self._operation(operation)) is not None:
+            factors += self._signs() if operation else []
+            place = self._stream.ahead.column
+            factor = self._factor()
+            factors.append(reciprocal(factor, place) if operation == "/" else factor)
+        return product(factors, column)
+
+    def _signs(self) -> list[Expression]:
+        negative = False
+        while token := self._stream.take_operator("+", "-"):
+            negative ^= token.text == "-"
+        return [MINUS_ONE] if negative else []
+
+    def _operation(self, previous: str | None) -> str | None:
+        """'*', '/', '' for a product without sign, None where the term ends."""
+        token = self._stream.take_operator("*", "/")
+        if token:
+            return token.text
+        if not self._continues(self._stream.ahead):
+            return None
+        self._check_adjacent(after_division=previous == "/")
+        return ""
+
+    def _continues(self, token: Token) -> bool:
+        """Whether a further factor begins; inside | … a bar ends it."""
+        return _starts_factor(token) or (token.is_operator("|") and not self._bars)
+
+    def _check_adjacent(self, after_division: bool) -> None:
+        ahead, column = self._stream.ahead, self._stream.ahead.column
+        if ahead.is_operator("(") and self._stream.look(3).kind == "end" and self._stream.look(1).kind == "number":
+            shown = f"({shorten(self._stream.look(1).text)})"
+            raise refusal(f"{shown} could be an equation number", column, "leave it out, or write * before a factor")
+        if ahead.kind == "number":
+            raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
+        if self._time_in_brackets():
+            raise refusal("(t) could be an argument or a factor", column, "write *t for a product")
+        if after_division:
+            raise self._unclear_quotient(column)
+        last, before = self._stream.look(-1), self._stream.look(-2)
+        if before.is_operator("-"):
+            before = self._stream.look(-3)
+        if last.kind == "number" and before.is_operator("^") and not ahead.space_before:
+            raise refusal("where the power ends is not clear", column, "write x^2*y or x^(2*y)")
+
+    def _unclear_quotient(self, column: int) -> InputError:
+        """The refusal of a/b c, with both readings where what follows can be read."""
+        stream, place = self._stream, self._stream.position
+        said = ("what is divided is not clear", column, "write (a/b)*c or a/(b*c)")
+        start, bar = self._quotient_before()
+        rest = self._source_of_factors(place)
+        over, under = stream.source(start, bar), stream.source(bar + 1, place)
+        if rest is None or "|" in over + under:
+            return refusal(*said)
+        span = (stream.look(start - stream.position).column, stream.ahead.column)
+        return refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
+
+    def _quotient_before(self) -> tuple[int, int]:
+        """The positions at which the term begins and its last / stands."""
+        distance = depth = slash = 0
+        while (before := self._stream.look(distance - 1)).kind != "end":
+            depth += before.is_operator(")") - before.is_operator("(")
+            if depth < 0 or (depth == 0 and before.is_operator("+", "-", ",", "=")):
+                break
+            distance -= 1
+            slash = slash or distance * (depth == 0 and before.is_operator("/"))
+        return self._stream.position + distance, self._stream.position + slash
+
+    def _factor(self) -> Expression:
+        base = self._base()
+        ahead = self._stream.ahead
+        if ahead.kind == "prime":
+            instead = "only a coordinate or a declared function takes a prime; write diff(u, x) for other derivatives"
+            raise refusal("a prime occurs", ahead.column, instead)
+        if not self._stream.take_operator("^"):
+            return base
+        exponent, slash = self._exponent(), self._stream.ahead
+        if self._stream.look(-1).text == "1" and slash.is_operator("/") and self._stream.look(1).kind == "number":
+            raise refusal("where the power ends is not clear", slash.column, "write x^(1/2) for a root, or x/2")
+        found = raised(base, exponent, ahead.column)
+        if isinstance(base, Velocity | Acceleration) or base in [Symbol(name) for name in self._names.coordinates]:
+            self._skip_time_argument()  # x^2(t) is the square of x(t)
+        return found
+
+    def _exponent(self) -> Expression:
+        column = self._stream.ahead.column
+        with self._stream.nested():
+            factors = [*self._signs(), self._factor()]
+        return product(factors, column)
+
+    def _base(self) -> Expression:
+        token = self._stream.take()
+        if token.kind == "number":
+            return number(token.value)
+        if token.kind == "name":
+            return self._name(token)
+        if token.is_operator("|"):
+            return call("abs", self._until(token, "|", 1), token.column)
+        if token.is_operator("\u2202"):
+            raise refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
+        if not token.is_operator("("):
+            raise unexpected(token, _OPERAND)
+        return self._until(token, ")", 1)[0]
+
+    def _arguments(self) -> list[Expression]:
+        return self._until(self._stream.take(), ")", LIMITS.tokens)
+
+    def _until(self, opening: Token, closing: str, most: int) -> list[Expression]:
+        """At most so many formulas, separated by commas, and what closes them."""
+        bars, self._bars = self._bars, int(closing == "|")
+        found = [self._expression()]
+        while len(found) < most and self._stream.take_operator(","):
+            found.append(self._expression())
+        self._stream.close(opening, closing)
+        self._bars = bars
+        return found
+
+    def _piecewise(self, token: Token) -> Expression:
+        """The pieces in brackets, each (formula, condition)."""
+        pieces: list[tuple[Expression, Expression]] = []
+        opening = self._opening()
+        while not pieces or self._stream.take_operator(","):
+            bracket = self._opening()
+            with self._stream.nested():
+                value = self._within(0)
+                comma = self._stream.take()
+                if not comma.is_operator(","):
+                    raise unexpected(comma, "a comma, and the condition of the piece,")
+                pieces.append((value, self._condition()))
+            self._stream.close(bracket)
+        self._stream.close(opening)
+        return piecewise(pieces, token.column)
+
+    def _opening(self) -> Token:
+        opening = self._stream.take()
+        if not opening.is_operator("("):
+            raise unexpected(opening, "a piece such as (x^2, x > 0)")
+        return opening
+
+    def _within(self, bars: int) -> Expression:
+        """A formula; with `bars` a | ends it."""
+        outer, self._bars = self._bars, bars
+        found = self._expression()
+        self._bars = outer
+        return found
+
+    def _condition(self) -> Expression:
+        with self._stream.nested():
+            found = self._both()
+            while self._stream.take_operator("|"):
+                found = either(found, self._both())
+        return found
+
+    def _both(self) -> Expression:
+        found = self._one_condition()
+        while self._stream.take_operator("&"):
+            found = found * self._one_condition()
+        return found
+
+    def _one_condition(self) -> Expression:
+        if self._stream.take_operator("true"):
+            return ONE
+        if self._stream.take_operator("~"):
+            with self._stream.nested():
+                return 1 - self._one_condition()
+        if self._stream.ahead.is_operator("(") and self._compares():
+            opening = self._stream.take()
+            found = self._condition()
+            self._stream.close(opening)
+            return found
+        return self._inequality()
+
+    def _compares(self) -> bool:
+        """Whether a condition, and no formula, stands in the bracket ahead."""
+        return any(token.is_operator("<", ">", "~", "&", "true") for token in self._stream.group())
+
+    def _inequality(self) -> Expression:
+        """u > w, or a chain 0 < x < 1."""
+        left, found = self._within(1), []
+        while token := self._stream.take_operator("<", ">"):
+            right = self._within(1)
+            found.append(step(left - right if token.text == ">" else right - left, token.column))
+            left = right
+        if not found:
+            raise unexpected(self._stream.ahead, "an inequality such as x > 0, or true,")
+        return multiply(*found)
+
+    def _elementary(self, token: Token) -> Expression:
+        if token.text in PIECEWISE:
+            return self._piecewise(token)
+        exponent = self._function_power(token)
+        if self._stream.ahead.is_operator("("):
+            result = call(token.text, self._arguments(), token.column)
+        else:
+            result = call(token.text, [self._bare_argument(token)], token.column)
+        return raised(result, exponent, token.column) if exponent else result
+
+    def _function_power(self, token: Token) -> Expression | None:
+        """The 2 of sin^2 x; sin^-1 is refused, it is asin to some and 1/sin to others."""
+        if not (caret := self._stream.take_operator("^")):
+            return None
+        sign = next(k for k in itertools.count() if not self._stream.look(k).is_operator("("))
+        if self._stream.look(sign).is_operator("-") and (sign < 2 or self._stream.look(sign + 1).value == 1):
+            raise self._unclear_inverse(token, caret, sign)
+        return self._base()
+
+    def _unclear_inverse(self, token: Token, caret: Token, sign: int) -> InputError:
+        """The refusal of sin^-1, with both readings where its argument can be read."""
+        stream, name = self._stream, token.text
+        said = (f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
+        is_one = stream.look(sign + 1).value == 1
+        stream.position += sign + 2
+        while stream.take_operator(")") and sign:
+            sign -= 1
+        place = stream.position
+        with suppress(InputError):
+            self._factor()
+        argument = stream.source(place, stream.position)
+        if not argument or sign or not is_one or f"a{name}" not in FUNCTIONS:
+            return refusal(*said)
+        called = argument if argument.startswith("(") else f"({argument})"
+        return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column))
+
+    def _bare_argument(self, token: Token) -> Expression:
+        """The argument of sin x, sin 2x, sin x^2; refused where it could go on."""
+        ahead = self._stream.ahead
+        barred = ahead.is_operator("|") and not self._bars
+        if ahead.kind not in ("number", "name") and not barred:
+            raise unexpected(ahead, f"the argument of {token.text} in brackets")
+        start = self._stream.position
+        with self._stream.nested():
+            argument = self._factor()
+            following = self._stream.ahead
+            if ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
+                if following.space_before or token.text in ("sqrt", "cbrt"):
+                    raise self._unclear_end(token, start)
+                argument = product([argument, self._factor()], ahead.column)
+        after, of_number = self._stream.ahead, ahead.kind == "number" and self._stream.position == start + 1
+        signs = ("/", "*") if of_number else ("/",)  # sin 2*x is sin(2*x) to most
+        if after.is_operator(*signs) or (_starts_factor(after) and not self._bare_ends()):
+            raise self._unclear_end(token, start)
+        return argument
+
+    def _unclear_end(self, token: Token, start: int) -> InputError:
+        """The refusal of sin a b and sin a/b, with both readings where what follows can be read; sin 2 x has one."""
+        stream, end, name = self._stream, self._stream.position, token.text
+        said = (f"where the argument of {name} ends is not clear", stream.ahead.column, f"write {name}( and )")
+        written = stream.take_operator("/", "*")
+        sign, place = written.text if written else "*", stream.position
+        if (rest := self._source_of_factors(place)) is None:
+            return refusal(*said)
+        inner, first = stream.source(start, end), stream.look(start - stream.position)
+        separate = (f"({inner}){sign}{rest}",) * (
+            first.kind != "number" or written is not None or name in ("sqrt", "cbrt")
+        )
+        span = (first.column, stream.ahead.column)
+        return refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
+
+    def _source_of_factors(self, place: int) -> str | None:
+        """What can be read as factors from this position on, which is passed; None where it cannot be read."""
+        try:
+            while self._continues(self._stream.ahead):
+                self._factor()
+        except InputError:
+            return None
+        found = self._stream.source(place, self._stream.position)
+        return found if found and "|" not in found else None
+
+    def _bare_ends(self) -> bool:
+        """Whether a bare argument ends here: before an operator, another function or a velocity."""
+        ahead = self._stream.ahead
+        if ahead.kind != "name":
+            return not ahead.is_operator("(") and ahead.kind != "number"
+        name = self._names.spelling(ahead.text)
+        if self._names.role(name) == "coordinate":
+            return self._stream.look(1).kind == "prime"
+        undeclared = self._names.role(name) is None
+        return undeclared and (name in FUNCTIONS or self._names.derivative(name) is not None)
+
+    def _name(self, token: Token) -> Expression:
+        name = self._names.spelling(token.text)
+        match self._names.role(name):
+            case "coordinate":
+                return self._coordinate(name, 0, token)
+            case "parameter":
+                return self._single(Symbol(name), token)
+            case "function":
+                return self._arbitrary(name, token)
+        if name in DERIVATIVE_NAMES:
+            return self._derivative(token)
+        if name in FUNCTIONS:
+            return self._elementary(token)
+        return self._constant(name, token)
+
+    def _constant(self, name: str, token: Token) -> Expression:
+        if name in ("pi", "Pi"):
+            return self._single(PI, token)
+        if name in ("e", "E"):
+            return self._euler(token)
+        if name == "t" and self._names.time:
+            return self._single(TIME, token)
+        if name == "t":
+            raise refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
+        dotted = self._names.derivative(name)
+        if dotted:
+            return self._coordinate(*dotted, token)
+        raise unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
+
+    def _euler(self, token: Token) -> Expression:
+        """exp(1) where it is raised to a formula; a charge e, or its square, is no number."""
+        if not self._stream.ahead.is_operator("^") or self._number_alone():
+            name = token.text
+            instead = f"write exp(1), exp(2), or declare {name} where it is a name of yours"
+            raise refusal(f"{name} is Euler's number only in a power such as {name}^x", token.column, instead)
+        return Apply("exp", ONE)
+
+    def _number_alone(self) -> bool:
+        """Whether the exponent after the ^ ahead is one number, with signs or brackets about it."""
+        distance, depth, numbers = 1, 0, 0
+        while True:
+            token = self._stream.look(distance)
+            depth += token.is_operator("(") - token.is_operator(")")
+            numbers += token.kind == "number"
+            if token.kind != "number" and not token.is_operator("(", ")", "-", "+"):
+                return False
+            if depth == 0 and not token.is_operator("-", "+"):
+                return numbers == 1
+            distance += 1
+
+    def _single(self, node: Expression, token: Token) -> Expression:
+        """A name that stands alone; InputError where a bracket makes it look like a function."""
+        ahead = self._stream.ahead
+        if ahead.is_operator("(") and not ahead.space_before:
+            self._stream.must_close()
+            name = token.text
+            what = f"{name}( could be a product or a function"
+            span = (ahead.column, ahead.column + 1)
+            raise refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span)
+        if ahead.kind == "prime":
+            instead = f"write diff({token.text}, t)" if node in self._names.definitions else "leave it out"
+            raise refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, instead)
+        return node
+
+    def _coordinate(self, name: str, order: int, token: Token) -> Expression:
+        order += self._primes()
+        if order > 2:
+            raise _third(token.column)
+        self._skip_time_argument()
+        ahead = self._stream.ahead
+        touches = self._opens_arguments() and not ahead.space_before
+        if touches and self._stream.look(1).kind == "number" and self._stream.look(2).is_operator(")"):
+            value = f"{name}({shorten(self._stream.look(1).text)})"
+            instead = f"leave initial conditions out, they change no answer; write {name}* for a product"
+            raise refusal(f"{value} occurs", token.column, instead)
+        if self._opens_arguments() and self._group_has_time():
+            gap, of_time = (" ", " of time") if ahead.space_before else ("", "")
+            instead = f"write {name}*( for a product; delays are not accepted"
+            raise refusal(f"{name}{gap}( could be a product or a function{of_time}", ahead.column, instead)
+        node = (Symbol(name), Velocity(name), Acceleration(name))[order]
+        return node if ahead.kind == "prime" else self._single(node, token)
+
+    def _primes(self) -> int:
+        order = 0
+        while self._stream.ahead.kind == "prime":
+            order += int(self._stream.take().value)
+        return order
+
+    def _opens_arguments(self) -> bool:
+        return self._stream.ahead.is_operator("(") and self._stream.ahead.value != FACTOR
+
+    def _skip_time_argument(self) -> None:
+        if self._time_in_brackets():
+            self._stream.position += 3
+
+    def _time_in_brackets(self) -> bool:
+        look = self._stream.look
+        return self._opens_arguments() and look(1).text == "t" and look(2).is_operator(")")
+
+    def _group_has_time(self) -> bool:
+        open_groups = 0
+        for distance, token in enumerate(self._stream.group()):
+            open_groups += token.is_operator("(") - token.is_operator(")")
+            if token.kind == "name" and token.text == "t" and not self._only_names_time(distance, open_groups):
+                return True
+        return False
+
+    def _only_names_time(self, distance: int, open_groups: int) -> bool:
+        """Whether the t is that of diff(y, t), or of y(t) inside the bracket."""
+        before, after = self._stream.look(distance - 1), self._stream.look(distance + 1)
+        return before.is_operator(",") or (open_groups > 1 and before.is_operator("(") and after.is_operator(")"))
+
+    def _arbitrary(self, name: str, token: Token) -> Expression:
+        declared = self._names.functions[name]
+        orders = self._orders(name, len(declared))
+        at_most(sum(orders), LIMITS.derivative_order, f"a derivative of {name} is too high", token.column)
+        column, exponent = self._stream.ahead.column, None
+        if self._stream.take_operator("^"):
+            exponent = self._exponent()
+        found = self._called(name, declared, orders, token, exponent)
+        return found if exponent is None else raised(found, exponent, column)
+
+    def _called(
+        self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, power: Expression | None
+    ) -> Expression:
+        """A with the arguments that follow, or with those it is declared with; A^2(x) is the square of A(x)."""
+        ahead = self._stream.ahead
+        if not self._opens_arguments():
+            return Arbitrary(name, tuple(Symbol(argument) for argument in declared), orders)
+        if power == number(-1):
+            raise refusal(f"{name}^(-1)( has two meanings", ahead.column, f"write 1/{name}( or another function")
+        if power is not None and ahead.space_before:
+            what = f"a bracket after a power of {name} could be a factor or its arguments"
+            raise refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
+        arguments = self._arguments()
+        if len(arguments) != len(declared):
+            instead = f"write {len(declared)}, as in {name}({', '.join(declared)})"
+            raise refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
+        return Arbitrary(name, tuple(arguments), orders)
+
+    def _orders(self, name: str, count: int) -> tuple[int, ...]:
+        """The orders of A'' (one argument) or A[1,0] (one number for each argument)."""
+        column = self._stream.ahead.column
+        primes = self._primes()
+        if primes and count != 1:
+            raise refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
+        opening = self._stream.take_operator("[")
+        if not opening:
+            return (primes,) if count == 1 else (0,) * count
+        orders = [self._order()]
+        while self._stream.take_operator(","):
+            orders.append(self._order())
+        self._stream.close(opening, "]")
+        if primes or len(orders) != count:
+            instead = f"write {count} in the brackets and no prime"
+            raise refusal(f"the number of orders of {name} is wrong", column, instead)
+        return tuple(orders)
+
+    def _order(self) -> int:
+        token = self._stream.take()
+        if token.kind != "number" or token.value.denominator != 1:
+            raise unexpected(token, "the order of a derivative, an integer,")
+        at_most(token.value, LIMITS.derivative_order, "a derivative is too high", token.column)
+        return int(token.value)
+
+    def _derivative(self, token: Token) -> Expression:
+        """diff(u, x), diff(u, x, 2), diff(u, x, y), Derivative(u, (t, 2))."""
+        opening = self._stream.take()
+        if not opening.is_operator("("):
+            raise unexpected(opening, f"'(' after {token.text}")
+        expression = self._expression()
+        variables: list[Variable] = []
+        while self._stream.take_operator(","):
+            variables.append(self._variable())
+        self._stream.close(opening)
+        if not variables:
+            raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
+        if any(variable.node == TIME for variable in variables) and isinstance(expression, Arbitrary):
+            _refuse_two_meanings(expression, token.column)
+        return carry_out(expression, variables, self._names)
+
+    def _variable(self) -> Variable:
+        opening = self._stream.take_operator("(")
+        token = self._stream.take()
+        node = self._variable_node(token)
+        times = 1
+        if self._stream.ahead.is_operator(",") and (opening or self._stream.look(1).kind == "number"):
+            self._stream.take()
+            times = self._order()
+        if opening:
+            self._stream.close(opening)
+        return Variable(node, times, token.column)
+
+    def _variable_node(self, token: Token) -> Expression:
+        if token.kind != "name":
+            raise unexpected(token, "the variable of the derivative, a name,")
+        if token.text == "t":
+            return TIME
+        name = self._names.spelling(token.text)
+        match self._names.role(name):
+            case "coordinate":
+                return self._coordinate(name, 0, token)
+            case "parameter":
+                return Symbol(name)
+            case "function":
+                raise refusal("a derivative by a function occurs", token.column, "differentiate by a coordinate")
+        dotted = self._names.derivative(name)
+        if dotted:
+            return self._coordinate(*dotted, token)
+        raise unknown_name(token.text, self._names, token.column)
+
+
+_OPERAND = "a number, a name or '('"
+
+
+def _starts_factor(token: Token) -> bool:
+    return token.kind in ("number", "name") or token.is_operator("(")
+
+
+def parse_tokens(tokens: list[Token], end_column: int, names: Names) -> Expression:
+    """The formula that the tokens spell; `end_column` is named where something is missing at the end."""
+    try:
+        return FormulaParser(TokenStream(tokens, end_column), names).formula()
+    except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep
+        raise refusal("the formula is nested too deeply", 1, "write less") from None
