@@ -1,0 +1,1 @@
+"""The corpus through the doors that users have: Python, the command line, HTTP."""

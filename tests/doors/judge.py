@@ -1,0 +1,224 @@
+"""The one judge of Lagrangians, Hamiltonians, and readings: by numbers at random points of the domain."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import mpmath
+
+from tests.doors.formulas import DIGITS, Jet, NotReal, Point
+
+TRIES = 4_000
+NEAR_ZERO = mpmath.mpf(10) ** -18
+
+
+@dataclass(frozen=True)
+class Equations:
+    """q'' = f in canonical texts, and what its names are."""
+
+    coordinates: tuple[str, ...]
+    accelerations: tuple[str, ...]
+    values: Mapping[str, Any] = field(default_factory=dict)
+    time: str = "t"
+
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        return tuple(name + "'" for name in self.coordinates)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        return (self.time, *self.coordinates, *self.velocities)
+
+
+def equations_of(system: Mapping[str, Any], values: Mapping[str, Any] | None = None) -> Equations:
+    """Those of `system.equations` in a result or of a document with explicit accelerations."""
+    names = tuple(system.get("coordinates") or system["equations"])
+    texts = tuple(system["equations"][name] for name in names)
+    return Equations(names, texts, values or {}, system.get("time") or "t")
+
+
+class _Anything(dict[str, Any]):
+    """Names of parameters get a value when they are asked for, positive and fixed by name and seed."""
+
+    def __init__(self, given: Mapping[str, Any], seed: int, high: int) -> None:
+        super().__init__(given)
+        self.seed, self.high = seed, high
+
+    def __contains__(self, name: object) -> bool:
+        return name != "pi" or super().__contains__(name)
+
+    def __missing__(self, name: str) -> Any:
+        draw = random.Random(f"{name} {self.seed}")
+        self[name] = mpmath.mpf(draw.randint(10**6, self.high * 10**6)) / (5 * 10**6)
+        return self[name]
+
+
+def points(
+    given: Equations,
+    domain: Sequence[str] = (),
+    near: Mapping[str, Any] | None = None,
+    integrals: Mapping[str, Any] | None = None,
+    seed: int = 1,
+) -> Iterator[Point]:
+    """Random points of a domain, close to `near` first where it is given; parameters included."""
+    draw = random.Random(seed)
+    for attempt in range(TRIES):
+        numbers: dict[str, Any] = {}
+        close = near if attempt % 2 == 0 else None
+        span = (0.02, 0.1, 0.3)[attempt // 2 % 3]
+        signs = attempt > 40
+        high = 2 + 2 * (attempt // 2 % 4)
+        for name in given.variables:
+            numbers[name] = mpmath.mpf(draw.uniform(0.1, 0.3 * high)) * (draw.choice((-1, 1)) if signs else 1)
+        for name, value in (close or {}).items():
+            numbers[name] = _number(value) * (1 + mpmath.mpf(draw.uniform(-span, span)))
+        numbers |= {name: _number(value) for name, value in given.values.items() if value is not None}
+        point = Point({}, given.variables, integrals)
+        point.numbers = _Anything(numbers, draw.randint(0, 10**6), high)
+        try:
+            if all(map(point.holds, domain)) and all(point.jet(text) for text in given.accelerations):
+                yield point
+        except NotReal:
+            continue
+
+
+def _number(value: Any) -> Any:
+    above, _, below = str(value).partition("/")
+    return mpmath.mpf(above) / mpmath.mpf(below or 1)
+
+
+def faults_of_lagrangian(
+    text: str,
+    given: Equations,
+    domain: Sequence[str] = (),
+    near: Mapping[str, Any] | None = None,
+    integrals: Mapping[str, Any] | None = None,
+    count: int = 2,
+) -> str | None:
+    """None where L is regular and its Euler-Lagrange expressions vanish along f at `count` points; or what fails."""
+    with mpmath.workdps(DIGITS):
+        seen = 0
+        for point in points(given, domain, near, integrals):
+            try:
+                jet = point.jet(text)
+                forces = [point.value(f) for f in given.accelerations]
+            except NotReal:
+                continue
+            g, rest = euler_lagrange(jet, given, point)
+            n = len(forces)
+            if n and abs(mpmath.det(mpmath.matrix(g))) <= mpmath.mpf(10) ** -24 * (1 + _size(g)) ** n:
+                return f"singular Hessian of {text}"
+            for row, b in zip(g, rest, strict=True):
+                parts = [x * f for x, f in zip(row, forces, strict=True)]
+                if abs(mpmath.fsum([*parts, b])) > NEAR_ZERO * (1 + max(map(abs, [*parts, b]))):
+                    return f"{text} has other equations"
+            seen += 1
+            if seen == count:
+                return None
+        return f"no point of the domain of {text} was found"
+
+
+def _size(g: Sequence[Sequence[Any]]) -> Any:
+    return max(abs(x) for row in g for x in row)
+
+
+def euler_lagrange(jet: Jet, given: Equations, point: Point) -> tuple[list[list[Any]], list[Any]]:
+    """(g, b) of the expressions g q'' + b: g = L_vv, b = L_vt + L_vq v - L_q."""
+    n, at = len(given.coordinates), jet.bends
+    speeds = [point.numbers[v] for v in given.velocities]
+    zero = mpmath.mpf(0)
+
+    def second(i: int, j: int) -> Any:
+        return at.get((i, j) if i <= j else (j, i), zero)
+
+    g = [[second(1 + n + i, 1 + n + j) for j in range(n)] for i in range(n)]
+    drift = [
+        second(0, 1 + n + i) + mpmath.fsum(second(1 + k, 1 + n + i) * v for k, v in enumerate(speeds)) for i in range(n)
+    ]
+    return g, [d - jet.slopes.get(1 + i, zero) for i, d in enumerate(drift)]
+
+
+def same_lagrangian(left: str, right: str, given: Equations, domain: Sequence[str] = (), **more: Any) -> bool:
+    """Whether one is a constant times the other and a total derivative: Euler-Lagrange expressions for any q''."""
+    with mpmath.workdps(DIGITS):
+        ratio, seen = None, 0
+        # A constant may depend on parameters, so they are the same at all points.
+        fixed = dict(given.values)
+        for point in points(given, domain, **more):
+            for name, value in fixed.items():
+                point.numbers[name] = _number(value)
+            try:
+                pairs = [euler_lagrange(point.jet(text), given, point) for text in (left, right)]
+            except NotReal:
+                continue
+            moving = {*given.variables}
+            fixed |= {name: value for name, value in point.numbers.items() if name not in moving}
+            (g, b), (h, c) = pairs
+            found = [*(x for row in g for x in row), *b]
+            wanted = [*(x for row in h for x in row), *c]
+            size = max(map(abs, wanted))
+            for x, y in zip(found, wanted, strict=True):
+                if abs(y) < NEAR_ZERO * size:
+                    if abs(x) > NEAR_ZERO * (1 + max(map(abs, found))):
+                        return False
+                    continue
+                ratio = ratio if ratio is not None else x / y
+                if ratio == 0 or abs(x / y / ratio - 1) > NEAR_ZERO:
+                    return False
+            seen += 1
+            if seen == 3:
+                return True
+        raise AssertionError(f"no point where both {left} and {right} are real")
+
+
+def faults_of_hamiltonian(hamiltonian: Mapping[str, Any], lagrangian: str, given: Equations, **more: Any) -> str | None:
+    """None where the momenta are L_v and H is p v - L at two points; `implicit` ones are formulas of velocities."""
+    domain = [*more.pop("domain", ()), *hamiltonian.get("domain", ())]
+    momenta = dict(hamiltonian["momenta"])
+    on_velocities = [condition for condition in domain if not any(name in condition for name in momenta)]
+    with mpmath.workdps(DIGITS):
+        seen = 0
+        for point in points(given, on_velocities, **more):
+            try:
+                jet = point.jet(lagrangian)
+                n = len(given.coordinates)
+                slopes = [jet.slopes.get(1 + n + i, mpmath.mpf(0)) for i in range(n)]
+                speeds = [point.numbers[v] for v in given.velocities]
+                shown = [point.value(text) for text in momenta.values()]
+                if not hamiltonian["implicit"]:
+                    point.numbers.update(zip(momenta, slopes, strict=True))
+                if not all(point.holds(condition) for condition in domain):
+                    continue
+                energy = point.value(hamiltonian["text"])
+            except NotReal:
+                continue
+            wanted = mpmath.fdot(slopes, speeds) - jet.value
+            pairs = [*zip(shown, slopes, strict=True), (energy, wanted)]
+            if any(abs(a - b) > mpmath.mpf(10) ** -14 * (1 + abs(a) + abs(b)) for a, b in pairs):
+                return f"{hamiltonian['text']} is not the energy of {lagrangian}"
+            seen += 1
+            if seen == 2:
+                return None
+        return f"no point of the domain of {hamiltonian['text']} was found"
+
+
+def same_formula(left: str, right: str, names: Sequence[str] = ()) -> bool:
+    """Whether two canonical formulas have the same values at random points."""
+    if left == right:
+        return True
+    with mpmath.workdps(DIGITS):
+        seen = 0
+        for point in points(Equations(tuple(names), ())):
+            try:
+                a, b = point.value(left), point.value(right)
+            except NotReal:
+                continue
+            if abs(a - b) > NEAR_ZERO * (1 + abs(a) + abs(b)):
+                return False
+            seen += 1
+            if seen == 2:
+                return True
+        return False

@@ -1,0 +1,145 @@
+"""Texts of the corpus: each is read as what its writer means, or refused at its place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from inverse_service.errors import InputError
+from inverse_service.service.documents.documents import parse_document
+from tests.doors import calls
+from tests.doors.judge import same_formula
+from tests.doors.rows import Row, cases, rows
+
+AT_A_TIME = 100
+READINGS = rows("readings")
+REFUSALS = rows("refusals")
+BODIES = rows("bodies")
+
+
+def pasted() -> Iterator[Row]:
+    """What people paste from books and programs, as a text whose constants are guessed."""
+    for row in rows("spellings"):
+        document = {"equations": row["given"], "parameters": "guess"}
+        yield {**row, "document": document, "reads": row.get("read"), "id": row["given"]}
+
+
+def fault_of(row: Row, found: Any) -> str | None:
+    """None where a document is understood or refused as its row says."""
+    wanted = row.get("refused")
+    if isinstance(found, calls.Refusal):
+        return f"refused: {found.detail}" if wanted is None else fault_of_refusal(wanted, found)
+    if wanted is not None:
+        return f"read as {found['equations']}"
+    texts = {name: part["text"] for name, part in found["equations"].items()}
+    for name, text in row["reads"].items():
+        if not same_formula(texts.get(name, "no such equation"), text, found["coordinates"]):
+            return f"{name} is read as {texts.get(name)}, not {text}"
+    if "guessed" in row and list(found["guessed"] or []) != row["guessed"]:
+        return f"guessed {found['guessed']}"
+    return None
+
+
+def fault_of_refusal(wanted: dict[str, Any], found: calls.Refusal) -> str | None:
+    """None where what is refused, its place and what is offered are those of the row."""
+    detail = found.detail
+    if not (detail.isprintable() and detail.replace("…", "").isascii() and 10 < len(detail) < 600):
+        return f"not a sentence: {detail!r}"
+    if "words" in wanted and wanted["words"] not in detail:
+        return f"{wanted['words']!r} is missing in {detail!r}"
+    for key in ("pointer", "column"):
+        if key in wanted and getattr(found, key) not in (None, wanted[key]):
+            return f"{key} {getattr(found, key)!r} instead of {wanted[key]!r}"
+    if "instead" in wanted and wanted["instead"] not in found.instead:
+        return f"{wanted['instead']!r} is not among {found.instead}"
+    return None
+
+
+def parsed(document: Any, service: str | None = None) -> Any:
+    """What is understood, by Python or by POST /v1/parse."""
+    if service is None:
+        try:
+            return parse_document(document)
+        except InputError as error:
+            return calls.Refusal(error.detail, error.pointer, error.column, error.instead)
+    answer = httpx.post(f"{service}/v1/parse", content=json.dumps(document), headers=calls.JSON, timeout=60)
+    return answer.json() if answer.status_code == 200 else calls.refusal(answer)
+
+
+def assert_all(chosen: list[Row], service: str | None = None) -> None:
+    faults = {row["id"]: fault for row in chosen if (fault := fault_of(row, parsed(row["document"], service)))}
+    assert not faults, json.dumps(faults, indent=1)
+
+
+def blocks(all_rows: list[Row]) -> list[Any]:
+    starts = range(0, len(all_rows), AT_A_TIME)
+    return [pytest.param(all_rows[start : start + AT_A_TIME], id=f"from-{start}") for start in starts]
+
+
+@pytest.mark.parametrize("chosen", blocks(READINGS))
+def test_a_notation_means_what_its_writer_means(chosen: list[Row]) -> None:
+    assert_all(chosen)
+
+
+@pytest.mark.parametrize("chosen", blocks(list(pasted())))
+def test_what_people_paste_is_read_as_they_mean_it_or_asked_back(chosen: list[Row]) -> None:
+    assert_all(chosen)
+
+
+@pytest.mark.parametrize("chosen", blocks(REFUSALS))
+def test_what_is_wrong_or_has_two_meanings_is_refused_at_its_place(chosen: list[Row]) -> None:
+    assert_all(chosen)
+
+
+def test_the_service_reads_and_refuses_the_same(service: str) -> None:
+    assert_all([*READINGS[::12], *REFUSALS[::12]], service)
+
+
+LONG = {
+    "huge integer": ('{"coordinates": ["x"], "equations": {"x": ' + "9" * 5000 + "}}", "characters"),
+    "long word": ('{"equations": "' + "x" * 19_000 + "''=-1\"}", "too many characters"),
+    "long word of digits": ('{"equations": "' + "d2" * 9_500 + "''=-1\"}", "too many characters"),
+    "empty lines": ('{"equations": "x\'\'=-x' + "\\n" * 19_000 + '"}', "too many parts"),
+    "many dots": ('{"equations": "x\'\'=-x' + "\u0307" * 9_000 + '"}', "third derivative"),
+    "deep lists": ("[" * 100_000 + "]" * 100_000, "deep"),
+    "deep objects": ('{"a":' * 3_000 + "1" + "}" * 3_000, "deep"),
+    "no UTF-8": ('{"coordinates": ["\ud800"]}', "UTF-8"),
+    "million characters": ('{"equations": {"x": "' + "x+" * 250_000 + 'x"}}', "characters"),
+    "parentheses": ('{"equations": {"x": "' + "(" * 5_000 + "x" + ")" * 5_000 + '"}}', "nested"),
+}
+
+
+@pytest.mark.parametrize("door", ["command line", "http"])
+@pytest.mark.parametrize("name", LONG)
+def test_a_long_body_is_refused(name: str, door: str, request: pytest.FixtureRequest) -> None:
+    body, words = LONG[name]
+    service = request.getfixturevalue("service") if door == "http" else None
+    found = calls.solve(body, door, service)
+    assert isinstance(found, calls.Refusal), found
+    assert fault_of_refusal({"words": words}, found) is None
+
+
+@pytest.mark.parametrize(("row", "door"), cases(BODIES, "command line", "http"))
+def test_a_hostile_body_is_refused(row: Row, door: str, request: pytest.FixtureRequest) -> None:
+    service = request.getfixturevalue("service") if door == "http" else None
+    found = calls.solve(row["body"], door, service)
+    assert isinstance(found, calls.Refusal), found
+    assert fault_of_refusal(row.get("refused", {}), found) is None
+
+
+@pytest.mark.parametrize(
+    ("row", "changes"),
+    [
+        ({"reads": {"x": "-x"}}, "x'' = -2*x"),
+        ({"reads": {"x": "-x"}}, "x'' = foo bar"),
+        ({"refused": {}}, "x'' = -x"),
+        ({"refused": {"column": 1}}, "x'' = -x + !"),
+        ({"refused": {"words": "comma"}}, "x'' = -x + !"),
+    ],
+)
+def test_the_runner_sees_what_is_wrong(row: Row, changes: str) -> None:
+    assert fault_of(row, parsed({"equations": changes})) is not None

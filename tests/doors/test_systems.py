@@ -1,0 +1,205 @@
+"""Systems of the corpus: verdicts that are known, Lagrangians and Hamiltonians that hold, certificates that check.
+
+What is expected comes from the literature, from the Lagrangian that a system was made of, or from an argument; the
+judge uses nothing of the package.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import pytest
+
+from tests.doors import calls
+from tests.doors.judge import (
+    Equations,
+    equations_of,
+    faults_of_hamiltonian,
+    faults_of_lagrangian,
+    same_formula,
+    same_lagrangian,
+)
+from tests.doors.rows import Row, cases, systems
+
+SYSTEMS = systems()
+LONGER = 1.3  # a pair of brackets and a number more than a person needs
+
+
+def given_equations(row: Row) -> Equations | None:
+    """f from the row alone; None where only a reader of its notation knows it."""
+    document = row["document"]
+    equations = row.get("equations") or document.get("equations")
+    if not isinstance(equations, dict):
+        return None
+    parameters = document.get("parameters")
+    values = {name: value for name, value in parameters.items() if value} if isinstance(parameters, dict) else {}
+    names = document.get("coordinates") or list(equations)
+    return equations_of({"equations": equations, "coordinates": names, "time": document.get("time")}, values)
+
+
+def test_the_known_lagrangians_of_all_rows_hold() -> None:
+    """Each row proves its yes by itself."""
+    known = [(row, text) for row in SYSTEMS for text in row.get("known", ())]
+    assert known
+    for row, text in known:
+        given = given_equations(row)
+        assert given is not None, row["id"]
+        assert faults_of_lagrangian(text, given) is None, row["id"]
+
+
+def test_rows_agree_with_themselves() -> None:
+    assert len({row["id"] for row in SYSTEMS}) == len(SYSTEMS)
+    for row in SYSTEMS:
+        verdict, with_time = row.get("verdict"), row.get("verdict_with_time")
+        assert row["source"], row["id"]
+        assert verdict != "variational" or with_time in ("variational", None), row["id"]
+        assert not (row.get("known") and with_time == "not_variational"), row["id"]
+        coordinates = (given_equations(row) or Equations(("x", "y"), ())).coordinates
+        assert len(coordinates) > 1 or with_time in ("variational", None), row["id"]
+
+
+@pytest.mark.parametrize(("row", "door"), cases(SYSTEMS))
+def test_a_system_is_answered_as_is_known(row: Row, door: str, request: pytest.FixtureRequest) -> None:
+    service = request.getfixturevalue("patient") if door == "http" else None
+    result = calls.solve(row["document"], door, service)
+    assert not isinstance(result, calls.Refusal), result
+    assert_as_known(row, result)
+    if "undetermined" not in (result["verdict"], result["verdict_with_time"]):
+        assert calls.check(result, door, service) == "valid"
+
+
+def assert_as_known(row: Row, result: Mapping[str, Any]) -> None:
+    for key in ("verdict", "verdict_with_time"):
+        assert row.get(key) in (None, result[key]), (key, result[key], result["reason"])
+    answers = list(answers_of(result))
+    given = given_equations(row) or equations_of(result["system"])
+    for answer in answers:
+        assert_answer_holds(answer, given, result)
+    found = [answer for answer in answers if answer["lagrangian"]]
+    plain = [answer for answer in found if given.time not in _names(answer)]
+    for wanted in row.get("found", ()):
+        having = plain if wanted == "lagrangian" else found
+        assert having, f"{wanted} is missing"
+        assert wanted != "hamiltonian" or any(one["hamiltonian"] for one in having)
+    for key in ("lagrangian", "lagrangian_with_time"):
+        if key in row:
+            assert any(_same(answer, row[key], given) for answer in found), [a["lagrangian"]["text"] for a in found]
+    for key in PARTS:
+        if key in row:
+            PARTS[key](row[key], result)
+    if "textbook" in row:
+        texts = [answer["lagrangian"]["text"] for answer in found if _same(answer, row["textbook"], given)]
+        assert texts, [answer["lagrangian"]["text"] for answer in found]
+        assert min(map(len, texts)) <= LONGER * len(row["textbook"]) + 20, texts
+
+
+def assert_kinds(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
+    assert {name: result["kinds"][name]["verdict"] for name in wanted} == wanted
+    assert {result["kinds"][name]["checked"] for name in wanted} == {"valid"}
+
+
+def assert_cases(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
+    """Each connected set, written as its conditions, with its own verdict."""
+    found = {frozenset(branch["domain"]): branch["verdict"] for branch in result["branches"] or [result]}
+    assert found == {frozenset(domain.split(", ")): verdict for domain, verdict in wanted.items()}
+
+
+def assert_domain(wanted: Sequence[str], result: Mapping[str, Any]) -> None:
+    assert result["branches"] == []
+    assert sorted(result["domain"]) == [condition for condition in wanted if condition != "everywhere"]
+
+
+def assert_clock(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
+    """With another clock: the verdict, N in dtau = N dt, and equations."""
+    found = result["with_clock"]
+    assert found["verdict"] == wanted["verdict"], found["reason"]
+    assert found["checked"] == "valid" or wanted["verdict"] == "undetermined"
+    names = tuple(result["system"]["coordinates"])
+    if "factor" in wanted:
+        assert same_formula(found["factor"], wanted["factor"], names)
+    for name, text in wanted.get("equations", {}).items():
+        assert same_formula(found["equations"][name], text, names)
+    if found["lagrangian"]:
+        given = equations_of({"equations": found["equations"]})
+        assert faults_of_lagrangian(found["lagrangian"]["text"], given, found["lagrangian"]["domain"]) is None
+
+
+def assert_reduced(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
+    """The reduced system as it is and with Chaplygin's clock; None: there is no other clock."""
+    found = result["reduced"]
+    with_clock = found["with_clock"]
+    assert found["verdict"] == wanted["verdict"]
+    assert (with_clock and with_clock["verdict"]) == wanted["with_clock"]
+    for part in (found, with_clock):
+        if part and part["lagrangian"]:
+            given = equations_of(part)
+            assert faults_of_lagrangian(part["lagrangian"]["text"], given, part["lagrangian"]["domain"]) is None
+
+
+def assert_associated(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
+    found = {part["kind"]: part for part in result["nonholonomic"]["associated"]}
+    assert {kind: found[kind]["verdict"] for kind in wanted} == wanted
+    for kind in wanted:
+        assert found[kind]["checked"] == "valid"
+        lagrangian = found[kind]["lagrangian"]
+        if lagrangian:
+            given = equations_of(found[kind] | {"coordinates": result["system"]["coordinates"]})
+            assert faults_of_lagrangian(lagrangian["text"], given, lagrangian["domain"]) is None
+
+
+def assert_motion(wanted: str, result: Mapping[str, Any]) -> None:
+    found = result["any_associated"]
+    assert (found["verdict"], found["checked"]) == (wanted, "valid"), found["reason"]
+
+
+PARTS: dict[str, Callable[[Any, Mapping[str, Any]], None]] = {
+    "kinds": assert_kinds,
+    "cases": assert_cases,
+    "domain": assert_domain,
+    "branches": lambda wanted, result: pytest.fail("branches") if len(result["branches"]) != wanted else None,
+    "reason": lambda wanted, result: pytest.fail(result["reason"]) if wanted not in result["reason"] else None,
+    "clock": assert_clock,
+    "reduced": assert_reduced,
+    "associated": assert_associated,
+    "any_associated": assert_motion,
+}
+
+
+def answers_of(result: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The answers for L(q, q') and L(t, q, q') on every branch."""
+    for branch in result["branches"] or [result]:
+        yield branch
+        if branch.get("with_time"):
+            yield branch["with_time"]
+
+
+def assert_answer_holds(answer: Mapping[str, Any], given: Equations, result: Mapping[str, Any]) -> None:
+    """What one answer shows: it was checked, it was explained, its formulas belong to each other."""
+    if answer["verdict"] == "undetermined":
+        return
+    assert answer["checked"] == "valid"
+    assert answer["explanation"]
+    lagrangian, hamiltonian = answer["lagrangian"], answer["hamiltonian"]
+    assert answer["verdict"] == "variational" or lagrangian is None
+    if lagrangian is None:
+        return
+    near = (answer["certificate"] or {}).get("near")
+    place = {
+        "domain": [*answer.get("domain", ()), *lagrangian["domain"]],
+        "near": near,
+        "integrals": answer.get("integrals") or result.get("integrals"),
+    }
+    assert faults_of_lagrangian(lagrangian["text"], given, **place) is None
+    if hamiltonian is not None:
+        assert faults_of_hamiltonian(hamiltonian, lagrangian["text"], given, **place) is None
+
+
+def _names(answer: Mapping[str, Any]) -> set[str]:
+    return set(re.findall(r"\w+", answer["lagrangian"]["text"]))
+
+
+def _same(answer: Mapping[str, Any], wanted: str, given: Equations) -> bool:
+    near = (answer["certificate"] or {}).get("near")
+    return same_lagrangian(answer["lagrangian"]["text"], wanted, given, answer["lagrangian"]["domain"], near=near)
