@@ -6,8 +6,8 @@ from typing import Any
 
 import sympy
 
-from inverse_service.expressions import sympy_trees
 from inverse_service.expressions.tree import Expression
+from inverse_service.reading import sympy_trees
 from inverse_service.sympy.symbol_names import Table
 
 SympyExpression = Any  # SymPy has no types
