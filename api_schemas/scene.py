@@ -180,7 +180,7 @@ class SceneMethod(base.Document):
     method: Annotated[MethodName, BeforeValidator(_method_name)]
     alpha: Value | None = None
     symmetrised: bool = False
-    order: Annotated[Literal[2, 4, 5, 6, 8], BeforeValidator(_whole)] | None = None
+    order: Annotated[int, Field(ge=1, le=32), BeforeValidator(_whole)] | None = None
     form: Literal["hamiltonian", "raw"] = "hamiltonian"
     guard: bool = True
     tolerance: Value | None = None

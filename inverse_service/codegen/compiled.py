@@ -39,7 +39,7 @@ def code_digest() -> str:
     digest = hashlib.sha256()
     root = Path(__file__).parent.parent
     for room in _ROOMS:
-        for path in sorted((root / room).rglob("*.py")):
+        for path in sorted([*(root / room).rglob("*.py"), *(root / room).rglob("*.toml")]):
             digest.update(path.name.encode() + b"\0" + path.read_bytes())
     digest.update(processor_name().encode())
     return digest.hexdigest()

@@ -1,8 +1,6 @@
 """Coefficients of one-step methods: explicit and implicit Runge-Kutta, Rosenbrock, and compositions.
 
-Explicit, with a fixed step, orders 4, 5 and 8: Kutta (1901); J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6
-(1980) 19; the twelve stages of DOP853, E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I
-(1993).
+Explicit methods with a fixed step are the files of the folder `explicit`, one each, with their sources.
 
 Gauss-Legendre collocation, the implicit methods of order 2 s, our own reference: J. C. Butcher, Math. Comp. 18 (1964)
 50. Nodes and weights are computed to forty digits and rounded once.
@@ -21,8 +19,10 @@ inverse with -h.
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from mpmath import mp
@@ -30,71 +30,27 @@ from mpmath import mp
 
 @dataclass(frozen=True, slots=True)
 class Tableau:
-    """Strictly lower triangular `rows` (stage by stage) and `weights`."""
+    """Strictly lower triangular `rows` (stage by stage) and `weights`; `errors` are weights of estimates of the error."""
 
+    name: str
     rows: tuple[tuple[float, ...], ...]
     weights: tuple[float, ...]
+    errors: tuple[tuple[float, ...], ...] = ()
 
 
-_KUTTA = Tableau(((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
-_DORMAND_PRINCE = Tableau(
-    (
-        (),
-        (1 / 5,),
-        (3 / 40, 9 / 40),
-        (44 / 45, -56 / 15, 32 / 9),
-        (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
-        (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
-    ),
-    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
-)
-_DOP853 = Tableau(
-    (
-        (),
-        (0.05260015195876773,),
-        (0.0197250569845379, 0.0591751709536137),
-        (0.02958758547680685, 0.0, 0.08876275643042054),
-        (0.2413651341592667, 0.0, -0.8845494793282861, 0.924834003261792),
-        (0.037037037037037035, 0.0, 0.0, 0.17082860872947386, 0.12546768756682242),
-        (0.037109375, 0.0, 0.0, 0.17025221101954405, 0.06021653898045596, -0.017578125),
-        (
-            0.03709200011850479, 0.0, 0.0, 0.17038392571223998, 0.10726203044637328, -0.015319437748624402,
-            0.008273789163814023,
-        ),
-        (
-            0.6241109587160757, 0.0, 0.0, -3.3608926294469414, -0.868219346841726, 27.59209969944671,
-            20.154067550477894, -43.48988418106996,
-        ),
-        (
-            0.47766253643826434, 0.0, 0.0, -2.4881146199716677, -0.590290826836843, 21.230051448181193,
-            15.279233632882423, -33.28821096898486, -0.020331201708508627,
-        ),
-        (
-            -0.9371424300859873, 0.0, 0.0, 5.186372428844064, 1.0914373489967295, -8.149787010746927,
-            -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196,
-        ),
-        (
-            2.273310147516538, 0.0, 0.0, -10.53449546673725, -2.0008720582248625, -17.9589318631188,
-            27.94888452941996, -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636,
-        ),
-    ),
-    (
-        0.054293734116568765, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
-        0.3111643669578199, -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
-    ),
-)  # fmt: skip
-TABLEAUX = {4: _KUTTA, 5: _DORMAND_PRINCE, 8: _DOP853}
+def _explicit() -> dict[int, Tableau]:
+    """By order: each file of `explicit/` is a method."""
+    found = {}
+    for path in sorted((Path(__file__).parent / "explicit").glob("*.toml")):
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+        rows, weights, errors = (given.get(key, []) for key in ("rows", "weights", "errors"))
+        found[given["order"]] = Tableau(
+            given["name"], tuple(map(tuple, rows)), tuple(weights), tuple(map(tuple, errors))
+        )
+    return dict(sorted(found.items()))
 
-_OF_ORDER_5 = (
-    0.01312004499419488, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
-    -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
-)  # fmt: skip
-_OF_ORDER_3 = tuple(
-    weight - {0: 0.2440944881889764, 8: 0.7338466882816118, 11: 0.022058823529411766}.get(place, 0.0)
-    for place, weight in enumerate(_DOP853.weights)
-)
-# Weights of the two estimates of the error of DOP853; the one of order 5 is damped by that of order 3.
-DOP853_ERRORS = (_OF_ORDER_5, _OF_ORDER_3)
+
+TABLEAUX = _explicit()
 
 
 _SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))

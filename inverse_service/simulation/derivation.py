@@ -16,21 +16,13 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
+from inverse_service.integrators.methods import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
 from inverse_service.simulation.initial import NO_VALUE, ended_at_start, is_degenerate
 from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations
-from inverse_service.simulation.scene_data import (
-    EXACT,
-    POINT_METHODS,
-    SCIPY,
-    FreeLagrangian,
-    Problem,
-    Requested,
-    Scene,
-    Unavailable,
-)
+from inverse_service.simulation.scene_data import EXACT, FreeLagrangian, Problem, Requested, Scene, Unavailable
 
 KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
 BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
@@ -80,8 +72,6 @@ def with_effects(parts: LagrangianParts, terms: Mapping[str, Expression], named:
     return add(*chosen, *(tree for name, tree in terms.items() if name in named))
 
 
-USES_FREE = frozenset({"variational", "modified"})
-USES_ACCELERATIONS = POINT_METHODS | {"heyoka", *SCIPY}
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 

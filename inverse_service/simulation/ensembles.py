@@ -16,21 +16,14 @@ from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.codegen.symengine_trees import closure
 from inverse_service.errors import InputError
+from inverse_service.integrators.methods import OWN_STEPS, POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome
 from inverse_service.machine_code.loading import processor_features
 from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.execution import stopped
 from inverse_service.simulation.methods import check, kernel_of
 from inverse_service.simulation.outcomes import unknown_names, weights_of
-from inverse_service.simulation.scene_data import (
-    OWN_STEPS,
-    POINT_METHODS,
-    Grid,
-    MethodChoice,
-    Observation,
-    Problem,
-    Stop,
-)
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Stop
 
 STEPS_AT_ONCE = 100_000  # of groups, after which it is asked whether to stop
 ALL_METHODS = "Ensembles are run by methods that step with kernels: variational, nonholonomic, runge-kutta, and so on."

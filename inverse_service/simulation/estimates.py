@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Apply, Expression, Number, Symbol, children
+from inverse_service.integrators.methods import METHODS, OWN_STEPS
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.observing import greatest
 from inverse_service.simulation.quantities import Observed
 from inverse_service.simulation.resolution import TOO_LARGE, energies_of
-from inverse_service.simulation.scene_data import OWN_STEPS, Grid, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import Grid, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, places_of
 from inverse_service.simulation.watches import SMALLEST
 
 MOST_STEPS = 1_000_000
 PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
-ORDERS = {"reference": 12, "adaptive": 8, "stiff": 4, "heyoka": None}
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
 VARIES = (
     "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy; at the start "
@@ -70,8 +70,8 @@ def finer(requested: Requested, grid: Grid) -> Finer:
 def order_of(requested: Requested) -> int | None:
     """The order in h of the positions of a run, or of the steps that a method chooses itself; None where it varies."""
     choice = requested.choice
-    if choice is None or choice.method in ORDERS:
-        return None if choice is None else ORDERS[choice.method]
+    if choice is None or not METHODS[choice.method].orders:
+        return None if choice is None else METHODS[choice.method].order
     is_symmetric = choice.method == "runge_kutta" or choice.alpha == 0.5 or choice.symmetrised
     return choice.order if is_symmetric and requested.convention == "momenta" else 1
 

@@ -17,19 +17,13 @@ from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression, Sum
+from inverse_service.integrators.methods import POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.observing import point_velocities
 from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.scene_data import (
-    POINT_METHODS,
-    Event,
-    Grid,
-    MethodChoice,
-    Problem,
-    Unavailable,
-)
+from inverse_service.simulation.scene_data import Event, Grid, MethodChoice, Problem, Unavailable
 
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)
 CONTINUED = MethodChoice("adaptive", tolerance=1e-14)

@@ -13,30 +13,19 @@ import numpy as np
 from inverse_service.codegen.compiled import Compiled, compiled
 from inverse_service.codegen.symengine_trees import free_names, real_value
 from inverse_service.errors import InputError
+from inverse_service.integrators.methods import GEOMETRIC, METHODS, OWN_STEPS, SCIPY
 from inverse_service.integrators.tableaux import ORDERS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.callables import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.outcomes import Ended, failed_start, trajectory_of, weights_of
 from inverse_service.simulation.peers import run_heyoka, run_scipy
-from inverse_service.simulation.scene_data import (
-    OWN_STEPS,
-    SCIPY,
-    Grid,
-    MethodChoice,
-    Observable,
-    Observation,
-    Problem,
-    Start,
-    Stop,
-)
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
 from inverse_service.simulation.schemes import alpha_of, parts_of, program_of
 from inverse_service.simulation.starting import Initial, initial, refusal
 from inverse_service.simulation.watches import RESOLVE, SMALLER_STEP, has_unique_roots
 
 __all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "run"]
-
-METHODS = ("variational", "nonholonomic", "modified", "runge_kutta", "reference", "adaptive", "stiff", "heyoka", *SCIPY)
 
 
 def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None:
@@ -47,7 +36,7 @@ def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None
         raise InputError("alpha must be from 0 to 1.")
     if choice.form not in ("hamiltonian", "raw", "verlet"):
         raise InputError("The form of the variational method is hamiltonian, raw or verlet.")
-    if choice.method in ("variational", "nonholonomic", "modified"):
+    if choice.method in GEOMETRIC:
         _check_order(choice)
     if choice.symmetrised and choice.alpha != 0.5 and choice.form != "verlet" and problem.depends_on_time:
         raise InputError("Symmetrised steps are for systems without t: take alpha = 1/2, which has order 2 too.")

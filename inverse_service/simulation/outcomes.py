@@ -21,11 +21,12 @@ from inverse_service.codegen.symengine_trees import STEP, Formula, real_value, s
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
+from inverse_service.integrators.methods import GEOMETRIC, OWN_STEPS, POINT_METHODS
 from inverse_service.integrators.tableaux import composition
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.callables import Denominator, Formulas
 from inverse_service.simulation.execution import Run, Stopped, at_last, stopped
-from inverse_service.simulation.scene_data import OWN_STEPS, POINT_METHODS, Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.schemes import parts_of, program_of
 from inverse_service.simulation.starting import Initial
 from inverse_service.simulation.watches import where_it_ends
@@ -195,7 +196,7 @@ def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
 
 
 def weights_of(choice: MethodChoice) -> tuple[float, ...]:
-    return composition(choice.order) if choice.method in ("variational", "nonholonomic", "modified") else (1.0,)
+    return composition(choice.order) if choice.method in GEOMETRIC else (1.0,)
 
 
 def _evaluations(choice: MethodChoice, card: Card, taken: int, iterations: int) -> int:

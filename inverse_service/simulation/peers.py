@@ -29,10 +29,11 @@ from inverse_service.expressions.tree import (
     Velocity,
     walk,
 )
+from inverse_service.integrators.methods import SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.callables import MOMENT, Formulas, kinks
-from inverse_service.simulation.scene_data import SCIPY, Grid, MethodChoice, Observation, Problem, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
 _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}
 

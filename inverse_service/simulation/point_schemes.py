@@ -9,7 +9,7 @@ from inverse_service.codegen.planning import plan, used_only
 from inverse_service.codegen.program import Assign, Iterate, Program, Solve, Statement, Watch
 from inverse_service.codegen.symengine_trees import ALPHA, STEP, WHOLE_STEP, Formula, number, slope, symbol, translate
 from inverse_service.errors import InputError
-from inverse_service.integrators.tableaux import DOP853_ERRORS, RODAS, TABLEAUX, collocation
+from inverse_service.integrators.tableaux import RODAS, TABLEAUX, collocation
 from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.scene_data import MethodChoice, Observation
 from inverse_service.simulation.watches import (
@@ -30,7 +30,9 @@ Stages = list[tuple[list[Formula], list[Formula]]]
 def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
     """Explicit steps of one length."""
     if choice.order not in TABLEAUX:
-        raise InputError(f"Explicit Runge-Kutta methods have order 4, 5 or 8, not {choice.order}.")
+        raise InputError(
+            f"Explicit Runge-Kutta methods have order {', '.join(map(str, TABLEAUX))}, not {choice.order}."
+        )
     statements, stages, changes = _explicit(f, choice.order)
     ends = ([STEP * force for force in stage[1]] for stage in (stages[0], stages[-1]))
     # Stages on both sides of a jump of the force can cancel, so that no step ever ends beyond it.
@@ -46,7 +48,7 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> Pro
     origin = [number(0)] * f.size
     rough, rougher = (
         [change for which in (0, 1) for change in _stage_point(origin, stages, which, weights)]
-        for weights in DOP853_ERRORS
+        for weights in TABLEAUX[8].errors
     )
     first = [STEP * slope for slope in (*f.symbols("v"), *stages[0][1])]
     fine, coarse = (_squared_norm(f, changes, first, error) for error in (rough, rougher))

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from inverse_service.integrators.methods import OWN_STEPS, SCIPY
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.simulation.derivation import Derived
 from inverse_service.simulation.observing import (
@@ -27,7 +28,7 @@ from inverse_service.simulation.observing import (
 )
 from inverse_service.simulation.quantities import velocities_at_points
 from inverse_service.simulation.running import MethodRun, observed_run
-from inverse_service.simulation.scene_data import EXACT, OWN_STEPS, SCIPY, Grid, Progress, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import EXACT, Grid, Progress, Requested, Scene, Unavailable
 from inverse_service.simulation.truth import Truth, true_motion
 
 CHECKS = 8

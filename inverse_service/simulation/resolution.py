@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from inverse_service.expressions.tree import TIME, Expression, walk
+from inverse_service.integrators.methods import OWN_STEPS, SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
@@ -25,10 +26,6 @@ from inverse_service.simulation.observing import (
     why_energy_varies,
 )
 from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.scene_data import (
-    OWN_STEPS,
-    SCIPY,
-)
 from inverse_service.simulation.truth import Truth, places_of
 from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE
 

@@ -52,20 +52,13 @@ class Problem:
         return any(node == TIME for tree in trees if tree is not None for node in walk(tree))
 
 
-TOLERANCES = {"heyoka": 1e-15, "adaptive": 1e-12, "stiff": 1e-8}
-OWN_STEPS = frozenset(TOLERANCES)
-SCIPY = {"scipy_dop853": "DOP853", "scipy_radau": "Radau", "scipy_lsoda": "LSODA"}  # peers in comparisons
-POINT_METHODS = frozenset({"runge_kutta", "reference", "adaptive", "stiff"})  # kernels on positions and velocities
-
-
 @dataclass(frozen=True, slots=True)
 class MethodChoice:
     """A method and its settings.
 
-    `method`: "variational", "nonholonomic", "modified", "runge_kutta", "reference" (Gauss-Legendre of order 12),
-    "adaptive" (DOP853 with steps of its own), "stiff" (RODAS likewise) or "heyoka". `alpha` in [0, 1] is the place of
-    the discrete Lagrangian, `symmetrised` takes the mean of its alpha and 1 - alpha forms. `order`: 2 (the plain step)
-    or 4, 6, 8 by composition; for "runge_kutta" 4, 5 or 8.
+    `method` is one of `integrators.methods`. `alpha` in [0, 1] is the place of the discrete Lagrangian, `symmetrised`
+    takes the mean of its alpha and 1 - alpha forms. `order`: 2 (the plain step) or 4, 6, 8 by composition; that of the
+    tableau for "runge_kutta".
     `form` of "variational": "hamiltonian", "raw" or "verlet". `guard`: stop where the implicit equations may have other
     roots, or steps do not resolve the motion. `tolerance` of "adaptive", "stiff" and "heyoka", for each of their steps,
     which they choose themselves.

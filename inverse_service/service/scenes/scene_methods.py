@@ -11,11 +11,12 @@ from api_schemas.scene import MAX_STEPS, SceneDocument, SceneMethod
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.refusals import shorten
 from inverse_service.expressions.tree import Number
+from inverse_service.integrators.methods import GEOMETRIC, METHODS, OWN_STEPS
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.simulation.array_values import NoValue, array_value
-from inverse_service.simulation.scene_data import OWN_STEPS, TOLERANCES, Grid, MethodChoice, Requested
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Requested
 
 MOST_RECORDED = 100_000
 MOST_WITH_EVENTS = 2_000_000
@@ -78,9 +79,7 @@ def _steps_of(schema: SceneDocument, step: float) -> int:
     return max(1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count))
 
 
-METHODS = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
-ORDERS: dict[str, tuple[int, ...]] = dict.fromkeys(("exact", "reference", *OWN_STEPS), ()) | {"runge_kutta": (4, 5, 8)}
-USES_ALPHA = frozenset({"variational", "nonholonomic", "modified"})
+INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
 
 
 def read_methods(schema: SceneDocument) -> tuple[Requested, ...]:
@@ -93,11 +92,11 @@ def read_methods(schema: SceneDocument) -> tuple[Requested, ...]:
 
 def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Requested:
     verlet = given.method == "stormer-verlet"
-    method = METHODS.get(given.method, given.method)
+    method = INSIDE.get(given.method, given.method)
     alpha = number_of(given.alpha, f"{pointer}/alpha") if given.alpha is not None else 0.5
     if not 0 <= alpha <= 1:
         raise InputError("alpha must be a number from 0 to 1.", f"{pointer}/alpha")
-    allowed = ORDERS.get(method, (2, 4, 6, 8))
+    allowed = METHODS[method].orders
     if given.order is not None and given.order not in allowed:
         choice = f"takes the orders {', '.join(map(str, allowed))}" if allowed else "has no order to choose"
         raise InputError(f"the method {given.method} {choice}.", f"{pointer}/order")
@@ -110,7 +109,7 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Reque
     choice_of = MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
     if verlet:
         choice_of = replace(choice_of, alpha=0.0, symmetrised=True, form="verlet")
-    shown = ("0" if verlet else _shown(given.alpha, alpha)) if method in USES_ALPHA else None
+    shown = ("0" if verlet else _shown(given.alpha, alpha)) if method in GEOMETRIC else None
     constants = [
         (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
     ]
@@ -128,7 +127,7 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Reque
 def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
     """The relative error that a step may make, of methods that choose their steps."""
     if given.tolerance is None:
-        return TOLERANCES.get(method, 0.0)
+        return METHODS[method].tolerance or 0.0
     if method not in OWN_STEPS:
         raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
     tolerance = number_of(given.tolerance, f"{pointer}/tolerance")

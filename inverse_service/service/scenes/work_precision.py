@@ -19,6 +19,7 @@ import numpy as np
 from api_schemas.scene import SceneDocument
 from inverse_service import __version__
 from inverse_service.errors import InputError
+from inverse_service.integrators.methods import SCIPY
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.service.scenes.scene_reading import read_scene
@@ -27,7 +28,7 @@ from inverse_service.service.scenes.simulating import advice_of, as_plain, catal
 from inverse_service.simulation.advice import sentence_of
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.precision import Precision, Setting, default_steps, measure
-from inverse_service.simulation.scene_data import SCIPY, MethodChoice, Progress, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import MethodChoice, Progress, Requested, Scene, Unavailable
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
