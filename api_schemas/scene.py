@@ -205,9 +205,9 @@ class SceneDocument(base.Document):
     `time` (the length of time). `free_lagrangian`: L~ as a formula, or "first", "second" or "third" for that associated
     system; `constants`: its free constants. `circle`: the two coordinates whose path is matched by circles.
     `units`: of coordinates, velocities (v_x), momenta (p_x), the time and observables, for labels and files.
-    `step_sizes`: those of `work-precision`. `forces`: further forces Q(t, q, q') by coordinate; `rayleigh`: a function
+    `step_sizes`: those of `work-precision`; `long`: it measures a hundred times the time too. `forces`: further forces Q(t, q, q') by coordinate; `rayleigh`: a function
     R of which -dR/dq' is a force. `observe` takes formulas by name too. `restart`: the result of a scene that ends
-    where this one begins.
+    where this one begins. `methods` left out: adaptive; in `work-precision` those that suit the system.
     """
 
     name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
@@ -226,7 +226,7 @@ class SceneDocument(base.Document):
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS), BeforeValidator(_whole)] | None = None
     time: Value | None = None
     record_every: Annotated[int, Field(ge=1, le=MAX_STEPS), BeforeValidator(_whole)] | None = None
-    methods: Methods
+    methods: Methods = Field(default_factory=list)
     observe: Annotated[list[Observable], Field(max_length=32)] = Field(default_factory=_trajectory)
     events: Annotated[list[SceneEvent], Field(max_length=MAX_EVENTS)] = Field(default_factory=list)
     ensemble: SceneEnsemble | None = None
@@ -237,3 +237,4 @@ class SceneDocument(base.Document):
     units: Annotated[dict[Name, Word], Field(max_length=64)] = Field(default_factory=dict)
     step_sizes: Annotated[list[Value], Field(min_length=1, max_length=MAX_STEP_SIZES)] | None = None
     repeats: Annotated[int, Field(ge=1, le=50), BeforeValidator(_whole)] = 5
+    long: bool = False

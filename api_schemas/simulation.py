@@ -184,8 +184,31 @@ class PrecisionMethod(Document):
 
     label: str
     method: str
+    family: str
+    order: int | None
     measured_order: float | None
     settings: list[PrecisionSetting]
+
+
+class PricePart(Document):
+    """What an error costs by one method; null where the method does not reach it. `at_most`: it is better than that at
+    its coarsest setting."""
+
+    method: str
+    order: int | None
+    step: float | None
+    tolerance: float | None
+    seconds: float | None
+    ratio: float | None
+    evaluations: float | None
+    at_most: bool | None
+
+
+class TargetPart(Document):
+    """A relative error and what it costs, the cheapest method first."""
+
+    error: float
+    rows: list[PricePart]
 
 
 class FailedSetting(Document):
@@ -194,6 +217,20 @@ class FailedSetting(Document):
     label: str
     step: float | None
     tolerance: float | None
+    reason: str
+
+
+class LongPart(Document):
+    """A method over a hundred times the time: errors of the energy and the constraints, and of the shape."""
+
+    method: str
+    step: float | None
+    tolerance: float | None
+    seconds: float | None
+    energy_error: float | None
+    energy_drift: float | None
+    constraint_error: float | None
+    shape_change: float | None
     reason: str
 
 
@@ -206,11 +243,13 @@ class WorkPrecisionResult(Document):
     scale: float
     error: str
     truth: dict[str, Any]
+    targets: list[TargetPart]
+    sentences: list[str]
     conclusion: str
     advice: AdvicePart | None
     methods: list[PrecisionMethod]
+    runs: list[dict[str, Any]]
+    long: list[LongPart]
     failed: list[FailedSetting]
-    seconds_to_error: dict[str, Numbers]
-    at_most: dict[str, list[str]]
     machine: dict[str, Any]
     provenance: dict[str, Any]

@@ -198,13 +198,15 @@ def simulate(
 @application.command("work-precision")
 def work_precision(
     scene: Annotated[str, typer.Argument(help="A Scene document; its methods are run at many steps.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Directory for table, JSON and figure.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Directory for CSV, JSON and picture.")] = None,
+    long: Annotated[bool, typer.Option("--long", help="Also: a hundred times the time, what drifts.")] = False,
+    evaluations: Annotated[bool, typer.Option("--evaluations", help="A second panel: force evaluations.")] = False,
     time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 300.")] = None,
 ) -> None:
-    """Error against time for every method of a scene."""
+    """What each error costs by each method of a scene: a table, a picture, all runs."""
     from inverse_service.cli.simulate_command import measure_file
 
-    sys.exit(measure_file(scene, output, time_limit))
+    sys.exit(measure_file(scene, output, time_limit, long, evaluations))
 
 
 @application.command()

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import Any
 
 from inverse_service.cli.exits import ExitCode, read_bytes, write
@@ -27,10 +28,9 @@ QUANTITIES = (
     "estimated_error",
     "max_error",
 )
-COLUMNS = (
-    "step", "steps", "relative_error", "compile_seconds", "first_seconds", "best_seconds", "median_seconds",
-    "force_evaluations", "newton_iterations", "tolerance", "velocity_error", "energy_error", "constraint_error",
-)  # fmt: skip
+COLUMNS = ("method", "order", "step", "tolerance", "error", "seconds", "evaluations", "at_floor", "reason")
+LONG = ("seconds", "energy_error", "energy_drift", "constraint_error", "shape_change")
+NARROWEST = 80
 
 
 def simulate_file(name: str, output: Path | None, time_limit: float | None, figures: bool) -> ExitCode:
@@ -199,26 +199,29 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def measure_file(name: str, output: Path | None, time_limit: float | None) -> ExitCode:
-    """Measure the scene in a process of its own; write DIR, or the document on standard output."""
+def measure_file(
+    name: str, output: Path | None, time_limit: float | None, long: bool = False, evaluations: bool = False
+) -> ExitCode:
+    """Measure the scene in a process of its own: the table of prices on a terminal, JSON into a pipe, and all runs with
+    the picture into DIR."""
     limit = time_limit_or(MEASURING_SECONDS, time_limit)
     document = read_document(read_bytes(name), name)
     folder = None if output is None else made_folder(output)
+    if long and isinstance(document, dict):
+        document = document | {"long": True}
     result = value_in_time(tasks.work_precision_task, document, limit)
     if folder is None:
-        write(json.dumps(result, ensure_ascii=False, indent=2) + "\n")
+        write(price_list(result) if sys.stdout.isatty() else json.dumps(result, ensure_ascii=False, indent=2) + "\n")
         return ExitCode.DONE
     from inverse_service.service.figures.style import save
     from inverse_service.service.figures.time_series import precision_figure
 
-    figure, caption = precision_figure(result)
+    figure, caption = precision_figure(result, evaluations)
     result["figures"] = [{"files": save(figure, folder, "work-precision", caption), "caption": caption}]
     text = json.dumps(result, ensure_ascii=False, indent=2)
     (folder / "work-precision.json").write_text(text + "\n", encoding="utf-8")
     (folder / "work-precision.csv").write_text(comma_table(result), encoding="utf-8")
-    page = text_table(result)
-    (folder / "work-precision.txt").write_text(page, encoding="utf-8")
-    _show(page, folder)
+    _show(price_list(result), folder)
     return ExitCode.DONE
 
 
@@ -228,39 +231,65 @@ def _show(page: str, folder: Path) -> None:
 
 
 def comma_table(result: Mapping[str, Any]) -> str:
-    """One line a setting; empty cells where nothing was measured."""
-    lines = [",".join(("label", *COLUMNS, "at_floor", "reason"))]
-    for method in result["methods"]:
-        for setting in method["settings"]:
-            cells = ["" if setting[key] is None else repr(setting[key]) for key in COLUMNS]
-            reason = json.dumps(setting["reason"]) if setting["reason"] else ""
-            lines.append(",".join((method["label"], *cells, str(setting["at_floor"]).lower(), reason)))
+    """One line for each run, errors relative to the size of the motion; empty cells where nothing was measured."""
+    lines = [",".join(COLUMNS)]
+    for run in result["runs"]:
+        cells = ("" if run[key] in (None, "") else run[key] for key in COLUMNS)
+        lines.append(",".join(json.dumps(cell) if isinstance(cell, str) and cell else str(cell) for cell in cells))
     return "\n".join(lines) + "\n"
 
 
-def text_table(result: Mapping[str, Any]) -> str:
-    """The table for a person, with machine and conclusion below it."""
-    rows = [["method", *(name.replace("_seconds", " s").replace("_", " ") for name in COLUMNS), ""]]
-    for method in result["methods"]:
-        for setting in method["settings"]:
-            note = setting["reason"] or ("round-off" if setting["at_floor"] else "")
-            rows.append([method["label"], *(_cell(setting[key]) for key in COLUMNS), note])
-    machine = ", ".join(f"{key} {value}" for key, value in result["machine"].items())
-    orders = ", ".join(
-        f"{method['label']} {method['measured_order']:.2f}"
-        for method in result["methods"]
-        if method["measured_order"] is not None
+def price_list(result: Mapping[str, Any]) -> str:
+    """What each error costs: a column for each method, the best first, as many as the terminal is wide; two sentences;
+    the long run, where it was measured."""
+    from inverse_service.service.figures.time_series import best_first
+
+    labels, rows = best_first(result), []
+    for target in result["targets"]:
+        price = {row["method"]: row for row in target["rows"]}
+        rows.append([f"{target['error']:.0e}".replace("e-0", "e-"), *(_seconds(price[label]) for label in labels)])
+        rows.append(["", *(_choice(price[label]) for label in labels)])
+    table = [["error", *labels], *rows]
+    width = max(NARROWEST, get_terminal_size().columns)
+    count = len(labels)
+    while count > 1 and max(map(len, _aligned([row[: count + 1] for row in table]))) > width:
+        count -= 1
+    left = f"Not shown: {', '.join(labels[count:])}." if count < len(labels) else ""
+    lines = [*_aligned([row[: count + 1] for row in table]), left, "", *result["sentences"]]
+    if result["long"]:
+        done = [run for run in result["long"] if not run["reason"]]
+        names = [name for name in LONG if any(run[name] is not None for run in done)]
+        heads = ["100 times the time", "step", *(name.replace("_", " ") for name in names)]
+        lines += ["", *_aligned([heads, *(
+            [run["method"], f"{run['step'] or run['tolerance']:.2g}", *(_number(run[name]) for name in names)]
+            for run in done
+        )])]  # fmt: skip
+    machine = result["machine"]
+    lines.append(f"{machine['processor']}, one core; each time is the best of several runs without compiling.")
+    return "\n".join(line for k, line in enumerate(lines) if line or lines[k - 1]) + "\n"
+
+
+def _seconds(row: Mapping[str, Any]) -> str:
+    from inverse_service.service.scenes.work_precision import duration
+
+    if row["seconds"] is None:
+        return "-"
+    return ("\N{LESS-THAN OR EQUAL TO} " if row["at_most"] else "") + duration(row["seconds"])
+
+
+def _choice(row: Mapping[str, Any]) -> str:
+    """How many times the fastest, and the step or tolerance to take."""
+    if row["seconds"] is None:
+        return ""
+    times = "best" if row["ratio"] == 1 else f"{row['ratio']:.2g}\N{MULTIPLICATION SIGN}"
+    times = f"{row['ratio']:.0f}\N{MULTIPLICATION SIGN}" if row["ratio"] >= 99.5 else times
+    return (
+        f"{times}, step {row['step']:.2g}"
+        if row["tolerance"] is None
+        else f"{times}, tol {row['tolerance']:.0e}".replace("e-0", "e-")
     )
-    below = [f"Measured orders: {orders or 'none'}.", f"Machine: {machine}.", result["conclusion"]]
-    return "\n".join([*_aligned(rows), "", *below, ""])
 
 
 def _aligned(rows: list[list[str]]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    return str(value) if isinstance(value, int) else f"{value:.3g}"

@@ -30,7 +30,7 @@ from mpmath import mp
 
 @dataclass(frozen=True, slots=True)
 class Tableau:
-    """Strictly lower triangular `rows` (stage by stage) and `weights`; `errors` are weights of estimates of the error."""
+    """Strictly lower triangular `rows` (stage by stage), `weights`, and those of estimates of the error."""
 
     name: str
     rows: tuple[tuple[float, ...], ...]
@@ -44,9 +44,8 @@ def _explicit() -> dict[int, Tableau]:
     for path in sorted((Path(__file__).parent / "explicit").glob("*.toml")):
         given = tomllib.loads(path.read_text(encoding="utf-8"))
         rows, weights, errors = (given.get(key, []) for key in ("rows", "weights", "errors"))
-        found[given["order"]] = Tableau(
-            given["name"], tuple(map(tuple, rows)), tuple(weights), tuple(map(tuple, errors))
-        )
+        parts = tuple(map(tuple, rows)), tuple(weights), tuple(map(tuple, errors))
+        found[given["order"]] = Tableau(given["name"], *parts)
     return dict(sorted(found.items()))
 
 

@@ -30,9 +30,8 @@ Stages = list[tuple[list[Formula], list[Formula]]]
 def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
     """Explicit steps of one length."""
     if choice.order not in TABLEAUX:
-        raise InputError(
-            f"Explicit Runge-Kutta methods have order {', '.join(map(str, TABLEAUX))}, not {choice.order}."
-        )
+        known = ", ".join(map(str, TABLEAUX))
+        raise InputError(f"Explicit Runge-Kutta methods have order {known}, not {choice.order}.")
     statements, stages, changes = _explicit(f, choice.order)
     ends = ([STEP * force for force in stage[1]] for stage in (stages[0], stages[-1]))
     # Stages on both sides of a jump of the force can cancel, so that no step ever ends beyond it.

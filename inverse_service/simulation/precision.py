@@ -1,23 +1,25 @@
 """Error against work for every method of a scene, measured by rules that favor none.
 
-Every method gets the same step sizes over the same length of time; heyoka, which chooses its steps itself, gets
-tolerances. Errors are taken at CHECKS common times against
-the exact solution, or two references that agree. Compiling, the first call and steady runs are separate; steady
-runs of all settings alternate, best and median of several. A curve ends at its least error: what lies beyond is
-the round-off floor. A setting that failed is kept with its reason and has no error.
+Every method is run over the same time, from a coarse setting to finer ones: half the step, or a tenth of the tolerance,
+until its error is round-off or it takes too long. Errors are taken at CHECKS common times against the exact solution,
+or a reference that a second one confirms. Compiling, the first call and steady runs are separate; steady runs of all
+settings alternate, best and median of several. A curve ends at its least error: what lies beyond is the round-off
+floor. A setting that failed is kept with its reason and has no error.
 """
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
-from inverse_service.integrators.methods import OWN_STEPS, SCIPY
-from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.integrators.methods import METHODS
+from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.derivation import Derived
 from inverse_service.simulation.observing import (
     greatest,
@@ -32,16 +34,18 @@ from inverse_service.simulation.scene_data import EXACT, Grid, Progress, Request
 from inverse_service.simulation.truth import Truth, true_motion
 
 CHECKS = 8
-TOLERANCES = tuple(10.0**-k for k in range(3, 16))
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
+COARSEST, FINEST = 1e-2, 1e-13  # shares of the motion: from where to where a curve is wanted
+LOOSEST, TIGHTEST = 1e-3, 1e-15  # tolerances
 MOST_STEPS = 4_000_000
-# Errors below this share of the motion are round-off, whose noise is about this factor.
-ROUND_OFF = 1e-12
-NOISE = 4.0
-SLOW = 1.0  # seconds; a peer that takes longer is not made finer: its very first call also loads what it needs
-COARSE = 1e-2  # of the motion
-# Shares of the time limit: for first calls, and for all repetitions.
-SHARE_OF_FIRST = 0.5
-SHARE_OF_REPEATS = 0.35
+ROUND_OFF, NOISE = 1e-12, 4.0  # errors below this share of the motion are round-off, whose noise is about this factor
+STALLED = 0.5  # of the error before: less gain than this, twice, is the round-off floor
+SECONDS = 0.25  # for each of the repeats: of the first runs of all methods together, and of their later ones
+SHARE_OF_FIRST, SHARE_OF_REPEATS = 0.6, 0.2  # of the time limit
+LONG = 100  # times the time of the scene
+PARTS = 20  # of a long run: the first and the last are compared
+TOO_SLOW = "not measured: the one before took {:.1g} s"
+LATE = "not measured: the time limit was near"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,15 +61,15 @@ class Setting:
     requested: Requested
     step: float
     steps: int
-    error: float | None
-    reason: str
-    compile: float
-    first: float
-    best: float | None
-    median: float | None
-    repeats: int
-    force_evaluations: int
-    newton_iterations: int
+    error: float | None = None
+    reason: str = ""
+    compile: float = 0.0
+    first: float = 0.0
+    best: float | None = None
+    median: float | None = None
+    repeats: int = 0
+    force_evaluations: int = 0
+    newton_iterations: int = 0
     at_floor: bool = False
     tolerance: float | None = None
     further: Mapping[str, float | None] = field(default_factory=dict)
@@ -77,18 +81,39 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True)
+class LongRun:
+    """A method over LONG times the time: greatest errors of the energy (relative) and the constraints, the change of
+    the orbit's shape from the first part to the last, as a share of its size, and the seconds that it takes."""
+
+    setting: Setting
+    seconds: float | None = None
+    energy_error: float | None = None
+    energy_drift: float | None = None
+    constraint_error: float | None = None
+    shape_change: float | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Precision:
-    """All settings, in the order of methods and of falling steps; `scale` is the size of the motion."""
+    """All settings, in the order of methods and from coarse to fine; `scale` is the size of the motion."""
 
     scene: Scene
     truth: Truth
     scale: float
     settings: tuple[Setting, ...]
+    long: tuple[LongRun, ...] = ()
 
 
-def default_steps(step: float) -> tuple[float, ...]:
-    """Ten steps, from four times the scene's one down to a 128th."""
-    return tuple(step * 2.0 ** (2 - k) for k in range(10))
+@dataclass(frozen=True, slots=True)
+class Price:
+    """What an error costs by one method: interpolated on its curve. `at_most`: its coarsest setting is better."""
+
+    seconds: float
+    step: float | None
+    tolerance: float | None
+    evaluations: float
+    at_most: bool
 
 
 def measure(
@@ -98,52 +123,89 @@ def measure(
     repeats: int,
     time_limit: float,
     progress: Progress | None = None,
-    coarser: bool = False,
+    long: bool = False,
 ) -> Precision | Unavailable:
-    """Measure every method of the scene but the exact one at every step, and at `coarser` ones where it is good at all
-    of these; Unavailable where nothing is true."""
-    begun = time.monotonic()
-    length = scene.grid.step * scene.grid.steps
+    """Measure every method of the scene but the exact one, at `steps` or from coarse to fine; Unavailable where nothing
+    is true."""
+    begun, length = time.process_time(), scene.grid.step * scene.grid.steps
     plain = replace(scene, observe=())
-    counts = _counts(length, steps)
-    truth = _truth(plain, derived, length, max(counts))
+    finest = max(_counts(length, steps or [scene.grid.step / 8]))
+    truth = true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
     if isinstance(truth, Unavailable):
         return truth
     if not np.isfinite(truth.positions).all():
         return Unavailable(truth.reason)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
-    late = begun + SHARE_OF_FIRST * time_limit
+    methods = [requested for requested in scene.methods if requested.method != EXACT]
 
-    def first(blank: Setting) -> Setting:
+    def run(blank: Setting) -> Setting:
         if progress is not None:
             at = f"{blank.steps} steps" if blank.tolerance is None else f"tolerance {blank.tolerance:g}"
             progress(f"{blank.requested.label}, {at}")
-        if time.monotonic() > late:
-            return replace(blank, reason="not measured: the time limit was near")
-        return _first(plain, blank, derived, truth, length)
+        late = time.process_time() - begun > SHARE_OF_FIRST * time_limit
+        return replace(blank, reason=LATE) if late else _first(plain, blank, derived, truth, length)
 
     settings: list[Setting] = []
-    for requested in scene.methods:
-        if requested.method == EXACT:
-            continue
-        own: list[Setting] = []
-        for count, tolerance in _fineness(requested, counts):
-            blank = _blank(requested, length, count, tolerance)
-            slow = requested.method in SCIPY and any(one.first > SLOW for one in own[1:])
-            reason = f"not measured: the coarser one took more than {SLOW:g} s"
-            own.append(replace(blank, reason=reason) if slow else first(blank))
-        while coarser and _is_good(own[0], scale):
-            count = CHECKS * (own[0].steps // CHECKS // 2)
-            own.insert(0, first(_blank(requested, length, count, None)))
-        settings += own
-    settings = _repeated(plain, derived, settings, length, repeats, SHARE_OF_REPEATS * time_limit)
-    return Precision(scene, truth, scale, tuple(_with_floor(settings, scale, truth.uncertainty)))
+    seconds = SECONDS * repeats / len(methods)
+    for requested in methods:
+        if METHODS[requested.method].own_steps:
+            settings += _refined(run, _tolerances(requested, length), truth, scale, seconds)
+        elif steps:
+            settings += [run(_blank(requested, length, count)) for count in _counts(length, steps)]
+        else:
+            settings += _by_halves(run, requested, length, scene.grid.step, truth, scale, seconds)
+    settings = _repeated(
+        plain, derived, settings, length, repeats, min(SHARE_OF_REPEATS * time_limit, SECONDS * repeats)
+    )
+    settings = _with_floor(settings, scale, truth.uncertainty)
+    found = Precision(scene, truth, scale, tuple(settings))
+    if long:
+        left = begun + time_limit - time.process_time()
+        found = replace(found, long=tuple(_long_runs(found, derived, min(left, repeats))))
+    return found
 
 
-def _is_good(setting: Setting, scale: float) -> bool:
-    """Whether a method with a given step is so good there that longer ones say more."""
-    plain = setting.tolerance is None and setting.steps >= 2 * CHECKS
-    return plain and setting.error is not None and setting.error <= COARSE * scale
+def _refined(
+    run: Callable[[Setting], Setting], blanks: Iterator[Setting], truth: Truth, scale: float, seconds: float
+) -> list[Setting]:
+    """From coarse to fine until the error is round-off, no longer falls, or a run takes long."""
+    found: list[Setting] = []
+    for blank in blanks:
+        # The next one takes as long as all before it together.
+        if sum(one.best or 0.0 for one in found) > seconds / 2:
+            return [*found, replace(blank, reason=TOO_SLOW.format(found[-1].best))]
+        found.append(run(blank))
+        errors = [one.error for one in found if one.error is not None]
+        if found[-1].reason == LATE or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):
+            break
+        if len(errors) > 2 and errors[-3] < COARSEST * scale and min(errors[-2:]) > STALLED * errors[-3]:
+            break
+    return found
+
+
+def _by_halves(
+    run: Callable[[Setting], Setting],
+    requested: Requested,
+    length: float,
+    step: float,
+    truth: Truth,
+    scale: float,
+    seconds: float,
+) -> list[Setting]:
+    """Steps that are halved from four times that of the scene, or from longer ones where that is good already."""
+    begin = max(1, round(length / (4 * CHECKS * step)))
+
+    def blanks() -> Iterator[Setting]:
+        count = CHECKS * begin
+        while count <= MOST_STEPS:
+            yield _blank(requested, length, count)
+            count *= 2
+
+    found, parts = _refined(run, blanks(), truth, scale, seconds), begin
+    while parts > 1 and found[0].error is not None and found[0].error <= COARSEST * scale:
+        parts //= 2
+        found.insert(0, run(_blank(requested, length, CHECKS * parts)))
+    return found
 
 
 def _counts(length: float, steps: Sequence[float]) -> list[int]:
@@ -152,68 +214,62 @@ def _counts(length: float, steps: Sequence[float]) -> list[int]:
     return sorted(count for count in counts if count <= MOST_STEPS) or [min(counts)]
 
 
-def _fineness(requested: Requested, counts: Sequence[int]) -> list[tuple[int, float | None]]:
-    """(steps, None) of each setting; (CHECKS, tolerance) for methods that choose their steps."""
-    if requested.method in SCIPY:
-        return [(CHECKS, tolerance) for tolerance in TOLERANCES[1:10:2]]
-    if requested.method in OWN_STEPS:
-        return [(CHECKS, tolerance) for tolerance in TOLERANCES]
-    return [(count, None) for count in counts]
+def _tolerances(requested: Requested, length: float) -> Iterator[Setting]:
+    factor = 100.0 if METHODS[requested.method].scipy else 10.0
+    tolerance = LOOSEST
+    while tolerance > 0.9 * TIGHTEST:
+        yield _blank(requested, length, CHECKS, tolerance)
+        tolerance /= factor
 
 
-def _blank(requested: Requested, length: float, count: int, tolerance: float | None) -> Setting:
+def _blank(requested: Requested, length: float, count: int, tolerance: float | None = None) -> Setting:
     """A setting before it is measured; a tolerance is part of what is requested."""
     if tolerance is not None and requested.choice is not None:
         requested = replace(requested, choice=replace(requested.choice, tolerance=tolerance))
-    step = _grid(length, count).step
-    return Setting(requested, step, count, None, "", 0.0, 0.0, None, None, 0, 0, 0, tolerance=tolerance)
+    return Setting(requested, _grid(length, count).step, count, tolerance=tolerance)
 
 
 def _grid(length: float, count: int) -> Grid:
     return Grid(length / count, count, count // CHECKS)
 
 
-def _truth(scene: Scene, derived: Derived, length: float, finest: int) -> Truth | Unavailable:
-    return true_motion(replace(scene, grid=_grid(length, min(finest, 65_536))), derived)
-
-
 def _first(scene: Scene, blank: Setting, derived: Derived, truth: Truth, length: float) -> Setting:
     begun = time.perf_counter()
     run = observed_run(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None)
-    first = time.perf_counter() - begun
-    trajectory = run.trajectory
-    if trajectory is None or not run.outcome.completed:
+    first, at = time.perf_counter() - begun, run.trajectory
+    if at is None or not run.outcome.completed:
         return replace(blank, reason=reason_of(run), first=first)
-    error = float(np.abs(trajectory.positions - truth.positions).max())
+    error = float(np.abs(at.positions - truth.positions).max())
     if not np.isfinite(error):
         return replace(blank, reason="the result is not finite", first=first)
+    further = _further(scene, run, truth)
     return replace(
-        blank,
-        error=error,
-        compile=trajectory.compile_seconds,
-        first=first,
-        force_evaluations=trajectory.force_evaluations,
-        newton_iterations=trajectory.newton_iterations,
-        further=_further(scene, run, truth),
-    )
+        blank, error=error, compile=at.compile_seconds, first=first, best=at.run_seconds, further=further,
+        force_evaluations=at.force_evaluations, newton_iterations=at.newton_iterations,
+    )  # fmt: skip
 
 
 def _further(scene: Scene, run: MethodRun, truth: Truth) -> dict[str, float | None]:
     """Greatest errors at the CHECKS common times, of what has values there."""
-    assert run.trajectory is not None
     velocities = None if run.observed is None else velocities_at_points(run.observed)
-    if velocities is None:
+    if velocities is None or run.trajectory is None:
         return {}
-    positions, times = run.trajectory.positions, run.trajectory.times
+    errors = energy_errors(scene, run.trajectory.positions, velocities, run.trajectory.times)
     found = {"velocity_error": greatest(velocities - truth.velocities)}
-    if scene.lagrangian is not None and why_energy_varies(scene) is None:
-        start = start_energy(scene) or 0.0
-        found["energy_error"] = greatest(
-            (point_energy(scene, positions, velocities, times) - start) / (abs(start) or 1.0)
-        )
+    found |= {} if errors is None else {"energy_error": greatest(errors)}
     if scene.constraints:
-        found["constraint_error"] = point_constraints(scene, positions, velocities)["max_constraint_at_points"]
+        found["constraint_error"] = point_constraints(scene, run.trajectory.positions, velocities)[
+            "max_constraint_at_points"
+        ]
     return found
+
+
+def energy_errors(scene: Scene, positions: Array, velocities: Array, times: Array) -> Array | None:
+    """E/E_0 - 1 (E - E_0 where E_0 is 0) at points, (m,); None where E is no constant or is not known."""
+    if scene.lagrangian is None or why_energy_varies(scene) is not None:
+        return None
+    start = start_energy(scene) or 0.0
+    return (point_energy(scene, positions, velocities, times) - start) / (abs(start) or 1.0)
 
 
 def reason_of(run: MethodRun) -> str:
@@ -230,25 +286,23 @@ def _repeated(
     scene: Scene, derived: Derived, settings: list[Setting], length: float, repeats: int, budget: float
 ) -> list[Setting]:
     """Steady times: rounds over all settings that worked, in alternating order, until the budget is used up."""
-    begun = time.monotonic()
+    begun = time.process_time()
     times: dict[int, list[float]] = {k: [] for k, setting in enumerate(settings) if setting.error is not None}
     for turn in range(repeats):
         for k in list(times) if turn % 2 == 0 else list(times)[::-1]:
-            if time.monotonic() - begun > budget and times[k]:
+            if time.process_time() - begun > budget and turn:
+                break
+            one = settings[k]
+            if turn == 0:
+                times[k].append(one.best or 0.0)
                 continue
-            found = _steady(scene, derived, settings[k], length)
-            if found is not None:
-                times[k].append(found)
+            run = observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived, None)
+            if run.trajectory is not None and run.outcome.completed:
+                times[k].append(run.trajectory.run_seconds)
     return [
         replace(s, best=min(times[k]), median=statistics.median(times[k]), repeats=len(times[k])) if times.get(k) else s
         for k, s in enumerate(settings)
     ]
-
-
-def _steady(scene: Scene, derived: Derived, setting: Setting, length: float) -> float | None:
-    run = observed_run(replace(scene, grid=_grid(length, setting.steps)), setting.requested, derived, None)
-    found: Trajectory | None = run.trajectory
-    return None if found is None or not run.outcome.completed else found.run_seconds
 
 
 def _with_floor(settings: Sequence[Setting], scale: float, unknown: float = 0.0) -> list[Setting]:
@@ -270,3 +324,103 @@ def _last_useful(own: Sequence[Setting], scale: float, unknown: float) -> Settin
         return least
     round_off = NOISE * (least.error or 0.0) + 1e-16 * scale if (least.error or 0.0) <= ROUND_OFF * scale else 0.0
     return next(s for s in own if (s.error or 0.0) <= max(round_off, unknown))
+
+
+def curves(measured: Precision) -> dict[str, list[Setting]]:
+    """For each method what is drawn: settings with an error and a time, from coarse to fine, up to the floor."""
+    found: dict[str, list[Setting]] = {}
+    for setting in measured.settings:
+        own = found.setdefault(setting.requested.label, [])
+        if setting.error and setting.best is not None and not setting.at_floor:
+            own.append(setting)
+    return found
+
+
+def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
+    """The median slope of log error over log step where errors are below 1 % of the motion and above round-off.
+
+    None for a method that chooses its steps itself.
+    """
+    if any(setting.tolerance is not None for setting in curve):
+        return None
+    slopes = [
+        math.log(a.error / b.error) / math.log(a.step / b.step)
+        for a, b in pairwise(curve)
+        if a.error and b.error and a.error < COARSEST * scale and b.error > ROUND_OFF * scale
+    ]
+    return sorted(slopes)[len(slopes) // 2] if slopes else None
+
+
+def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price | None:
+    """What it costs by a method to get below an error, interpolated between the points of its curve; None if it never
+    does. `coarsest` is its first setting: where that failed a longer step is not faster."""
+    for a, b in pairwise(curve):
+        if a.error and b.error and a.best and b.best and a.error > error >= b.error:
+            share = math.log(a.error / error) / math.log(a.error / b.error)
+
+            def between(x: float, y: float, share: float = share) -> float:
+                return float(x * (y / x) ** share) if x > 0 and y > 0 else 0.0
+
+            own = a.tolerance is not None
+            return Price(
+                between(a.best, b.best),
+                None if own else between(a.step, b.step),
+                between(a.tolerance or 0.0, b.tolerance or 0.0) if own else None,
+                between(a.force_evaluations, b.force_evaluations),
+                False,
+            )
+    if not curve or not curve[0].error or not curve[0].best or curve[0].error > error:
+        return None
+    one = curve[0]
+    step = one.step if one.tolerance is None else None
+    return Price(one.best or 0.0, step, one.tolerance, float(one.force_evaluations), one is coarsest)
+
+
+def prices(measured: Precision) -> dict[float, dict[str, Price]]:
+    """For each target the methods that reach it, cheapest first."""
+    drawn: dict[str, list[Setting]] = curves(measured)
+    first: dict[str, Setting] = {}
+    for setting in measured.settings:
+        first.setdefault(setting.requested.label, setting)
+    found = {}
+    for target in TARGETS:
+        known = {label: price_of(curve, first[label], target * measured.scale) for label, curve in drawn.items()}
+        reached = [(label, price) for label, price in known.items() if price is not None]
+        found[target] = dict(sorted(reached, key=lambda item: item[1].seconds))
+    return found
+
+
+def _long_runs(measured: Precision, derived: Derived, budget: float) -> Iterator[LongRun]:
+    """Each method over LONG times the time, with the coarsest setting that has an error of a thousandth."""
+    begun, scene = time.process_time(), measured.scene
+    wanted = [next((s for s in curve if (s.error or 1.0) <= TARGETS[0] * measured.scale), curve[-1])
+              for curve in curves(measured).values() if curve]  # fmt: skip
+    for one in sorted(wanted, key=lambda setting: setting.best or 0.0):
+        expected = LONG * (one.best or 0.0)
+        if time.process_time() - begun + expected > budget or one.steps * LONG > 10 * MOST_STEPS:
+            yield LongRun(one, reason=f"not measured: it takes about {expected:.1g} s")
+            continue
+        count = one.steps * LONG
+        grid = Grid(one.step, count, max(1, count // (PARTS * 200)))
+        yield _long_run(replace(scene, observe=(), grid=grid), one, derived)
+
+
+def _long_run(scene: Scene, one: Setting, derived: Derived) -> LongRun:
+    requested = one.requested
+    if requested.choice is not None:  # as in the table: no second look at what is long
+        requested = replace(requested, choice=replace(requested.choice, guard=False))
+    run = observed_run(scene, requested, derived, None)
+    if run.trajectory is None or not run.outcome.completed or run.observed is None:
+        return LongRun(one, reason=reason_of(run))
+    at, velocities = run.trajectory, velocities_at_points(run.observed)
+    part = max(2, len(at.times) // PARTS)
+    extents = [np.ptp(at.positions[rows], axis=0) for rows in (slice(0, part), slice(-part, None))]
+    shape = float(np.max(np.abs(extents[1] - extents[0]) / max(float(extents[0].max()), 1e-300)))
+    energy = drift = constraint = None
+    if velocities is not None:
+        errors = energy_errors(scene, at.positions, velocities, at.times)
+        if errors is not None:
+            energy, drift = greatest(errors), float(abs(errors[-part:].mean() - errors[:part].mean()))
+        if scene.constraints:
+            constraint = point_constraints(scene, at.positions, velocities)["max_constraint_at_points"]
+    return LongRun(one, at.run_seconds, energy, drift, constraint, shape)

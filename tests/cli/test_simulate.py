@@ -156,13 +156,14 @@ def test_work_precision_writes_table_json_and_figure(call: Any, tmp_path: Path) 
     code, out, _ = call("work-precision", "-", "--output", str(tmp_path), given=scene)
     assert code == 0
     names = {path.name for path in tmp_path.iterdir()}
-    assert names >= {f"work-precision.{ending}" for ending in ("json", "csv", "txt", "svg", "png")}
+    assert names >= {f"work-precision.{ending}" for ending in ("json", "csv", "svg", "png")}
     found = json.loads((tmp_path / "work-precision.json").read_text())
-    assert found["conclusion"] in out
+    assert all(sentence in out for sentence in found["sentences"])
+    assert out.splitlines()[0].split()[0] == "error"
     assert [method["label"] for method in found["methods"]][:2] == ["variational-0.5", "nonholonomic-0.5"]
     rows = list(csv.reader((tmp_path / "work-precision.csv").read_text().splitlines()))
     assert len(rows) == 1 + sum(len(method["settings"]) for method in found["methods"])
-    assert rows[0][:4] == ["label", "step", "steps", "relative_error"]
+    assert rows[0][:5] == ["method", "order", "step", "tolerance", "error"]
 
 
 ENSEMBLE = {"initial": {"positions": {"x": [1, 2, 3]}}, "parameters": {"k": [1, 4]}}

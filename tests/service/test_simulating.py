@@ -159,7 +159,7 @@ def test_what_no_method_and_no_observable_needs_is_not_derived() -> None:
     assert "max_energy_error" in method
     assert not {"max_constraint", "circle", "max_error", "free_lagrangian"} & set(method)
     assert set(method["points"]["columns"]) == {"t", "energy", "discrete_energy"}
-    assert set(method["seconds"]) == {"compile", "run", "between steps", "half the step", "energy"}
+    assert set(method["seconds"]) == {"compile", "run", "half the step", "energy"}
 
 
 def test_results_are_plain_json_whatever_happens() -> None:

@@ -205,48 +205,71 @@ def series_caption(words: str, lines: Sequence[Line]) -> str:
     return f"Greatest {words}: {best} has the least ({least}), {worst} the most ({most})."
 
 
-AXES = (("best_seconds", "steady time in s (best)"), ("force_evaluations", "force evaluations"))
+FAMILIES = {"geometric": "#0072B2", "explicit": "#D55E00", "implicit": "#009E73", "taylor": "#CC79A7"}
+BY_ORDER = ((2, ":"), (4, "-."), (6, "--"), (99, "-"))
+DRAWN_FIRST, PALE, LABEL_HEIGHT = 8, 0.3, 0.045  # curves in full color; how pale others are; of the height of the panel
+PANELS = (("seconds", "time in s"), ("evaluations", "force evaluations"))
 
 
-def precision_figure(result: Mapping[str, Any]) -> tuple[Figure, str]:
-    """The figure of a work-precision document and its caption.
+def precision_figure(result: Mapping[str, Any], evaluations: bool = False) -> tuple[Figure, str]:
+    """The figure of a work-precision document and its caption: time against the error, and evaluations on request.
 
-    Points are joined in the order of h and end at the round-off floor; what failed is not drawn.
+    A color for each family of methods, a line style for each order, the names at the ends of the curves. Points are
+    joined in the order of h and end at the round-off floor; what failed is not drawn.
     """
+    panels = PANELS[: 1 + evaluations]
     with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(10.4, 5.0)
-        panels = figure.subplots(1, 2, sharey=True)
-        for axes, (key, label) in zip(panels, AXES, strict=True):
-            for place, method in enumerate(result["methods"]):
-                _curve(axes, place, method, key)
-            axes.set(xscale="log", yscale="log", xlabel=label)
-        panels[0].set_ylabel("relative error of the trajectory")
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
+        figure = styles.new_figure(7.6 * len(panels), 5.0)
+        for axes, (key, label) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+            ends = [
+                end for place, name in enumerate(best_first(result)) if (end := _curve(axes, place, name, result, key))
+            ]
+            axes.set(xscale="log", yscale="log", xlabel="relative error of the trajectory, smaller to the right")
+            axes.set_ylabel(label)
+            axes.invert_xaxis()
+            _label_ends(axes, [end for end in ends if end is not None])
     title = f"{result['name']}. " if result["name"] else ""
-    return figure, f"{title}Lower left is better. {result['conclusion']} {_below(result)}"
+    return figure, f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor."
 
 
-def _curve(axes: Axes, place: int, method: Mapping[str, Any], key: str) -> None:
-    drawn = [s for s in method["settings"] if s["error"] and s["best_seconds"] and not s["at_floor"] and s[key]]
-    style = styles.look(place, method["method"])
-    axes.plot(
-        [s[key] for s in drawn], [s["relative_error"] for s in drawn], color=style.color, linestyle=style.line,
-        linewidth=1.3, marker=style.marker, markersize=5, fillstyle="none", label=styles.plain(method["label"]),
-    )  # fmt: skip
+def best_first(result: Mapping[str, Any]) -> list[str]:
+    """The labels of the methods: those that reach most errors first, of these the cheapest at the smallest of them."""
+    ranks: dict[str, tuple[int, float]] = {}
+    for target in result["targets"]:
+        for row in target["rows"]:
+            reached, seconds = ranks.get(row["method"], (0, 0.0))
+            known = row["seconds"] is not None
+            ranks[row["method"]] = (reached - known, row["seconds"] if known else seconds)
+    return sorted(ranks, key=ranks.__getitem__)
 
 
-def _below(result: Mapping[str, Any]) -> str:
-    failed = len(result["failed"])
-    were = (
-        f"{failed} settings failed or were not measured and are"
-        if failed > 1
-        else "1 setting failed or was not measured and is"
-    )
-    listed = f" {were} listed in the table." if failed else ""
-    machine = result["machine"]
-    silent = [
-        method["label"] for method in result["methods"] if not any(s["force_evaluations"] for s in method["settings"])
+End = tuple[float, float, str, Any]
+
+
+def _curve(axes: Axes, place: int, name: str, result: Mapping[str, Any], key: str) -> End | None:
+    """Draw a method; (x, y, name, color) of its end."""
+    drawn = [
+        run for run in result["runs"] if run["method"] == name and run["error"] and run[key] and not run["at_floor"]
     ]
-    listed += f" {', '.join(silent)} counts no force evaluations." if silent else ""
-    return f"Curves end at the round-off floor.{listed} {machine['processor']}, {machine['cores']} cores."
+    method = next(one for one in result["methods"] if one["label"] == name)
+    if not drawn:
+        return None
+    color = FAMILIES.get(method["family"], styles.TRUE_COLOR)
+    line = next(line for order, line in BY_ORDER if (method["order"] or 99) <= order)
+    faint = 1.0 if place < DRAWN_FIRST else PALE
+    x, y = [run["error"] for run in drawn], [run[key] for run in drawn]
+    axes.plot(x, y, color=color, linestyle=line, linewidth=1.5, alpha=faint, label=styles.plain(name))
+    return x[-1], y[-1], name, (color, faint)
+
+
+def _label_ends(axes: Axes, ends: Sequence[End]) -> None:
+    """The names at the ends of the curves, moved up where they would lie on each other."""
+    low, high = (math.log10(limit) for limit in axes.get_ylim())
+    gap, top = LABEL_HEIGHT * (high - low), -math.inf
+    for x, y, name, (color, faint) in sorted(ends, key=lambda end: end[1]):
+        top = max(math.log10(y), top + gap)
+        axes.annotate(
+            styles.plain(name), (x, y), (1.02, (top - low) / (high - low)), textcoords="axes fraction", color=color,
+            alpha=max(faint, 0.6), fontsize=8.5, va="center", annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": color, "alpha": 0.3 * faint, "linewidth": 0.6},
+        )  # fmt: skip

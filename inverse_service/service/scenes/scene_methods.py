@@ -85,7 +85,7 @@ INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
 def read_methods(schema: SceneDocument) -> tuple[Requested, ...]:
     """The methods in the order of the scene, each with a label of its own."""
     found: list[Requested] = []
-    for place, given in enumerate(schema.methods):
+    for place, given in enumerate(schema.methods or [SceneMethod(method="adaptive")]):
         found.append(_requested(schema, given, f"/methods/{place}"))
     return tuple(_with_distinct_labels(found))
 

@@ -3,36 +3,44 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import os
 import platform
 import sys
 import time
-from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from api_schemas.scene import SceneDocument
+from api_schemas.scene import SceneDocument, SceneMethod
 from inverse_service import __version__
 from inverse_service.errors import InputError
-from inverse_service.integrators.methods import SCIPY
+from inverse_service.integrators.methods import METHODS, SCIPY
+from inverse_service.mechanics.method_advice import is_separable
 from inverse_service.service.scenes.scene_lagrangian import finder
-from inverse_service.service.scenes.scene_methods import number_of
+from inverse_service.service.scenes.scene_methods import number_of, read_methods
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.service.scenes.simulating import advice_of, as_plain, catalogue_name
-from inverse_service.simulation.advice import sentence_of
 from inverse_service.simulation.derivation import derive
-from inverse_service.simulation.precision import Precision, Setting, default_steps, measure
+from inverse_service.simulation.estimates import order_of
+from inverse_service.simulation.precision import (
+    LONG,
+    LongRun,
+    Precision,
+    Setting,
+    curves,
+    measure,
+    measured_order,
+    prices,
+)  # fmt: skip
 from inverse_service.simulation.scene_data import MethodChoice, Progress, Requested, Scene, Unavailable
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
 PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
+AFTER = 'What wins in a long run is measured with `--long`, or `"long": true` in the scene.'
 
 
 @np.errstate(all="ignore")
@@ -42,17 +50,29 @@ def work_precision(document: Any, progress: Progress | None = None, time_limit: 
     schema = scene_schema(document)
     steps = _steps(schema)
     scene, system = read_scene(schema)
+    if not schema.methods:
+        schema = schema.model_copy(update={"methods": _suitable(scene)})
+        scene = dataclasses.replace(scene, methods=read_methods(schema))
     # Errors are always compared, whatever the scene observes, so the true motion is always derived.
     compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *_peers(scene)))
     derived = derive(compared, finder(schema, system, catalogue_name(schema)))
     left = time_limit - (time.monotonic() - begun)
-    measured = measure(
-        compared, derived, steps or default_steps(scene.grid.step), schema.repeats, left, progress, not steps
-    )
+    measured = measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
     if isinstance(measured, Unavailable):
         raise InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
     plain: dict[str, Any] = as_plain(_document(measured, advice_of(scene, derived)))
     return plain
+
+
+def _suitable(scene: Scene) -> list[SceneMethod]:
+    """The methods that a scene is measured with where it names none."""
+    chosen: list[dict[str, Any]] = [{"method": "adaptive"}, {"method": "reference"}]
+    chosen += [{"method": "runge-kutta", "order": order} for order in (4, 8)]
+    if scene.lagrangian is not None:
+        separable = is_separable(scene.lagrangian, scene.coordinates)
+        own = "nonholonomic" if scene.constraints else "stormer-verlet" if separable else "variational"
+        chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
+    return [SceneMethod.model_validate(one) for one in chosen]
 
 
 def _peers(scene: Scene) -> list[Requested]:
@@ -67,7 +87,7 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
     if schema.step_sizes is None:
         return ()
     if len(schema.step_sizes) < FEWEST_STEPS:
-        raise InputError(f"give at least {FEWEST_STEPS} step sizes, or none for the usual ten.", "/step_sizes")
+        raise InputError(f"give at least {FEWEST_STEPS} step sizes, or none.", "/step_sizes")
     found = tuple(number_of(text, f"/step_sizes/{k}") for k, text in enumerate(schema.step_sizes))
     for k, step in enumerate(found):
         if step <= 0:
@@ -76,8 +96,11 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
 
 
 def _document(measured: Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
-    drawn = curves(measured)
-    labels = list(drawn)
+    drawn, sentences = curves(measured), [one_trajectory(measured), long_run(measured)]
+    named = {setting.requested.label: setting.requested for setting in measured.settings}
+    # Advice is of methods that were run here.
+    run = {requested.method for requested in named.values()} | {"stormer-verlet"}
+    advice = taken if taken is not None and taken["method"].replace("-", "_") in run | {"stormer_verlet"} else None
     return {
         "format": FORMAT,
         "name": measured.scene.name,
@@ -85,31 +108,47 @@ def _document(measured: Precision, taken: dict[str, Any] | None) -> dict[str, An
         "scale": measured.scale,
         "error": "greatest distance of a coordinate from the true motion at 8 common times; relative is over scale",
         "truth": {"against": measured.truth.against, "uncertainty": measured.truth.uncertainty},
-        "conclusion": f"{conclusion(measured)} {sentence_of(taken)}",
-        "advice": taken,
+        "targets": _targets(measured, named),
+        "sentences": sentences,
+        "conclusion": " ".join(sentences),
+        "advice": advice,
         "methods": [
             {
                 "label": label,
-                "method": _first(measured, label).requested.method.replace("_", "-"),
+                "method": requested.method.replace("_", "-"),
+                "family": METHODS[requested.method].family,
+                "order": order_of(requested),
                 "measured_order": measured_order(drawn[label], measured.scale),
                 "settings": [_setting(s, measured.scale) for s in measured.settings if s.requested.label == label],
             }
-            for label in labels
+            for label, requested in named.items()
         ],
+        "runs": [_run(s, measured.scale) for s in measured.settings],
+        "long": [_long(one) for one in measured.long],
         "failed": [
             {"label": s.requested.label, "step": s.step, "tolerance": s.tolerance, "reason": s.reason}
             for s in measured.settings
             if s.reason
         ],
-        "seconds_to_error": times_to_errors(measured),
-        "at_most": reached_at_once(measured),
         "machine": machine(),
         "provenance": {"program": "inverse-service", "version": __version__},
     }
 
 
-def _first(measured: Precision, label: str) -> Setting:
-    return next(setting for setting in measured.settings if setting.requested.label == label)
+def _targets(measured: Precision, named: dict[str, Requested]) -> list[dict[str, Any]]:
+    """What each relative error costs, the cheapest method first; methods that do not reach it last, without numbers."""
+    found = []
+    for target, reached in prices(measured).items():
+        best = next(iter(reached.values())).seconds if reached else None
+        rows = []
+        for label in [*reached, *(label for label in named if label not in reached)]:
+            price = reached.get(label)
+            numbers = {} if price is None else dataclasses.asdict(price)
+            blank = dict.fromkeys(("seconds", "step", "tolerance", "evaluations", "at_most"))
+            ratio = None if price is None or not best else price.seconds / best
+            rows.append({"method": label, "order": order_of(named[label])} | blank | numbers | {"ratio": ratio})
+        found.append({"error": target, "rows": rows})
+    return found
 
 
 def _setting(setting: Setting, scale: float) -> dict[str, Any]:
@@ -130,6 +169,26 @@ def _setting(setting: Setting, scale: float) -> dict[str, Any]:
         "reason": setting.reason,
         **{f"{name}_error": setting.further.get(f"{name}_error") for name in ("velocity", "energy", "constraint")},
     }
+
+
+def _run(setting: Setting, scale: float) -> dict[str, Any]:
+    """One line of the list of all runs, for curves and tables."""
+    whole = _setting(setting, scale)
+    short = {key: whole[key] for key in ("step", "tolerance", "at_floor", "reason")}
+    numbers = {"error": whole["relative_error"], "seconds": setting.best, "evaluations": setting.force_evaluations}
+    return {"method": setting.requested.label, "order": order_of(setting.requested)} | short | numbers
+
+
+def _long(run: LongRun) -> dict[str, Any]:
+    one = run.setting
+    return {
+        "method": one.requested.label,
+        "step": one.step if one.tolerance is None else None,
+        "tolerance": one.tolerance,
+        **{name: getattr(run, name) for name in (
+            "seconds", "energy_error", "energy_drift", "constraint_error", "shape_change", "reason",
+        )},
+    }  # fmt: skip
 
 
 def machine() -> dict[str, Any]:
@@ -159,116 +218,40 @@ def _version(name: str) -> str | None:
         return None
 
 
-TARGETS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
-MISSED = " The variational method does not reach {} with these steps."
-UNDECIDED = " At {} no method is first for certain: some are better than that at their coarsest setting already."
-GEOMETRIC = frozenset({"variational", "nonholonomic", "modified"})
-
-
-def curves(measured: Precision) -> dict[str, list[Setting]]:
-    """For each method what is drawn: settings with an error and a time, by falling step, up to the floor."""
-    found: dict[str, list[Setting]] = {}
-    for setting in measured.settings:
-        own = found.setdefault(setting.requested.label, [])
-        if setting.error and setting.best is not None and not setting.at_floor:
-            own.append(setting)
-    return found
-
-
-def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
-    """The median slope of log error over log step where errors are below 1 % of the motion and above round-off.
-
-    None for a method that chooses its steps itself.
-    """
-    if any(setting.tolerance is not None for setting in curve):
-        return None
-    slopes = [
-        math.log(a.error / b.error) / math.log(a.step / b.step)
-        for a, b in pairwise(curve)
-        if a.error and b.error and a.error < 1e-2 * scale and b.error > 1e-12 * scale
-    ]
-    return sorted(slopes)[len(slopes) // 2] if slopes else None
-
-
-def seconds_to(curve: Sequence[Setting], error: float) -> float | None:
-    """The time at which a curve first gets below an error, interpolated between its points; None if it never does."""
-    for a, b in pairwise(curve):
-        if a.error and b.error and a.best and b.best and a.error > error >= b.error:
-            share = math.log(a.error / error) / math.log(a.error / b.error)
-            return float(a.best * (b.best / a.best) ** share)
-    return curve[0].best if curve and curve[0].error is not None and curve[0].error <= error else None
-
-
-def reached_at_once(measured: Precision) -> dict[str, list[str]]:
-    """For each error the methods whose coarsest setting is better already: their time is at most what is reported."""
-    drawn = curves(measured)
-    coarsest = {label: _first(measured, label) for label in drawn}  # where it failed a longer step is not faster
-    return {
-        f"{target:g}": [
-            label
-            for label, curve in drawn.items()
-            if curve and curve[0] is coarsest[label] and (curve[0].error or np.inf) <= target * measured.scale
-        ]
-        for target in TARGETS
-    }
-
-
-def times_to_errors(measured: Precision) -> dict[str, dict[str, float | None]]:
-    """For each error, relative to the size of the motion, the seconds of each method."""
-    drawn = curves(measured)
-    return {
-        f"{target:g}": {label: seconds_to(curve, target * measured.scale) for label, curve in drawn.items()}
-        for target in TARGETS
-    }
-
-
-def conclusion(measured: Precision) -> str:
-    """Who reaches which error first, and where the variational method loses.
-
-    A method that is better at its coarsest setting is as fast as that at least: where one might be faster than the
-    first, no order is told.
-    """
-    methods = {setting.requested.label: setting.requested.method for setting in measured.settings}
+def one_trajectory(measured: Precision) -> str:
+    """Which method is the fastest for one trajectory, by the error asked for. Where a method is better at its coarsest
+    setting it might be faster still, so none is called the fastest for certain."""
     firsts: dict[str, list[str]] = {}
-    lost, won, missed, undecided = [], [], [], []
-    at_most = reached_at_once(measured)
-    for key, times in times_to_errors(measured).items():
-        target = key.replace("e-0", "e-")
-        known = {label: seconds for label, seconds in times.items() if seconds is not None}
-        if not known:
-            continue
-        first = min(known, key=known.__getitem__)
-        unsure = set(at_most[key]) - {first}
-        if unsure:
-            undecided.append(target)
-        else:
-            sign = "at most " if first in at_most[key] else ""
-            firsts.setdefault(first, []).append(f"{target} in {sign}{_time(known[first])}")
-        own = {label: seconds for label, seconds in known.items() if methods[label] == "variational"}
-        if own and methods[first] != "variational" and not unsure & set(own):
-            sign = "at least " if first in at_most[key] else ""
-            lost.append(f"{sign}{min(own.values()) / known[first]:.2g} times that at {target}")
-        elif own and methods[first] == "variational" and unsure <= set(own) and len(known) > len(own):
-            won.append(target)
-        elif not own and "variational" in methods.values():
-            missed.append(target)
-    if not firsts and not undecided:
-        return "No method reached a relative error of 1e-2 with these steps: take smaller ones."
-    text = "".join(f" {label} is first at a relative error of {', '.join(cases)}." for label, cases in firsts.items())
-    if undecided:
-        text += UNDECIDED.format(", ".join(undecided))
-    if lost:
-        text += f" At equal trajectory error the variational method loses: its time is {', '.join(lost)}."
-    if missed:
-        text += (
-            f" It does not reach {', '.join(missed)} with these steps." if lost else MISSED.format(", ".join(missed))
-        )
-    if won:
-        text += f" The variational method wins at {', '.join(won)}."
-    if methods and set(methods.values()) & GEOMETRIC:
-        text += " What a long run does to energy, constraints and the shape of the orbit this comparison does not show."
-    return text.strip()
+    for target, reached in prices(measured).items():
+        if reached:
+            label, price = next(iter(reached.items()))
+            unsure = [name for name, other in reached.items() if other.at_most and name != label]
+            name = f"{label} or {unsure[0]}" if unsure else label
+            sign = "at most " if price.at_most else ""
+            firsts.setdefault(name, []).append(f"{target:.0e} in {sign}{duration(price.seconds)}".replace("e-0", "e-"))
+    if not firsts:
+        return "No method reached a relative error of 1e-3: take smaller steps."
+    parts = [f"{label} is the fastest ({', '.join(cases)})" for label, cases in firsts.items()]
+    return f"For one trajectory {'; '.join(parts)}."
 
 
-def _time(seconds: float) -> str:
-    return f"{1e6 * seconds:.3g} \N{MICRO SIGN}s" if seconds < 1e-3 else f"{1e3 * seconds:.3g} ms"
+def long_run(measured: Precision) -> str:
+    """Which method keeps the energy, or the shape of the orbit, best over a long time."""
+    done = [run for run in measured.long if not run.reason]
+    if not done:
+        return AFTER if not measured.long else "No method got through a hundred times the time."
+    key = "energy_drift" if any(run.energy_drift is not None for run in done) else "shape_change"
+    what = {"energy_drift": "the energy drifts", "shape_change": "the shape changes"}[key]
+    known = [(getattr(run, key), run) for run in done if getattr(run, key) is not None]
+    (least, best), (most, worst) = (pick(known, key=lambda pair: pair[0]) for pick in (min, max))
+    text = f"Over {LONG} times the time {what} least by {best.setting.requested.label}: {least:.1e} in "
+    text += duration(best.seconds or 0.0)
+    return f"{text}, and most by {worst.setting.requested.label}: {most:.1e}." if worst is not best else f"{text}."
+
+
+def duration(seconds: float) -> str:
+    """Two digits with a unit: 35 us, 1.4 ms, 2.1 s."""
+    for factor, unit in ((1e6, "\N{MICRO SIGN}s"), (1e3, "ms")):
+        if seconds * factor < 999.5:
+            return f"{float(f'{seconds * factor:.2g}'):g} {unit}"
+    return f"{float(f'{seconds:.2g}'):g} s"
