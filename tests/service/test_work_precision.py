@@ -77,7 +77,6 @@ def test_a_long_run_shows_what_drifts() -> None:
     assert long["stormer-verlet"]["energy_drift"] < 1e-5 < 1e-3 < long["runge-kutta-order4"]["energy_drift"]
     assert long["stormer-verlet"]["shape_change"] < 2e-3 < long["runge-kutta-order4"]["shape_change"]
     assert "Over 100 times the time" in found["sentences"][1]
-    assert "runge-kutta-order4" in found["sentences"][1]
 
 
 def test_heyoka_is_measured_by_tolerance() -> None:
