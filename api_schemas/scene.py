@@ -206,8 +206,9 @@ class SceneDocument(base.Document):
     system; `constants`: its free constants. `circle`: the two coordinates whose path is matched by circles.
     `units`: of coordinates, velocities (v_x), momenta (p_x), the time and observables, for labels and files.
     `step_sizes`: those of `work-precision`; `long`: it measures a hundred times the time too.
-    `forces`: further forces Q(t, q, q') by coordinate; `rayleigh`: a function R of which -dR/dq' is a force. `observe` takes formulas by name too. `restart`: the result of a scene that ends
-    where this one begins. `methods` left out: adaptive; in `work-precision` those that suit the system.
+    `forces`: further forces Q(t, q, q') by coordinate; `rayleigh`: a function R of which -dR/dq' is a force.
+    `observe` takes formulas by name too. `restart`: the result of a scene that ends where this one begins.
+    `methods` left out: adaptive; in `work-precision` those that suit the system.
     """
 
     name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
