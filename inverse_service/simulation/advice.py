@@ -18,7 +18,7 @@ import numpy as np
 from inverse_service.codegen.compiled import kernel_text
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.integrators.methods import USES_FREE
+from inverse_service.integrators.method_table import USES_FREE
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.mechanics import method_advice
 from inverse_service.simulation.array_values import array_value, table_of

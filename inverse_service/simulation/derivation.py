@@ -16,7 +16,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
-from inverse_service.integrators.methods import USES_ACCELERATIONS, USES_FREE
+from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature

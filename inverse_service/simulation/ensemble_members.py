@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.errors import InputError
-from inverse_service.integrators.methods import USES_FREE
+from inverse_service.integrators.method_table import USES_FREE
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.derivation import Derived, problem_of

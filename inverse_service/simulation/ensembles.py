@@ -16,7 +16,7 @@ from inverse_service.codegen.kernel import CONTROL
 from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.codegen.symengine_trees import closure
 from inverse_service.errors import InputError
-from inverse_service.integrators.methods import OWN_STEPS, POINT_METHODS
+from inverse_service.integrators.method_table import OWN_STEPS, POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome
 from inverse_service.machine_code.loading import processor_features
 from inverse_service.simulation.callables import MOMENT, Formulas

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Apply, Expression, Number, Symbol, children
-from inverse_service.integrators.methods import METHODS, OWN_STEPS
+from inverse_service.integrators.method_table import METHODS, OWN_STEPS
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.observing import greatest
 from inverse_service.simulation.quantities import Observed

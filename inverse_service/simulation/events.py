@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression, Sum
-from inverse_service.integrators.methods import POINT_METHODS
+from inverse_service.integrators.method_table import POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble

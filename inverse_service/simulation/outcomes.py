@@ -21,7 +21,7 @@ from inverse_service.codegen.symengine_trees import STEP, Formula, real_value, s
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
-from inverse_service.integrators.methods import GEOMETRIC, OWN_STEPS, POINT_METHODS
+from inverse_service.integrators.method_table import GEOMETRIC, OWN_STEPS, POINT_METHODS
 from inverse_service.integrators.tableaux import composition
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.callables import Denominator, Formulas

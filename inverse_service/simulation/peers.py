@@ -29,7 +29,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     walk,
 )
-from inverse_service.integrators.methods import SCIPY
+from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.callables import MOMENT, Formulas, kinks

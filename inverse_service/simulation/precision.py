@@ -18,7 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from inverse_service.integrators.methods import METHODS
+from inverse_service.integrators.method_table import METHODS
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.derivation import Derived
 from inverse_service.simulation.observing import (

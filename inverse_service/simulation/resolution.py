@@ -14,7 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from inverse_service.expressions.tree import TIME, Expression, walk
-from inverse_service.integrators.methods import OWN_STEPS, SCIPY
+from inverse_service.integrators.method_table import OWN_STEPS, SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion

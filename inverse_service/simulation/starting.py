@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from inverse_service.codegen.symengine_trees import ZERO, Formula, real_value
 from inverse_service.errors import InputError
-from inverse_service.integrators.methods import POINT_METHODS
+from inverse_service.integrators.method_table import POINT_METHODS
 from inverse_service.integrators.trajectory import Outcome
 from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start

@@ -11,7 +11,7 @@ from api_schemas.scene import MAX_STEPS, SceneDocument, SceneMethod
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.refusals import shorten
 from inverse_service.expressions.tree import Number
-from inverse_service.integrators.methods import GEOMETRIC, METHODS, OWN_STEPS
+from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.plain_data import escape

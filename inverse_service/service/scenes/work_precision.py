@@ -16,7 +16,7 @@ import numpy as np
 from api_schemas.scene import SceneDocument, SceneMethod
 from inverse_service import __version__
 from inverse_service.errors import InputError
-from inverse_service.integrators.methods import METHODS, SCIPY
+from inverse_service.integrators.method_table import METHODS, SCIPY
 from inverse_service.mechanics.method_advice import is_separable
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_methods import number_of, read_methods
