@@ -56,7 +56,7 @@ class Problem:
 class MethodChoice:
     """A method and its settings.
 
-    `method` is one of `integrators.method_table`. `alpha` in [0, 1] is the place of the discrete Lagrangian, `symmetrised`
+    `method` is a key of `integrators.method_table`. `alpha` in [0, 1] is the place of the discrete L, `symmetrised`
     takes the mean of its alpha and 1 - alpha forms. `order`: 2 (the plain step) or 4, 6, 8 by composition; that of the
     tableau for "runge_kutta".
     `form` of "variational": "hamiltonian", "raw" or "verlet". `guard`: stop where the implicit equations may have other
