@@ -88,7 +88,9 @@ def on_constraints(result: Any, timed: bool, tools: Tools) -> list[Any]:
     found = [one for key in ("certificate", "certificate_with_time") if (one := answer.get(key)) is not None]
     for one in found:
         check_certificate_shape(one)
-        good = one["system"].get("velocities") is not None and one.get("among") is None
+        moving = one["system"].get("velocities") is not None
+        # One without velocities is about the free coordinates alone, whose equations contain no others.
+        good = (moving or one["claim"] == "variational") and one.get("among") is None
         require(good, "A certificate in any_associated is about another thing.")
     timed = timed or (isinstance(given, dict) and given.get("time_dependent_lagrangian") is True)
     about = [Question(tools, one["system"]) for one in found]

@@ -12,7 +12,7 @@ from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import m
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.checking import check_document
 from inverse_service.service.documents.documents import solve_document
-from inverse_service.service.documents.reduced_documents import reduced_of_report
+from inverse_service.service.documents.reduced_documents import decided_reduced, reduced_part
 from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 
 YES, NO, NONE = "variational", "not_variational", None
@@ -70,7 +70,9 @@ UNREDUCED = [
 
 def reduced(asked: dict[str, Any]) -> dict[str, Any] | None:
     report = motion_report(to_nonholonomic(to_nonholonomic_schema(asked)))
-    found = reduced_of_report(report, 1, 400)
+    lagrangian = report.motion.system.lagrangian
+    plain = decided_reduced(report.motion, lagrangian, 1, 200)
+    found = reduced_part(report.motion, lagrangian, report.density, plain, 1, 200)
     return None if found is None else found.model_dump(mode="json")
 
 

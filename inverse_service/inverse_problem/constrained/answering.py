@@ -24,6 +24,7 @@ from inverse_service.inverse_problem.constrained.lagrangian import (
     closed_functions,
     jet_of,
     lagrangian_of_closed,
+    on_whole_motion,
     own_system,
 )
 from inverse_service.inverse_problem.constrained.motion_sentences import (
@@ -31,10 +32,11 @@ from inverse_service.inverse_problem.constrained.motion_sentences import (
     freedom,
     lagrangian_steps,
     open_reason,
+    reduced_steps,
     series_steps,
 )
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise
-from inverse_service.inverse_problem.solutions import Lagrangian, Step, Verdict
+from inverse_service.inverse_problem.solutions import Answer, Lagrangian, Step, Verdict
 from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, EquationsOfMotion
@@ -103,10 +105,12 @@ def answer_motion(
     deadline: float = float("inf"),
     progress: Callable[[str], None] = lambda _: None,
     positive: Sequence[Expression] = (),
+    reduced: Answer | None = None,
 ) -> MotionAnswer:
     """Both questions where all of `positive` are > 0; `known` are Lagrangians of associated systems.
 
-    There is a report on H for EquationsOfMotion.
+    `reduced` answers for the equations of the free coordinates, where these contain no others. There is a report on
+    H for EquationsOfMotion.
     """
     work = _Work(motion, known, seed, deadline, progress)
     try:
@@ -114,10 +118,29 @@ def answer_motion(
     except IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     both = time_dependent is None and not motion.depends_on_time
-    first = _answer(work, analyzed, with_time=not both and (time_dependent is not False or motion.depends_on_time))
-    if not both or first.verdict == "variational":
+    fitting = any(not one.with_time for one in known)
+    if reduced is not None and not fitting and time_dependent is not True:
+        carried = _of_reduced(work, analyzed, reduced)
+        if carried is not None:
+            return carried
+    if not both:
+        with_time = time_dependent is not False or motion.depends_on_time
+        return _answer(work, analyzed, _decided(work, analyzed, with_time), with_time)
+    plain = _decided(work, analyzed, with_time=False)
+    if plain.exists is False:  # one proof for both questions, where there is no L(t, q, q') either
+        timed = _decided(work, analyzed, with_time=True)
+        if (
+            timed.exists is False
+            and (other := _answer(work, analyzed, timed, with_time=True)).verdict != "undetermined"
+        ):
+            return other
+    else:
+        timed = None
+    first = _answer(work, analyzed, plain, with_time=False)
+    if first.verdict == "variational":
         return first
-    other = _answer(work, analyzed, with_time=True)
+    timed = timed or _decided(work, analyzed, with_time=True)
+    other = _answer(work, analyzed, timed, with_time=True)
     if other.verdict == "not_variational":
         return other  # no L(t, q, q'), so no L(q, q')
     return MotionAnswer(
@@ -131,9 +154,32 @@ def answer_motion(
     )
 
 
-def _answer(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> MotionAnswer:
+def _of_reduced(work: _Work, analyzed: AnalyzedMotion, reduced: Answer) -> MotionAnswer | None:
+    """The yes of the reduced system carried on to the motion, once the checker agrees.
+
+    Without a Lagrangian in closed form the certificate is that of the free coordinates alone.
+    """
+    if reduced.verdict != "variational" or reduced.checked != "valid" or reduced.certificate is None:
+        return None
+    (closed,) = closed_coordinates(work.motion)
+    steps = reduced_steps(closed.system.coordinates)
+    if reduced.lagrangian is None:
+        return MotionAnswer("variational", "variational", "", (reduced.certificate,), None, "", steps)
+    whole = on_whole_motion(work.motion, closed, reduced.lagrangian)
+    certificate = motion_certificate.of_lagrangian(analyzed, whole.expression, False)
+    if not _is_valid(certificate, work.left()):
+        return None
+    found = _carried_on(work, whole)
+    steps += lagrangian_steps(whole.expression, found.jet)
+    return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps)
+
+
+def _decided(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> Finding:
     limit = now() + _SHARE_OF_DECISION * work.left()
-    found = decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
+    return decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
+
+
+def _answer(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
     if found.exists is False:
         return _proven(work, analyzed, found, with_time, "not_variational")
     for lagrangian in _lagrangians(work, with_time):

@@ -198,11 +198,12 @@ def lagrangian_of_closed(
         solution = solve(one.system, SolveOptions(with_time, seed, max(left(end), 0.1), conditions=False))
         answer = solution.with_time if with_time else solution.autonomous
         if answer is not None and answer.lagrangian is not None:
-            return _on_constraints(motion, one, answer.lagrangian)
+            return on_whole_motion(motion, one, answer.lagrangian)
     return None
 
 
-def _on_constraints(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangian: Lagrangian) -> Lagrangian:
+def on_whole_motion(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangian: Lagrangian) -> Lagrangian:
+    """L(R, R') with half the squares of the constraints: regular, and its flow keeps the constraints."""
     table: dict[Expression, Expression] = {}
     for name, tree in closed.functions.items():
         slopes = [differentiate(tree, Symbol(q)) * Velocity(q) for q in motion.coordinates]

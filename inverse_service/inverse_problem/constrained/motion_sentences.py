@@ -5,7 +5,7 @@ Where a Lagrangian exists and none is known in closed form: the beginning of the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from math import comb
@@ -92,6 +92,17 @@ def lagrangian_steps(lagrangian: Expression, jet: JetOnConstraints) -> tuple[Ste
     return (
         said("A Lagrangian, found by an ansatz or known for an associated system: ", shown=[row("L = ", lagrangian)]),
         said("Along the constraints it is ", row("l = ", jet.on_constraints), *separated(["", *momenta]), "."),
+    )
+
+
+def reduced_steps(names: Sequence[str]) -> tuple[Step, ...]:
+    """Why a Lagrangian of the free coordinates is one of the motion."""
+    listed = ", ".join(names)
+    return (
+        said(
+            f"The equations of {listed} contain no other coordinate. A Lagrangian of theirs and half the squares of "
+            "the constraints together give the whole motion on the constraints."
+        ),
     )
 
 

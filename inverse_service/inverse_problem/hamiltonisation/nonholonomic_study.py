@@ -220,8 +220,17 @@ def on_branches(one: AssociatedSystem) -> tuple[AssociatedSystem, ...]:
     return tuple(replace(one, system=each) for each in branches if len(branches) <= MOST_BRANCHES) or (one,)
 
 
-def answer_about(found: Study, options: SolveOptions, deadline: float, progress: Progress | None) -> MotionAnswer:
-    """Whether any associated system has a Lagrangian; those found for the known ones are answers."""
+def answer_about(
+    found: Study,
+    options: SolveOptions,
+    deadline: float,
+    progress: Progress | None,
+    reduced: Answer | None = None,
+) -> MotionAnswer:
+    """Whether any associated system has a Lagrangian; those found for the known ones are answers.
+
+    `reduced` is the answer for the reduced system.
+    """
     motion, main = found.report.motion, found.answers[found.main].solution
     return answer_motion(
         motion,
@@ -231,6 +240,7 @@ def answer_about(found: Study, options: SolveOptions, deadline: float, progress:
         deadline,
         progress or (lambda _: None),
         () if main is None else main.system.positive,
+        reduced,
     )
 
 

@@ -26,6 +26,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import tidied
 
 CONSTRAINED = "constrained Lagrangian"
+# What looking for a clock among factors of f may take, s: each of some 26 candidates is decided.
+LONGEST_FOR_CLOCK = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,22 +60,26 @@ def reduced_system(motion: ConstrainedMotion) -> SecondOrderSystem | None:
     return SecondOrderSystem(motion.free, motion.free_accelerations, motion.parameters, functions)
 
 
+def decide_reduced(motion: ConstrainedMotion, lagrangian: Expression | None, options: SolveOptions) -> Decided | None:
+    """The answer for r'' = F(r, r'); None where the motion does not reduce. `lagrangian` is that of the system."""
+    system = reduced_system(motion)
+    if system is None:
+        return None
+    candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
+    return _decided(system, candidate, replace(options, time_dependent=False, ansatz=(), given=()))
+
+
 def answer_reduced(
     motion: ConstrainedMotion,
     lagrangian: Expression | None,
     density: MeasureDensity | None,
     options: SolveOptions,
-) -> Reduced | None:
-    """Both answers, in equal shares of the time; None where the motion does not reduce.
-
-    `lagrangian` is that of the whole system, `density` its invariant measure.
-    """
-    system = reduced_system(motion)
-    if system is None:
-        return None
+    plain: Decided,
+) -> Reduced:
+    """With another clock besides; `lagrangian` is that of the whole system, `density` its invariant measure."""
+    system = plain.system
     end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
     candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
-    plain = _decided(system, candidate, replace(asked, time_limit=options.time_limit / 2))
     others = tuple(zip(motion.dependent, motion.dependent_velocities, strict=True))
     found = chaplygin_factor(system, density)
     if isinstance(found, str):
@@ -101,7 +107,7 @@ def _searched(
     """With the first clock made of factors of f, where there is no Lagrangian without one."""
     if plain.answer.verdict != "not_variational" or len(system.coordinates) == 1 or system.depends_on_time:
         return Reduced(plain, others, None, None, reason)
-    factor, _ = find_clock(system, asked.seed, (now() + end) / 2)
+    factor, _ = find_clock(system, asked.seed, min((now() + end) / 2, now() + LONGEST_FOR_CLOCK))
     clocked = None if factor is None else with_clock(system, factor)
     if clocked is None:
         return Reduced(plain, others, None, None, reason)

@@ -60,7 +60,8 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     from inverse_service.service.documents.reduced_documents import look_motion, read
 
     try:
-        document, claimed = prepared(document).document, _claimed(certificate["system"])
+        document = prepared(document).document
+        claimed = _claimed(_with_velocities(certificate["system"], document))
         if is_motion(document):
             given = read(look_motion(document))
             pairs = zip(given.free_accelerations, claimed.free_accelerations, strict=True)
@@ -90,6 +91,20 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     # A certificate names the free coordinates first.
     system |= {"coordinates": list(made.coordinates), "equations": texts}
     return compared_with_document(document, Canonical(system, dict(certificate)), time_limit)
+
+
+def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, Any]:
+    """The system of a certificate; one about the free coordinates alone gets the others with their velocities."""
+    if system.get("velocities") is not None:
+        return system
+    from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import motion_report
+    from inverse_service.service.documents.reduced_documents import look_motion, read
+
+    motion = read(look_motion(document)) if is_motion(document) else motion_report(_nonholonomic(document)).motion
+    rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
+    velocities = {name: to_text(rate) for name, rate in rates if name not in system["coordinates"]}
+    coordinates = [*system["coordinates"], *velocities]
+    return {**system, "coordinates": coordinates, "velocities": velocities}
 
 
 def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:

@@ -18,6 +18,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.inverse_problem.constrained.answering import MotionAnswer
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
+from inverse_service.inverse_problem.hamiltonisation.reduced import Decided
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.associated_systems import AssociatedSystem
@@ -27,7 +28,12 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, documents, translate, translate_nonholonomic
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.instead import of_reduced
-from inverse_service.service.documents.reduced_documents import ONLY_THE_MOTION, reduced_of_report
+from inverse_service.service.documents.reduced_documents import (
+    ONLY_THE_MOTION,
+    SHARE_OF_REDUCED,
+    decided_reduced,
+    reduced_part,
+)
 
 # Of the time for all, what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3
@@ -69,14 +75,15 @@ def solve_nonholonomic(
     found, *others = studies = list(nonholonomic_study.study_branches(report, systems, asked, progress))
     main = found.answers[found.main]
     last, answers = end - SHARE_LEFT * options.time_limit, []
+    plain, own = _reduced(report, options.seed, SHARE_OF_REDUCED * (last - now()))
     for study in studies:
         third = now() + SHARE_OF_ANY * options.time_limit / len(studies)
-        answers.append(nonholonomic_study.answer_about(study, asked, min(last, third), progress))
+        answers.append(nonholonomic_study.answer_about(study, asked, min(last, third), progress, own))
     result = translate.to_result(_with_images(main), schema, [_with_images(each.answers[each.main]) for each in others])
     if schema.special_cases:
         assert main.associated.system is not None
         result = documents.with_special_cases(result, main.associated.system, asked, (end, progress))
-    whole = _whole(result, found, answers, options, end)
+    whole = _whole(result, found, answers, plain, options, end)
     if whole.verdict == "not_variational" and not whole.branches and answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
     return documents.ordered(documents.checked(whole, end - now()))
@@ -86,12 +93,13 @@ def _whole(
     result: ResultDocument,
     found: nonholonomic_study.Study,
     answers: Sequence[MotionAnswer],
+    plain: Decided | None,
     options: SolveOptions,
     end: float,
 ) -> NonholonomicResult:
     """The result of an associated system with what is known of the motion, which is what one simulates.
 
-    `reduced` has the time that is left, some of which is for checking.
+    Other clocks of the reduced system have the time that is left, some of which is for checking.
     """
     system, left = found.report.motion.system, end - now() - SHARE_LEFT * options.time_limit
     taken = for_constraints(system.lagrangian, system.constraints, system.coordinates)
@@ -102,7 +110,7 @@ def _whole(
         **dict(result) | {"advice": AdvicePart(**taken), "branches": branches},
         nonholonomic=translate_nonholonomic.to_nonholonomic_part(found),
         any_associated=motions[0],
-        reduced=reduced_of_report(found.report, options.seed, left),
+        reduced=reduced_part(found.report.motion, system.lagrangian, found.report.density, plain, options.seed, left),
     )
 
 
@@ -126,13 +134,22 @@ def _about_the_motion(
     studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     answers = []
+    plain, own = _reduced(report, options.seed, SHARE_OF_REDUCED * (end - now()))
     for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
         share = now() + (end - now()) / left
-        answers.append(nonholonomic_study.answer_about(study, asked, share, progress))
+        answers.append(nonholonomic_study.answer_about(study, asked, share, progress, own))
     result = translate.to_result(solutions[0], schema, solutions[1:])
-    document = _whole(result, studies[0], answers, options, end).model_dump(mode="json")
+    document = _whole(result, studies[0], answers, plain, options, end).model_dump(mode="json")
     compare_motion(document, end - now())
     return documents.ordered(document)
+
+
+def _reduced(
+    report: nonholonomic_study.MotionReport, seed: int, time_limit: float
+) -> tuple[Decided | None, Answer | None]:
+    """The reduced system with its answer, which answers for the motion too where it is a yes."""
+    plain = decided_reduced(report.motion, report.motion.system.lagrangian, seed, time_limit)
+    return plain, None if plain is None else plain.answer
 
 
 def _unasked(one: AssociatedSystem) -> Solution:

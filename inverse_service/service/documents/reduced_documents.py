@@ -11,12 +11,14 @@ from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.constrained.ansatz import first_system
 from inverse_service.inverse_problem.constrained.answering import answer_motion
 from inverse_service.inverse_problem.hamiltonisation import reduced as deciding
-from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
+from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import motion_report
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_motion
+from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import clock_part as clocks
@@ -25,6 +27,8 @@ from inverse_service.service.documents.accepting import validated
 from inverse_service.service.documents.checking import compare_motion
 from inverse_service.service.documents.preparing import is_motion, prepared
 
+# Of the time, what the equations of the free coordinates alone may take.
+SHARE_OF_REDUCED = 0.25
 ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
 
 
@@ -43,9 +47,10 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
         )
     motion = read(schema)
     question = schema.time_dependent_lagrangian
-    answer = answer_motion(motion, (), question, options.seed, end, progress or (lambda _: None))
-
-    reduced = reduced_of_motion(motion, options.seed, end - now())
+    plain = decided_reduced(motion, None, options.seed, SHARE_OF_REDUCED * (end - now()))
+    own = None if plain is None else plain.answer
+    answer = answer_motion(motion, (), question, options.seed, end, progress or (lambda _: None), reduced=own)
+    reduced = reduced_part(motion, None, None, plain, options.seed, end - now())
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
     whole = NonholonomicResult(
@@ -80,22 +85,30 @@ QUADRATURE = "Along a solution of these equations the other coordinates are inte
 _WRONG = CheckResult("invalid", ("reduced is not the reduced system of the document, or has another clock.",))
 
 
-def reduced_of_report(report: MotionReport, seed: int, time_limit: float) -> ReducedPart | None:
-    """For a Lagrangian with constraints."""
-    motion = report.motion
+def decided_reduced(
+    motion: ConstrainedMotion, lagrangian: Expression | None, seed: int, time_limit: float
+) -> deciding.Decided | None:
+    """The reduced system with its answer, None where the motion does not reduce."""
     options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
-    return _part(deciding.answer_reduced(motion, report.motion.system.lagrangian, report.density, options))
+    return deciding.decide_reduced(motion, lagrangian, options)
 
 
-def reduced_of_motion(motion: ConstrainedMotion, seed: int, time_limit: float) -> ReducedPart | None:
-    """For a motion that is given as it is: there is no Lagrangian whose measure would give a clock."""
-    options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
-    return _part(deciding.answer_reduced(motion, None, None, options))
-
-
-def _part(found: deciding.Reduced | None) -> ReducedPart | None:
-    if found is None:
+def reduced_part(
+    motion: ConstrainedMotion,
+    lagrangian: Expression | None,
+    density: MeasureDensity | None,
+    plain: deciding.Decided | None,
+    seed: int,
+    time_limit: float,
+) -> ReducedPart | None:
+    """With another clock besides; a motion that is given as it is has no measure that would give one."""
+    if plain is None:
         return None
+    options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
+    return _part(deciding.answer_reduced(motion, lagrangian, density, options, plain))
+
+
+def _part(found: deciding.Reduced) -> ReducedPart:
     factor, clocked = found.factor, found.clocked
     return ReducedPart(
         coordinates=list(found.plain.system.coordinates),

@@ -1,0 +1,35 @@
+"""A yes about the equations of the free coordinates is one about the motion on the constraints, and is checked so."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+
+import inverse_service
+
+
+def heisenberg(pairs: int) -> dict[str, Any]:
+    """The particle with z' = y_1 x_1' + … + y_k x_k', in 2 k + 1 dimensions (Bloch 2003, chapter 1 for k = 1)."""
+    free = [f"{letter}{k}" for letter in "xy" for k in range(1, pairs + 1)]
+    rate = "".join(f" - y{k}*x{k}'" for k in range(1, pairs + 1))
+    energy = " + ".join(f"{name}'^2" for name in [*free, "z"])
+    return {"coordinates": [*free, "z"], "lagrangian": f"({energy})/2", "constraints": [f"z'{rate}"]}
+
+
+@pytest.mark.parametrize("pairs", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
+def test_the_particle_of_any_dimension_can_be_given_a_hamiltonian(pairs: int) -> None:
+    result = inverse_service.solve(heisenberg(pairs) | {"associated": "any"}, time_limit=60)
+    answer = result["any_associated"]
+    assert (answer["verdict"], answer["checked"]) == ("variational", "valid")
+    assert inverse_service.check(result)["verdict"] == "valid"
+
+
+def test_a_certificate_of_another_reduced_system_is_refused() -> None:
+    result = dict(inverse_service.solve(heisenberg(2) | {"associated": "any"}, time_limit=60))
+    free = {"equations": dict.fromkeys(["x1", "x2", "y1", "y2"], "0")}
+    forged = copy.deepcopy(result)
+    straight = inverse_service.solve(free)
+    forged["any_associated"] |= {"certificate": straight["certificate"], "lagrangian": straight["lagrangian"]}
+    assert inverse_service.check(forged)["verdict"] == "invalid"
