@@ -12,8 +12,9 @@ from typing import Literal
 from inverse_service.errors import InputError
 from inverse_service.expressions.letters import GREEK, LETTER_COMMANDS, OPERATORS, PRIMES, SCRIPT_L, SPACES, describe
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
+from inverse_service.reading import tokens as plain
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, REFUSED, Names, Role, refused
-from inverse_service.reading.tokens import FACTOR, NUMBER, Token, check_length, number_token
+from inverse_service.reading.tokens import FACTOR, FRACTION, NUMBER, PARTIAL, TOTAL, Token, check_length, number_token
 
 RawKind = Literal["command", "letter", "digit", "character", "condition", "end"]
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
@@ -293,7 +294,6 @@ _PRODUCTS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "lbrace": "(", "
 _OPENING, _CLOSING = "([", ")]"
 _BARS = ("vert", "lvert", "rvert")
 _REASONS = {
-    "partial": "write diff(A(x, y), x) for a partial derivative",
     "int": "integrals are not carried out, write the integral itself",
     "sum": "sums are not carried out, write the terms",
     "circ": "write 30 \\pi/180 for 30 degrees",
@@ -382,11 +382,7 @@ class LatexTranslator:
         role = role_before(self._tokens, self._names) if pieces else None
         if role == "parameter":
             raise refusal("a parameter depends on time", raw.column, "", declare="functions")
-        if role == "coordinate":
-            self._place += pieces - 1
-        elif self._derivative_in_braces():
-            return
-        elif self._ahead.is_command("left") and role_before(self._tokens, self._names) in ("function", None):
+        if self._ahead.is_command("left") and role_before(self._tokens, self._names) != "parameter":
             start = len(self._tokens)
             self._group(raw)  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
             inner = self._tokens[start + 1 : -1]
@@ -395,19 +391,6 @@ class LatexTranslator:
             self._tokens[start] = replace(self._tokens[start], space_before=False)
         else:
             self._group(raw)
-
-    def _derivative_in_braces(self) -> bool:
-        r"""{\frac{d}{dt}} x, as Maple prints it, without the outer braces; else nothing is taken."""
-        start = self._place
-        end = self._after_group(self._after_group(start + 1))
-        if not self._ahead.is_command(*_FRACTIONS) or not self._raw[end].is_character("}"):
-            return False
-        closing, raw = self._raw.pop(end), self._take()
-        if self._time_derivative(raw) or self._derivative_operator(raw):
-            return True
-        self._raw.insert(end, closing)
-        self._place = start
-        return False
 
     def _misplaced(self, raw: Raw) -> InputError:
         reasons = {
@@ -447,9 +430,13 @@ class LatexTranslator:
             self._emit("|", raw)
         elif name in _PRODUCTS:
             self._emit(_PRODUCTS[name], raw)
+        elif name == "partial" and not self._ahead.is_character("_"):
+            self._emit(PARTIAL, raw)
         elif name == "\\":
             self._emit(";", raw)
         else:
+            if name == "partial":
+                raise refusal("a partial derivative occurs", raw.column, "write diff(A(x, y), x), A declared")
             what, instead = f"the command \\{shorten(name)} is not accepted", MARKED.get(name) or _REASONS.get(name)
             if not instead and name in REFUSED:
                 raise refused(what, REFUSED[name], raw.column)
@@ -466,7 +453,8 @@ class LatexTranslator:
         if any(piece.space_before for piece in self._raw[start + 1 : self._place]):
             raise refusal("words occur", raw.column, "write the equations alone, separated by ;")
         if name == "d" and self._names.role("d") is None:
-            raise refusal("a differential occurs", raw.column, "write \\frac{dx}{dt} for a derivative")
+            self._emit(TOTAL, raw)
+            return
         if not name:
             raise refusal(f"\\{raw.text} contains no name", raw.column, "write letters and digits in it")
         self._emit_name(self._with_subscript(name), raw)
@@ -506,7 +494,7 @@ class LatexTranslator:
                     return not self._raw[place + 1].is_character(".")
         return True
 
-    def _group(self, opening: Raw) -> None:
+    def _group(self, opening: Raw, brackets: bool = True) -> None:
         """{ … } as a bracket; { } holds nothing, and a name alone in braces is that name."""
         start = len(self._tokens)
         self._enter(opening)
@@ -521,7 +509,13 @@ class LatexTranslator:
         if len(inner) == 1 and inner[0].is_operator(","):
             return  # 0{,}5
         is_name = bool(inner) and inner[0].kind == "name" and all(token.kind == "prime" for token in inner[1:])
-        if not inner or (is_name and not after_function):
+        is_fraction = (
+            bool(inner)
+            and inner[0].is_operator("(")
+            and inner[0].value == FRACTION
+            and plain.closing(inner, 0) == len(inner) - 1
+        )
+        if not brackets or not inner or is_fraction or (is_name and not after_function):
             return
         self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
         self._emit(")", closing)
@@ -531,7 +525,7 @@ class LatexTranslator:
         raw = self._ahead
         self._emit("(", raw)
         if raw.is_character("{"):
-            self._group(self._take())
+            self._group(self._take(), False)
         elif raw.kind == "digit":
             self._take()
             self._tokens.append(number_token(raw.text, raw.column, False))
@@ -546,10 +540,7 @@ class LatexTranslator:
         self._emit(")", raw)
 
     def _fraction(self, raw: Raw) -> None:
-        if self._time_derivative(raw) or self._derivative_operator(raw) or self._derivative_of_call(raw):
-            return
-        self._refuse_differentials(raw)
-        self._begin_factor(raw)
+        self._tokens.append(Token("operator", "(", raw.column, True, FRACTION))
         self._argument(raw)
         self._emit("/", raw)
         self._argument(raw)
@@ -668,148 +659,6 @@ class LatexTranslator:
         self._depth += 1
         at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", raw.column)
 
-    def _time_derivative(self, raw: Raw) -> bool:
-        """\\frac{dx}{dt} as x', \\frac{\\partial A}{\\partial x} as diff(A, x), A declared; else nothing is taken."""
-        start, partial = self._place, self._raw[self._place + 1].is_command("partial")
-        name, order, dots = self._derivative_part()
-        variables = self._variables_part() if name else []
-        declared = self._names.role(self._names.spelling(name)) in ("function", "parameter")
-        if 0 < order == len(variables) and declared and not (partial and "t" in variables):
-            if self._ahead.is_character("(") or self._ahead.is_command("left"):
-                instead = f"write {name}'({variables[0]}), or \\cdot before a factor"
-                raise refusal("a bracket follows a derivative", self._ahead.column, instead)
-            self._emit_call(raw, name, *variables)
-        elif 0 < order == len(variables) and {*variables} == {"t"} and not partial:
-            self._emit_name(name, raw, order + dots)
-        elif 0 < order == len(variables) and "t" not in variables and (partial or not self._names.role("d")):
-            what, instead = f"a derivative of {name} by {variables[0]} occurs", f"write {name}'({variables[0]})"
-            raise refusal(what, raw.column, instead, declare="functions")
-        else:
-            self._place = start
-            return False
-        return True
-
-    def _emit_call(self, raw: Raw, *names: str) -> None:
-        """diff(A, x) for \\frac{\\partial A}{\\partial x}, A a declared function."""
-        self._emit_name("diff", raw)
-        for separator, name in zip("(" + "," * len(names), names, strict=False):
-            self._emit(separator, raw, space=False)
-            self._emit_name(name, raw)
-        self._emit(")", raw)
-
-    def _derivative_operator(self, raw: Raw) -> bool:
-        """\\frac{d}{dt} and \\frac{d^{2}}{dx dy} before an operand: taken as diff(u, t); else nothing is taken."""
-        start, partial = self._place, self._raw[self._place + 1].is_command("partial")
-        order = self._operator_part()
-        variables = self._variables_part() if order else []
-        if order < 1 or len(variables) != order or self._ahead.kind == "end":
-            self._place = start
-            return False
-        operand = self._place
-        self._emit_name("diff", raw)
-        self._emit("(", raw, space=False)
-        self._operand()
-        if partial and "t" in variables and not any(map(self._time_argument_at, range(operand, self._place))):
-            instead = "write \\frac{d}{dt}\\left( and \\right) for the derivative along the motion"
-            raise refusal("a partial derivative by the time occurs", raw.column, instead)
-        self._end_derivative(raw, variables)
-        return True
-
-    def _derivative_of_call(self, raw: Raw) -> bool:
-        r"""\frac{dV(x)}{dx} as diff(V(x), x); else nothing is taken."""
-        start, length = self._place, len(self._tokens)
-        self._emit_name("diff", raw)
-        self._emit("(", raw, space=False)
-        if self._take().is_character("{") and not self._names.role("d") and self._differential():
-            order, name = self._small_power(), len(self._tokens)
-            is_name = self._ahead.kind == "letter" or self._ahead.is_command(*LETTER_COMMANDS)
-            self._piece() if is_name else None
-            arguments = self._named_arguments(self._place) if self._is_call(self._place, name) else []
-            if arguments and self._application() and self._take().is_character("}"):
-                variables = self._variables_part()
-                if len(variables) == order and {*variables} <= {*arguments} - {"t"}:
-                    self._end_derivative(raw, variables)
-                    return True
-        self._place = start
-        del self._tokens[length:]
-        return False
-
-    def _end_derivative(self, raw: Raw, variables: list[str]) -> None:
-        for variable in variables:
-            self._emit(",", raw)
-            self._emit_name(variable, raw)
-        self._emit(")", raw)
-
-    def _is_call(self, place: int, start: int = 0) -> bool:
-        """Whether names alone stand in the brackets at a place, after a name of a function or of nothing yet."""
-        last = len(self._tokens) - 1
-        while last > start and self._tokens[last].kind == "prime":
-            last -= 1
-        if last < start or self._tokens[last].kind != "name" or not all(self._named_arguments(place) or [""]):
-            return False
-        return role_before(self._tokens, self._names) in ("function", None)
-
-    def _refuse_differentials(self, raw: Raw) -> None:
-        """InputError for \\frac{dV(x)}{dx}, whose d would be a factor of both; d is one where it is declared."""
-        start, depth = self._place, 1
-        partial = self._raw[start + 1].is_command("partial")
-        differential = not partial and self._take().is_character("{") and self._differential()
-        if differential and not self._names.role("d") and not self._ahead.is_character("}"):
-            while depth and self._ahead.kind != "end":
-                piece = self._take()
-                depth += piece.is_character("{") - piece.is_character("}")
-            if variables := self._variables_part():
-                instead = f"write \\frac{{d}}{{d{variables[0]}}}\\left( and \\right)"
-                raise refusal(f"a derivative by {variables[0]} occurs", raw.column, instead)
-        self._place = start
-
-    def _time_argument_at(self, place: int) -> int:
-        return time_argument(self._raw[place : place + 7])
-
-    def _operand(self) -> None:
-        """A bracket, or one piece with its arguments, or one piece that nothing follows."""
-        start = len(self._tokens)
-        self._enter(self._ahead)
-        self._piece()
-        bracket = self._tokens[start:] and self._tokens[start].is_operator("(")
-        arguments = not bracket and self._application()
-        self._depth -= 1
-        if self._ahead.is_character("^") or not (bracket or self._ends_a_term() or (arguments and self._multiplies())):
-            instead = "write \\left( and \\right) around what is differentiated"
-            raise refusal("where the derivative ends is not clear", self._ahead.column, instead)
-
-    def _application(self) -> bool:
-        """The (t) of a coordinate is left out, the arguments of a declared function are translated."""
-        if pieces := self._time_argument_at(self._place):
-            self._place += pieces
-            return True
-        group = self._ahead.is_character("{") and self._raw[self._place + 1].is_command("left")
-        opens = group or self._ahead.is_character("(") or self._ahead.is_command("left")
-        if opens and (role_before(self._tokens, self._names) == "function" or self._is_call(self._place)):
-            self._piece()
-            return True
-        return False
-
-    def _piece(self) -> None:
-        """What comes next, up to its last bracket."""
-        balance, started = 0, False
-        while (balance > 0 or not started) and self._ahead.kind != "end":
-            place, started = len(self._tokens), True
-            self._one()
-            balance += open_brackets(self._tokens[place:])
-
-    def _multiplies(self) -> bool:
-        """Whether a sign of a product follows, or a further derivative: sin x after d/dt x(t) may belong to it."""
-        bracket = self._ahead.is_command("left") and self._raw[self._place + 1].is_character("(")
-        place = self._place + 2 * bracket
-        fraction = [raw.text for raw in self._raw[place : place + 3]]
-        derivative = fraction[:2] == ["frac", "{"] and fraction[2:] in (["d"], ["partial"], ["mathrm"])
-        return derivative or self._ahead.is_command("cdot", "times", "ast", "div") or self._ahead.is_character("*", "/")
-
-    def _ends_a_term(self) -> bool:
-        ahead = self._ahead
-        return ahead.kind == "end" or ahead.is_character(*"+-=,;)]}.") or ahead.is_command("\\", "right")
-
     @property
     def _ahead(self) -> Raw:
         return self._raw[self._place]
@@ -886,102 +735,6 @@ class LatexTranslator:
         if raw.kind == "command":
             return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
         return raw.text if raw.kind in ("letter", "digit") else ""
-
-    def _after_group(self, place: int) -> int:
-        """The place after the { … } that begins at a place; the place itself where none begins."""
-        depth = 0
-        for end in range(place, len(self._raw)):
-            depth += self._raw[end].is_character("{") - self._raw[end].is_character("}")
-            if depth == 0:
-                return end + (end > place)
-        return place
-
-    def _named_arguments(self, place: int) -> list[str]:
-        r"""x, y of (x, y), \left(x, y\right) or this in braces at a place; [] where anything else stands there."""
-        place += self._raw[place].is_character("{")
-        left = self._raw[place].is_command("left")
-        found: list[str] = []
-        if not self._raw[place + left].is_character("("):
-            return []
-        for opening, raw in enumerate(self._raw[place + left + 1 : place + 2 * LIMITS.coordinates], place + left):
-            if raw.is_character(")") or raw.is_command("right"):
-                return found
-            if self._raw[opening].is_character("(", ","):
-                found.append(self._plain_piece(raw))
-            elif not raw.is_character(","):
-                return []
-        return []
-
-    def _derivative_part(self) -> tuple[str, int, int]:
-        """(name, order, dots) of {d^k name}, {d name^k}, {d \\dot name}, ('', 0, 0) if it is not one."""
-        if not self._take().is_character("{") or not self._differential():
-            return "", 0, 0
-        first = self._small_power()
-        raw = self._take()
-        dots = {"dot": 1, "ddot": 2}.get(raw.text, 0) if raw.kind == "command" else 0
-        braces = dots and self._ahead.is_character("{")
-        if dots:
-            self._place += bool(braces)
-            raw = self._take()
-        if raw.kind == "letter":
-            self._place -= 1
-            name = self._with_subscript(self._word())
-        else:
-            plain = self._plain_piece(raw)
-            name = self._with_subscript(plain) if plain else ""
-        if braces and not self._take().is_character("}"):
-            return "", 0, 0
-        after = self._small_power()
-        if after > 1 and not dots:
-            instead = f"write \\frac{{d^2 {name}}}{{dt^2}} or \\left(\\frac{{d{name}}}{{dt}}\\right)^2"
-            raise refusal("what is raised in a derivative is not clear", raw.column, instead)
-        order = first * after
-        if [piece.text for piece in self._raw[self._place : self._place + 3]] == ["(", "t", ")"]:
-            self._place += 3
-        return (name, order, dots) if self._take().is_character("}") else ("", 0, 0)
-
-    def _variables_part(self) -> list[str]:
-        """x, x for {dx^2} and {d x{\\left(t \\right)}^{2}}, y, x for {\\partial y \\partial x}; [] if it is none."""
-        if not self._take().is_character("{"):
-            return []
-        found: list[str] = []
-        while not self._ahead.is_character("}"):
-            if not self._differential():
-                return []
-            braces = self._ahead.is_character("{")
-            self._place += braces
-            raw = self._take()
-            self._place -= raw.kind == "letter"
-            name = self._word() if raw.kind == "letter" else self._plain_piece(raw)
-            if not name or (braces and not self._take().is_character("}")):
-                return []
-            name = self._with_subscript(name)
-            self._place += time_argument(self._raw[self._place : self._place + 7])
-            found += [name] * self._small_power()
-        self._take()
-        return found
-
-    def _operator_part(self) -> int:
-        """The k of {d^k}, 0 if it is not one."""
-        if not self._take().is_character("{") or not self._differential():
-            return 0
-        order = self._small_power()
-        return order if self._take().is_character("}") else 0
-
-    def _differential(self) -> bool:
-        raw = self._take()
-        if raw.is_command("partial"):
-            return True
-        if raw.is_command(*FONTS):
-            return self._name_part() == "d"
-        return raw.kind == "letter" and raw.text == "d"
-
-    def _small_power(self) -> int:
-        if not self._ahead.is_character("^"):
-            return 1
-        self._take()
-        digits = self._name_part()
-        return int(digits) if digits.isdigit() and len(digits) == 1 else 0
 
 
 def _is_prime(raw: Raw) -> bool:

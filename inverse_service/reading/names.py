@@ -172,6 +172,7 @@ class Names:
 
     `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared. `definitions`
     are the formulas for which some of the parameters stand: their derivatives are those of the formulas.
+    `guesses`: what is not declared may be a name all the same.
     """
 
     coordinates: tuple[str, ...] = ()
@@ -179,6 +180,7 @@ class Names:
     functions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     time: bool = True
     definitions: Mapping[Expression, Expression] = field(default_factory=dict)
+    guesses: bool = False
 
     def role(self, name: str) -> Role | None:
         """What the name was declared as, None if it was not."""

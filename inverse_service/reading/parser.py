@@ -48,7 +48,7 @@ from inverse_service.expressions.tree import (
     substitute,
 )
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, PIECEWISE, Names, call, unknown_name
-from inverse_service.reading.tokens import END, FACTOR, Token, TokenStream, unexpected
+from inverse_service.reading.tokens import END, Token, TokenStream, unexpected
 
 _BITS_PER_DIGIT = 3.3219280948873626
 _EXPONENTIAL = Apply("exp", ONE)
@@ -352,8 +352,6 @@ class FormulaParser:
             return self._name(token)
         if token.is_operator("|"):
             return call("abs", self._until(token, "|", 1), token.column)
-        if token.is_operator("\u2202"):
-            raise refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
         if not token.is_operator("("):
             raise unexpected(token, _OPERAND)
         return self._until(token, ")", 1)[0]
@@ -622,7 +620,7 @@ class FormulaParser:
         return order
 
     def _opens_arguments(self) -> bool:
-        return self._stream.ahead.is_operator("(") and self._stream.ahead.value != FACTOR
+        return self._stream.ahead.is_operator("(") and not self._stream.ahead.value
 
     def _skip_time_argument(self) -> None:
         if self._time_in_brackets():

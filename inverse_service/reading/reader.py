@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal, shorten
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, subtract, walk
+from inverse_service.reading.differentials import with_derivatives
 from inverse_service.reading.names import FUNCTIONS, Names
 from inverse_service.reading.notations import in_our_words
 from inverse_service.reading.parser import check_depth, parse_tokens
@@ -72,7 +73,7 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     if is_latex(formula):
         from inverse_service.reading import latex
 
-        tokens = latex.tokenize(formula, names)
+        tokens = with_derivatives(latex.tokenize(formula, names), names)
     else:
         tokens = in_our_words(tokenize(formula), names)
     refuse_decimal_commas(tokens)

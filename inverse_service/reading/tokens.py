@@ -31,16 +31,17 @@ from inverse_service.expressions.letters import (
 from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
 
 Kind = Literal["number", "name", "prime", "operator", "newline", "end"]
-FACTOR = Fraction(1)
+FACTOR, FRACTION = Fraction(1), Fraction(2)
+PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
 
 
 @dataclass(frozen=True, slots=True)
 class Token:
     """One token; `column` counts from 1 in the original text.
 
-    `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR
-    where no arguments can stand in it. Operators are + - * / ^ ( ) [ ] , = ; |, and < > & ~ true in
-    conditions of pieces.
+    `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR where no arguments
+    can stand in it, and FRACTION where ((above)/(below)) of LaTeX begins.
+    Operators are + - * / ^ ( ) [ ] , = ; |, and < > & ~ true in conditions of pieces.
     """
 
     kind: Kind
@@ -182,6 +183,10 @@ def unexpected(token: Token, wanted: str) -> InputError:
     """What stands here is not what can follow."""
     if token.kind == "end":
         return refusal("the formula ends", token.column, f"{wanted} is missing")
+    if token.is_operator(TOTAL):
+        return refusal("a differential occurs", token.column, "write \\frac{dx}{dt} for a derivative")
+    if token.is_operator(PARTIAL):
+        return refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
     if wanted == END and token.is_operator(")"):
         return refusal("')' is not expected", token.column, "leave it out, or add the '(' before it")
     shown = {"newline": "a new line", "prime": "a prime (')"}.get(token.kind, f"'{shorten(token.text)}'")
@@ -376,7 +381,7 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)
-    if character in "+-*/^()[]{},=;|\u2202":
+    if character in "+-*/^()[]{},=;|" + PARTIAL + TOTAL:
         return [Token("operator", character, column, space)], place + 1
     what = f"the character {describe(text[place])} is not accepted"
     meant = (_MEANT[text[place]],) if text[place] in _MEANT else ()
