@@ -127,7 +127,7 @@ class TokenStream:
 
     @property
     def ahead(self) -> Token:
-        return self._tokens[self.position]
+        return self._tokens[min(self.position, len(self._tokens) - 1)]
 
     def look(self, distance: int) -> Token:
         """The token `distance` places on (or back), the end token beyond either end."""
