@@ -134,6 +134,22 @@ class SimulatedMethod(Document):
     seconds: Numbers
 
 
+class EffectPart(Document):
+    """An effect and the operations of a step that it adds, or would add; null where that is not told."""
+
+    name: str
+    operations: int | None
+
+
+class EffectsPart(Document):
+    """What acts and what was left out; `operations` of a whole step of `method`, the first that steps by a kernel."""
+
+    acting: list[EffectPart]
+    left_out: list[EffectPart]
+    method: str | None
+    operations: int | None
+
+
 class SimulationResult(Document):
     """What was simulated, how each method ended, and every observed quantity."""
 
@@ -146,6 +162,7 @@ class SimulationResult(Document):
     steps: int
     record_every: int
     observe: list[str]
+    effects: EffectsPart
     methods: list[SimulatedMethod]
     truth: dict[str, Any] | None
     advice: AdvicePart | None

@@ -138,7 +138,20 @@ def page(summary: Mapping[str, Any]) -> str:
     for method in summary["methods"]:
         numbers = [_number(value) for value in _values(method, _columns(summary))]
         rows.append([method["label"], method["outcome"], str(method["steps"]), *numbers])
-    return "\n".join([*_aligned(rows), *_reasons(summary), *_costs(summary), *summary["notes"]]) + "\n"
+    lines = [*_aligned(rows), *_reasons(summary), *_effects(summary), *_costs(summary), *summary["notes"]]
+    return "\n".join(lines) + "\n"
+
+
+def _effects(summary: Mapping[str, Any]) -> list[str]:
+    """What acted and what was left out, with the operations of a step."""
+    lines, effects = [], summary["effects"]
+    for key, what in (("acting", "Effects that act"), ("left_out", "Left out")):
+        parts = [
+            part["name"] if part["operations"] is None else f"{part['name']} ({part['operations']} operations a step)"
+            for part in effects[key]
+        ]
+        lines += [f"{what}: {', '.join(parts)}."] if parts else []
+    return lines
 
 
 def _columns(summary: Mapping[str, Any]) -> list[str]:

@@ -9,16 +9,17 @@ of a part    the difference to the same scene without it; no time where that is 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from inverse_service.codegen.compiled import kernel_text
+from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.integrators.method_table import USES_FREE
+from inverse_service.integrators.method_table import METHODS, USES_FREE
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.mechanics import method_advice
 from inverse_service.simulation.array_values import array_value, table_of
@@ -26,6 +27,7 @@ from inverse_service.simulation.callables import Formulas, walls
 from inverse_service.simulation.derivation import Derived, Find, derive, problem_of
 from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.scene_data import (
+    Effect,
     FreeLagrangian,
     Observation,
     Problem,
@@ -90,6 +92,7 @@ IN_KERNEL = ("energy", "constraints", "momenta", "velocities")
 MOST_STEPS = 20_000
 MORE_STEPS = 8  # times as many where a run is too short
 REPEATS, LEAST_REPEATS = 15, 3
+LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
 ENOUGH = 0.03  # seconds of running for one measurement
 NO_STEP = "no step is made."
 TOO_SHORT = "The run is too short for its steps to be timed: take more of them."
@@ -123,7 +126,7 @@ class Price:
 def part_costs(scene: Scene, requested: Requested, derived: Derived, means: Means) -> dict[str, Any]:
     """The key `cost` of a method: the whole step, and each part of it."""
     problem = problem_of(scene, requested, derived)
-    if requested.method == "heyoka" or isinstance(problem, Unavailable):
+    if not METHODS[requested.method].has_kernel or isinstance(problem, Unavailable):
         return {"note": NOT_IN_STEPS}
     short = replace(scene, grid=replace(scene.grid, steps=min(scene.grid.steps, MOST_STEPS)))
     whole = _price(short, problem, requested, means)
@@ -132,30 +135,59 @@ def part_costs(scene: Scene, requested: Requested, derived: Derived, means: Mean
     document: dict[str, Any] = {"step_ns": whole.step, "operations": whole.operations, "steps": whole.steps}
     if np.isnan(whole.step):
         document["note"] = TOO_SHORT
-    elif scene.constraints and requested.method in USES_FREE and scene.without:
+    elif _belongs_together(scene, requested) and scene.parts:
         document["note"] = TOGETHER
-    parts = []
-    for name, kind, variant in _variants(short, requested):
-        parts.append({"name": name, "kind": kind} | _part(short, variant, requested, whole, means))
+    observed = [name for name in scene.observe if name in IN_KERNEL]
+    acting = [] if _belongs_together(scene, requested) else [part for part in short.parts if part.acts]
+    parts = [
+        {"name": part.name, "kind": "effect"} | _part(turned(short, part), requested, whole, means) for part in acting
+    ]
+    for name in observed:
+        variant = replace(short, observe=tuple(one for one in short.observe if one != name))
+        parts.append({"name": name, "kind": "observed"} | _part(variant, requested, whole, means))
     return document | {"parts": parts}
 
 
-def _variants(scene: Scene, requested: Requested) -> Iterator[tuple[str, str, Scene]]:
-    """The scene without one effect, then without one observed quantity."""
-    if not (scene.constraints and requested.method in USES_FREE):
-        for name, (lagrangian, constraints) in scene.without.items():
-            left = tuple(effect for effect in scene.effects if effect != name)
-            yield name, "effect", replace(scene, lagrangian=lagrangian, constraints=constraints, effects=left)
-    for name in scene.observe:
-        if name in IN_KERNEL:
-            yield name, "observed", replace(scene, observe=tuple(one for one in scene.observe if one != name))
+def _belongs_together(scene: Scene, requested: Requested) -> bool:
+    """Whether the effects of a method are in one free Lagrangian, out of which none can be taken."""
+    return bool(scene.constraints) and requested.method in USES_FREE
 
 
-def _part(scene: Scene, variant: Scene, requested: Requested, whole: Price, means: Means) -> dict[str, Any]:
-    if (variant.lagrangian, variant.constraints, variant.observe) == (
-        scene.lagrangian, scene.constraints, scene.observe,
-    ):  # fmt: skip
-        return {"step_ns": 0.0, "operations": 0, "note": "The system has no such part."}
+def turned(scene: Scene, part: Effect) -> Scene:
+    """The scene without the effect, where it acts, or with it."""
+    names = (name for name in scene.effects if name != part.name)
+    effects = tuple(names) if part.acts else (*scene.effects, part.name)
+    return replace(scene, lagrangian=part.lagrangian, constraints=part.constraints, forces=part.forces, effects=effects)
+
+
+def effects_of(scene: Scene, derived: Derived, means: Means) -> dict[str, Any]:
+    """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
+    method that steps with a kernel; None where that cannot be told."""
+    method = next((one for one in scene.methods if METHODS[one.method].has_kernel
+                   and not _belongs_together(scene, one)), None)  # fmt: skip
+    whole = None if method is None or len(scene.coordinates) > LARGE else _count(scene, method, derived, means)
+    found: dict[bool, list[dict[str, Any]]] = {True: [], False: []}
+    for part in scene.parts:
+        other = None if whole is None or method is None else _count(turned(scene, part), method, None, means)
+        more = None if whole is None or other is None else (whole - other if part.acts else other - whole)
+        found[part.acts].append({"name": part.name, "operations": more})
+    label = None if whole is None or method is None else method.label
+    return {"acting": found[True], "left_out": found[False], "method": label, "operations": whole}
+
+
+def _count(scene: Scene, requested: Requested, derived: Derived | None, means: Means) -> int | None:
+    """Operations of a step; None where the method has none for this scene."""
+    alone = replace(scene, methods=(requested,), observe=tuple(n for n in scene.observe if n in IN_KERNEL))
+    problem = problem_of(scene, requested, derived or derive(alone, means.find))
+    if isinstance(problem, Unavailable):
+        return None
+    try:
+        return operations(*means.observe(scene, problem), requested)
+    except InputError:  # the method is not for such a scene
+        return None
+
+
+def _part(variant: Scene, requested: Requested, whole: Price, means: Means) -> dict[str, Any]:
     alone = replace(variant, methods=(requested,), observe=tuple(n for n in variant.observe if n in IN_KERNEL))
     problem = problem_of(variant, requested, derive(alone, means.find))
     found = problem if isinstance(problem, Unavailable) else _price(variant, problem, requested, means)

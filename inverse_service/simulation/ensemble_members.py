@@ -67,6 +67,7 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     problem = problem_of(scene, requested, derived)
     if isinstance(problem, Unavailable):
         return EnsembleRun(requested, Outcome("unavailable", remedy=problem.reason), None)
+    problem = problem.with_used_parameters()
     free = derived.free.get(requested.free) if requested.method in USES_FREE else None
     known = free if isinstance(free, FreeLagrangian) else None
     members = scene.ensemble

@@ -23,7 +23,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.simulation.advice import COST, Means, part_costs
+from inverse_service.simulation.advice import COST, Means, effects_of, part_costs
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.derivation import (
     COMPARED,
@@ -102,6 +102,7 @@ class SceneRun:
     runs: tuple[MethodRun, ...]
     members: tuple[EnsembleRun, ...] = ()
     lyapunov: Mapping[str, Any] | None = None
+    effects: Mapping[str, Any] = field(default_factory=dict)
 
 
 def run_scene(
@@ -141,7 +142,8 @@ def run_scene(
     if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple) and begins:
         tell("Lyapunov exponent")
         exponent = largest_exponent(scene, derived.accelerations, stop)
-    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent)
+    means = Means(_no_run, observed_problem, find or _no_free, stop or (lambda: False))
+    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent, effects_of(scene, derived, means))
 
 
 def _without_unseen(
@@ -259,7 +261,7 @@ def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observati
     observation = observation_of(scene)
     if observation.observables and "energy" in scene.observe:
         problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
-    return problem, observation
+    return problem.with_used_parameters([one.expression for one in observation.observables]), observation
 
 
 def _costs(
@@ -274,6 +276,10 @@ def _costs(
 
     means = Means(step, observed_problem, find or _no_free, stop or (lambda: False))
     return part_costs(scene, requested, derived, means)
+
+
+def _no_run(*_: object) -> Unavailable:
+    return Unavailable("no run is made.")
 
 
 def _no_free(*_: object) -> Unavailable:

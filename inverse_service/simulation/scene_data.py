@@ -6,12 +6,12 @@ A scene holds everything that was not named already left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.expressions.tree import TIME, Expression, walk
+from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
 from inverse_service.integrators.trajectory import Array
 
 
@@ -50,6 +50,15 @@ class Problem:
             *self.domain,
         )
         return any(node == TIME for tree in trees if tree is not None for node in walk(tree))
+
+    def with_used_parameters(self, observed: Sequence[Expression] = ()) -> Problem:
+        """The problem with the parameters that its formulas, or those `observed`, contain: no kernel loads another."""
+        trees = [
+            self.lagrangian, self.free_lagrangian, self.free_hamiltonian, *(self.accelerations or ()), *self.forces,
+            *self.constraints, *self.domain, *observed,
+        ]  # fmt: skip
+        used = {node.name for tree in trees if tree is not None for node in walk(tree) if isinstance(node, Symbol)}
+        return replace(self, parameters=tuple(name for name in self.parameters if name in used))
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +198,17 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
+class Effect:
+    """An effect that the system has, and the scene with it turned round: without it where it `acts`, else with it."""
+
+    name: str
+    acts: bool
+    lagrangian: Expression
+    constraints: tuple[Expression, ...]
+    forces: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Members:
     """The members of an ensemble: positions and velocities (N, n), and (N,) values of the parameters that differ."""
 
@@ -205,8 +225,8 @@ class Scene:
     `forces` (n,) act with L and the constraints, empty where there are none; `own` are observables by formula.
     `found` is a Lagrangian of given accelerations, where their energy is observed.
     `units` are names of units, of which nothing is computed.
-    `circle` are the places of the two coordinates whose path is matched by circles. `without` gives (Lagrangian,
-    constraints) without each effect, where the cost of parts is observed, and is empty elsewhere.
+    `circle` are the places of the two coordinates whose path is matched by circles. `parts` are the effects that the
+    system has, those that act and those that are left out.
     """
 
     name: str
@@ -229,4 +249,4 @@ class Scene:
     ensemble: Members | None = None
     found: FreeLagrangian | None = None
     units: Mapping[str, str] = field(default_factory=dict)
-    without: Mapping[str, tuple[Expression | None, tuple[Expression, ...]]] = field(default_factory=dict)
+    parts: tuple[Effect, ...] = ()

@@ -18,7 +18,7 @@ from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_initial import read_initial, read_members
 from inverse_service.service.scenes.scene_methods import number_of, read_circle, read_grid, read_methods
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
-from inverse_service.simulation.scene_data import OBSERVED, Event, Observable, Scene
+from inverse_service.simulation.scene_data import OBSERVED, Effect, Event, Observable, Scene
 
 FORCES, RAYLEIGH = "forces", "rayleigh"
 TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
@@ -148,13 +148,12 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSys
         raise InputError(f"the motion has another column {min(taken)}: give the coordinate another name.", "/system")
     values = _values(schema, system)
     definitions = scene_system.read_definitions(schema.functions, names)
-    lagrangian, constraints, effects, without = _with_effects(schema, system, definitions)
+    lagrangian, constraints, forces, effects, parts = _with_effects(schema, system, definitions)
     accelerations = system.accelerations and tuple(define_functions(tree, definitions) for tree in system.accelerations)
     formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
     scene_system.refuse_open_functions(formulas, names)
     if any(holds(tree, TIME) for tree in constraints):
         raise InputError(TIME_REFUSED, "/system")
-    forces = read_forces(schema, system, definitions, effects)
     begin, initial = beginning(schema)
     _refuse_other_halves(initial, system)
     positions, velocities = read_initial(initial, names, lagrangian, constraints, values)
@@ -174,7 +173,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSys
         observe=tuple(name for name in OBSERVED if name in schema.observe),
         circle=read_circle(schema, names),
         notes=notes,
-        without=without,
+        parts=parts,
         forces=forces,
         own=read_observables(schema, system, definitions),
         events=read_events(schema, system, definitions),
@@ -236,9 +235,9 @@ def _refuse_dissipation(schema: SceneDocument) -> None:
 
 def _with_effects(
     schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
-) -> tuple[Expression | None, Constraints, tuple[str, ...], dict[str, tuple[Expression | None, Constraints]]]:
-    """L with the effects named, the constraints where they are named, all names in effect, and what is left without
-    each of them where the cost of parts is observed."""
+) -> tuple[Expression | None, Constraints, Constraints, tuple[str, ...], tuple[Effect, ...]]:
+    """L with the effects named, the constraints and forces that act, all names in effect, and each effect that the
+    system has turned round."""
     _refuse_dissipation(schema)
     texts = {
         name: scene_system.formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()
@@ -256,14 +255,19 @@ def _with_effects(
             pointer = "/terms" if terms else f"/{further[0]}" if further else "/effects"
             detail = "effects, terms and forces need a Lagrangian, and this system has equations: leave them out."
             raise InputError(detail, pointer)
-        return None, (), (), {}
+        return None, (), (), (), ()
     whole = define_functions(system.lagrangian, definitions)
     parts = lagrangian_parts(whole, system.names.coordinates)
     given = tuple(define_functions(w, definitions) for w in system.constraints)
 
-    def acting(names: tuple[str, ...]) -> tuple[Expression, Constraints]:
-        return with_effects(parts, terms, names), given if CONSTRAINTS in names else ()
+    def acting(names: Sequence[str]) -> tuple[Expression, Constraints, Constraints]:
+        forces = read_forces(schema, system, definitions, tuple(names))
+        return with_effects(parts, terms, names), given if CONSTRAINTS in names else (), forces
 
-    removable = [name for name in named if name != KINETIC] if "cost" in schema.observe else []
-    without = {one: acting(tuple(name for name in named if name != one)) for one in removable}
-    return *acting(named), named, dict(without)
+    whole_scene = acting(named)
+    found = []
+    for name in known:
+        other = [one for one in named if one != name] if name in named else [*named, name]
+        if name != KINETIC and (turned := acting(other)) != whole_scene:
+            found.append(Effect(name, name in named, *turned))
+    return *whole_scene, named, tuple(found)

@@ -157,6 +157,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "steps": scene.grid.steps,
         "record_every": scene.grid.record_every,
         "observe": list(scene.observe),
+        "effects": dict(found.effects),
         "methods": [
             *(_method(scene, run) for run in found.runs),
             *(_requested(run.requested) | ensemble_document(scene, run) for run in found.members),
