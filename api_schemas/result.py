@@ -235,6 +235,14 @@ class AdvicePart(Document):
     reason: str
 
 
+class IncompletePart(Document):
+    """A part of the result that is not there: why, and what a longer time limit would do."""
+
+    part: str
+    reason: str
+    more_time: str = ""
+
+
 class ResultDocument(OtherAnswer):
     """Everything found out about one system; the main fields answer `question`.
 
@@ -257,6 +265,7 @@ class ResultDocument(OtherAnswer):
     with_clock: ClockPart | None = None
     advice: AdvicePart | None = None
     guessed: list[str] = Field(default_factory=list)
+    incomplete: list[IncompletePart] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import importlib
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -38,15 +38,22 @@ def __getattr__(name: str) -> Any:
 
 
 def solve(
-    document: Mapping[str, Any] | Sequence[str] | str | Any, *, time_limit: float = 60.0, seed: int = 1, **keys: Any
+    document: Mapping[str, Any] | Sequence[str] | str | Any,
+    *,
+    time_limit: float = 60.0,
+    seed: int = 1,
+    progress: Callable[[str, Mapping[str, Any]], None] | None = None,
+    **keys: Any,
 ) -> Result:
     """The result of a system, its certificates checked.
 
     `document` is a document, a text of equations, a list of them, accelerations by coordinate, a name of the
     catalogue, or SymPy objects (see `inverse_service.sympy`). `time_limit` in s of processor time is kept by the
     solver between its stages, in this process: a result past it is `undetermined` and says so in `reason`. `seed`
-    fixes the random points and primes. The key `options` of a document asks for less time and another seed.
-    `keys` are further keys of the document, such as time="x", or of `inverse_service.sympy.solve`. Raises InputError.
+    fixes the random points and primes. `progress` is called with the name of each part as it is finished, where that
+    takes longer than a moment, and the fields of the result that are known with it. The key `options` of a document
+    asks for less time and another seed. `keys` are further keys of the document, such as time="x", or of
+    `inverse_service.sympy.solve`. Raises InputError.
     """
     from inverse_service.sympy import asked
     from inverse_service.sympy.result_objects import result_of
@@ -60,7 +67,8 @@ def solve(
     alone, given = split_options(_plain(whole))
     wanted = read_options(given, JobOptions(time_limit=time_limit, seed=seed))
     warm_first(logging.getLogger(__name__).warning, warm_up)
-    return result_of(solve_document(alone, SolveOptions(seed=wanted.seed, time_limit=wanted.time_limit)), names)
+    options = SolveOptions(seed=wanted.seed, time_limit=wanted.time_limit)
+    return result_of(solve_document(alone, options, None if progress is None else _by_part(progress)), names)
 
 
 def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -83,6 +91,16 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str
     from inverse_service.service.scenes.simulating import simulate as run
 
     return run(_plain(scene), time_limit=time_limit)
+
+
+def _by_part(progress: Callable[[str, Mapping[str, Any]], None]) -> Callable[[Any], None]:
+    from inverse_service.service.documents.growing import events
+
+    def tell(report: Any) -> None:
+        for event in events(report) if isinstance(report, dict) else ():
+            progress(event["part"], event["value"])
+
+    return tell
 
 
 def _as_dictionary(value: Any) -> Any:

@@ -122,12 +122,15 @@ def solve(
             help="Take undeclared names as constants, and say so; the default for equations on the command line only.",
         ),
     ] = None,
+    progress: Annotated[bool, typer.Option("--progress", help="A line for each part as it is finished.")] = False,
 ) -> None:
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
     from inverse_service.cli.solve_command import solve_file
 
     form = format.value
-    sys.exit(solve_file(file, form, time_limit, seed, explain, special_cases, guess, kind or (), clock, output))
+    sys.exit(
+        solve_file(file, form, time_limit, seed, explain, special_cases, guess, kind or (), clock, output, progress)
+    )
 
 
 @application.command()

@@ -6,7 +6,8 @@ import functools
 import json
 import re
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from inverse_service.service.jobs.warming import PATIENCE, warm_first, warm_up
 from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0
-STAGE_WIDTH = 78
+STAGE_WIDTH, LINE_WIDTH = 78, 118
 _CALLED = re.compile(r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]")  # SymPy's and Mathematica's equations
 PROOFS = ("coq", "lean", "identities")
 
@@ -39,8 +40,12 @@ def solve_file(
     kinds: Sequence[str] = (),
     clock: str | None = None,
     output: Path | None = None,
+    progress: bool = False,
 ) -> ExitCode:
-    """Solve the document in a process of its own and print the result, or write it to a file."""
+    """Solve the document in a process of its own and print the result, or write it to a file.
+
+    `progress`: a line on standard error for each part as it is finished.
+    """
     settings = read_settings()
     limit = time_limit_or(settings.time_limit, time_limit)
     document, given = split_options(given_document(name, guess))
@@ -52,7 +57,8 @@ def solve_file(
     if clock is not None and isinstance(document, dict):
         document = {**document, "clock": clock}
     warm_alone(settings.memory_limit)
-    result = _solve(document, SolveOptions(seed=asked.seed, time_limit=asked.time_limit), asked.memory_limit)
+    options = SolveOptions(seed=asked.seed, time_limit=asked.time_limit)
+    result = _solve(document, options, asked.memory_limit, progress)
     write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
@@ -131,20 +137,79 @@ def time_limit_or(default: float, given: float | None) -> float:
     return limit
 
 
-def _solve(document: Any, options: SolveOptions, memory_limit: int) -> dict[str, Any]:
-    report = show_stage if sys.stderr.isatty() else None
-    outcome = run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit, report)
-    if report is not None:
-        report("")
+def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bool) -> dict[str, Any]:
+    """The result, or what is finished of it where a limit ended the process."""
+    shown = _Shown(progress, sys.stderr.isatty())
+    outcome = run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit, shown.report)
+    shown.clear()
     if outcome.status == "done":  # the schemas of what follows take 0.06 s to load
         found: dict[str, Any] = outcome.value
+        shown.rest(found)
         return found
     from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, result_document, with_understood
 
-    if outcome.status in ("deadline", "memory"):
+    if outcome.status in ("deadline", "memory") and shown.so_far is None:
         understood = run_alone(tasks.understand_task, (document,), UNDERSTAND_DEADLINE, memory_limit)
         outcome = with_understood(outcome, understood)
-    return result_document(outcome, options, memory_limit)
+    return result_document(outcome, options, memory_limit, shown.so_far)
+
+
+class _Shown:
+    """What is told of the work, on standard error: the stage on the last line of a terminal, a line for each part."""
+
+    def __init__(self, parts: bool, stages: bool) -> None:
+        self._parts, self._stages = parts, stages
+        self._began, self._told = time.monotonic(), set[str]()
+        self.so_far: dict[str, Any] | None = None
+
+    def report(self, value: Any) -> None:
+        """A stage, or parts that are finished."""
+        if isinstance(value, str):
+            if self._stages:
+                show_stage(value)
+            return
+        before = {} if self.so_far is None else self.so_far["so_far"]
+        self.so_far = {"so_far": before | value["value"], "seconds": value["seconds"]}
+        self._say(value["parts"], self.so_far["so_far"])
+
+    def rest(self, result: Mapping[str, Any]) -> None:
+        """The parts that came with the end."""
+        missing = {entry["part"] for entry in result.get("incomplete", ())}
+        self._say([part for part in summaries(result) if part not in missing], result)
+
+    def clear(self) -> None:
+        """No stage is left on the terminal."""
+        if self._stages:
+            show_stage("")
+
+    def _say(self, parts: Iterable[str], found: Mapping[str, Any]) -> None:
+        for part in (part for part in parts if self._parts and part not in self._told):
+            self._told.add(part)
+            self.clear()
+            text = summaries(found).get(part, "")
+            line = f"{time.monotonic() - self._began:7.2f} s  {part.replace('_', ' ')}{': ' if text else ''}{text}"
+            print(line if len(line) <= LINE_WIDTH else f"{line[: LINE_WIDTH - 3]}...", file=sys.stderr, flush=True)
+
+
+def summaries(result: Mapping[str, Any]) -> dict[str, str]:
+    """What one line says of each part that a result has, in the order of wanting."""
+    timed, about, reduced = (result.get(key) or {} for key in ("with_time", "any_associated", "reduced"))
+    clock, formulas = result.get("with_clock") or {}, ("lagrangian", "hamiltonian")
+    texts = {
+        "motion": "found" if result.get("nonholonomic") else None,
+        "conditions": "written out" if result.get("conditions") else None,
+        "existence": result.get("verdict"),
+        "existence_with_time": result.get("verdict_with_time"),
+        "certificate": result.get("checked"),
+        **{part: (result.get(part) or {}).get("text") for part in formulas},
+        "lagrangian_with_time": (timed.get("lagrangian") or {}).get("text"),
+        "any_associated": about.get("verdict"),
+        "reduced": reduced.get("verdict"),
+        "clock": clock.get("verdict"),
+        "kinds": ", ".join(f"{name} {part['verdict']}" for name, part in (result.get("kinds") or {}).items()) or None,
+        "explanation": f"{len(result['explanation'])} steps" if result.get("explanation") else None,
+    }
+    return {part: text.replace("_", " ") for part, text in texts.items() if text}
 
 
 def show_stage(text: str) -> None:

@@ -15,6 +15,7 @@ from fractions import Fraction
 
 from flint import fmpz
 
+from inverse_service import deadline
 from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, order, place, terms_tree
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.tree import (
@@ -83,6 +84,7 @@ def _expand(tree: Expression) -> Terms:
         return _expansion(tree)
     known = _KEPT.get(tree)
     if known is None:
+        deadline.check(0)  # the clock alone: work is counted by who searches
         known = _expansion(tree)
         if len(known) <= _LARGEST_KEPT:
             if len(_KEPT) >= _MOST_KEPT:

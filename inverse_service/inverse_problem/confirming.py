@@ -13,7 +13,6 @@ from inverse_service.errors import CertificateRefused, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.explanation.finding import (
     energy_step,
     hamiltonian_of,
@@ -28,7 +27,7 @@ from inverse_service.inverse_problem.solutions import Answer, Solution, Step
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.analysis import Analysis
     from inverse_service.inverse_problem.decision.deciding import Decision
-    from inverse_service.inverse_problem.solutions import SolveOptions
+    from inverse_service.inverse_problem.solutions import Conditions, SolveOptions
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
@@ -36,6 +35,7 @@ Progress = Callable[[str], None]
 OF_ENERGIES = "functions of energies"
 # Work that takes longer tells what is confirmed meanwhile, s.
 _AT_ONCE = 0.05
+NOT_YET = "This is not settled yet."
 log = logging.getLogger(__name__)
 
 
@@ -53,8 +53,13 @@ class Work:
     autonomous: Decision | None = None
     reasons: tuple[Step, ...] = ()
     refused: set[tuple[str, bool]] = field(default_factory=set)
-    told: set[bool] = field(default_factory=set)
     began: float = field(default_factory=now)
+    # Where the answers hold, the conditions written out, what is confirmed of each question (with t: True), and the
+    # parts for which the time was over.
+    domain: tuple[Expression, ...] = ()
+    printed: Conditions | None = None
+    answers: dict[bool, Answer] = field(default_factory=dict)
+    cut: dict[str, str] = field(default_factory=dict)
 
     def add_seconds(self, stage: str, began: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now() - began
@@ -62,13 +67,18 @@ class Work:
     def left(self) -> float:
         return self.deadline - now()
 
+    def open_answer(self) -> Answer:
+        """That of a question which is not settled."""
+        return Answer("undetermined", reason=NOT_YET, positive=self.domain)
+
 
 def telling(work: Work, decision: Decision) -> Progress:
     """The progress of a search; one that takes longer tells that there is a Lagrangian, once the checker agrees."""
 
     def report(stage: str) -> None:
-        if work.options.so_far is not None and not work.told and now() - work.began > _AT_ONCE:
-            work.told.add(False)
+        is_known = decision.with_time in work.answers
+        if work.options.hand_over is not None and not is_known and now() - work.began > _AT_ONCE:
+            work.answers[decision.with_time] = work.open_answer()  # once, also where the checker does not agree
             certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
             if check(work, certificate).verdict == "valid":
                 tell(work, Answer("variational", certificate=certificate, checked="valid"), decision.with_time)
@@ -78,14 +88,42 @@ def telling(work: Work, decision: Decision) -> Progress:
 
 
 def tell(work: Work, answer: Answer, with_time: bool) -> None:
-    """Say a confirmed answer while there is more to find: that one exists at most once, and one Lagrangian."""
+    """Hand over a confirmed answer while there is more to find."""
     found = answer.lagrangian
-    if work.options.so_far is None or (found is not None and (True in work.told or now() - work.began < _AT_ONCE)):
-        return
-    work.told.add(found is not None)
-    answer = replace(answer, positive=domain_of(work.analysis).positive if found is None else found.positive)
-    system, plain, timed = work.analysis.system, None if with_time else answer, answer if with_time else None
-    work.options.so_far(Solution(system, plain, timed, None))
+    work.answers[with_time] = replace(answer, positive=work.domain if found is None else found.positive)
+    parts = [named("existence", with_time)]
+    # L(q, q') answers both questions, and without L(t, q, q') there is no L(q, q').
+    if with_time is (answer.verdict == "not_variational"):
+        parts.append(named("existence", not with_time))
+    parts += ["certificate"]
+    parts += [named("lagrangian", with_time)] if found is not None else []
+    parts += ["hamiltonian"] if answer.hamiltonian is not None else []
+    hand_over(work, *parts)
+
+
+def hand_over(work: Work, *parts: str) -> None:
+    """Say that these parts are finished and checked."""
+    if work.options.hand_over is not None:
+        work.options.hand_over(parts, lambda: _so_far(work))
+
+
+def named(part: str, with_time: bool) -> str:
+    """The name of a part of the one question or the other."""
+    return f"{part}_with_time" if with_time else part
+
+
+def _so_far(work: Work) -> tuple[Solution, ...]:
+    """What is confirmed; a question that is not settled is undetermined."""
+    system, wanted = work.analysis.system, work.options.time_dependent
+    depends = system.depends_on_time
+    autonomous = None if depends or wanted is True else work.answers.get(False, work.open_answer())
+    with_time = None if wanted is False and not depends else work.answers.get(True, work.open_answer())
+    if autonomous is not None and with_time is not None:
+        if autonomous.verdict == "variational" and with_time.lagrangian is None:
+            with_time = autonomous
+        elif with_time.verdict == "not_variational" and autonomous.verdict == "undetermined":
+            autonomous = with_time
+    return (Solution(system, autonomous, with_time, work.printed),)
 
 
 def is_confirmed(work: Work, tree: Expression, with_time: bool) -> bool:
@@ -114,6 +152,7 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
     steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
+    tell(work, replace(answer, hamiltonian=hamiltonian, explanation=steps), with_time)
     raised = None if work.analysis.system.is_unsolved else with_squared_energies(answer.lagrangian.expression, names)
     families = {} if others is None else dict.fromkeys(others.lagrangians, others.family)
     if raised is not None:
@@ -145,6 +184,8 @@ def confirmed(work: Work, answer: Answer) -> Answer:
         raise CertificateRefused("; ".join(found.reasons))
     if found.verdict != "valid":
         reason = f"found {answer.verdict}, but the checker could not confirm it: {'; '.join(found.reasons)}"
+        if work.left() <= 0:
+            work.cut["certificate"] = reason
         return Answer("undetermined", reason=reason)
     return replace(answer, checked="valid")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -25,8 +25,8 @@ class SolveOptions:
     ends as undetermined. `ansatz`: terms that a Lagrangian is first looked for in. `given`: the equations as they were
     written, one tree for each that vanishes along the motion, accelerations unsolved: their own multiplier is tried
     first. `series_order`: up to which order the multiplier is expanded where no closed form is found; None leaves the
-    choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out. `so_far`: told an answer that the
-    checker has confirmed, while there is more to find.
+    choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out. `hand_over`: told the names of
+    the parts that are finished and checked, with what makes the solutions so far, while there is more to find.
     """
 
     time_dependent: bool | None = None
@@ -36,7 +36,7 @@ class SolveOptions:
     given: tuple[Expression, ...] = ()
     series_order: int | None = None
     conditions: bool = True
-    so_far: Callable[[Solution], None] | None = None
+    hand_over: Callable[[Sequence[str], Callable[[], tuple[Solution, ...]]], None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,13 +143,17 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Everything found out about one system; `autonomous` is None where f contains t."""
+    """Everything found out about one system; `autonomous` is None where f contains t.
+
+    `cut` names the parts for which the time was over, each with a sentence.
+    """
 
     system: SecondOrderSystem
     autonomous: Answer | None
     with_time: Answer | None
     conditions: Conditions | None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    cut: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def main(self) -> Answer | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 from inverse_service import bounds
 from inverse_service.certificate.formulas import MAX_TEXT
@@ -13,12 +14,16 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, holds, node_count, walk
 from inverse_service.inverse_problem.confirming import (
+    NOT_YET,
     Progress,
     Work,
     check,
     completed,
     confirmed,
+    hand_over,
     is_confirmed,
+    named,
+    tell,
     telling,
 )
 from inverse_service.inverse_problem.decision import certify
@@ -41,7 +46,7 @@ from inverse_service.inverse_problem.search.row_factors import lagrangians_of_li
 from inverse_service.inverse_problem.search.terms import TooManyTerms
 from inverse_service.inverse_problem.search.tidy import tidied
 from inverse_service.inverse_problem.solutions import Answer, Conditions, Solution, SolveOptions, Step
-from inverse_service.linear_pde.involutive_form import MOST_UNKNOWNS, Limits
+from inverse_service.linear_pde.involutive_form import MOST_UNKNOWNS, OUT_OF_TIME, Limits
 from inverse_service.mechanics.second_order_system import (
     MOST_BRANCHES,
     MOST_COUNTED,
@@ -52,6 +57,8 @@ from inverse_service.mechanics.second_order_system import (
 
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5
+# Of the time left, what the decision on the first of two questions may take.
+_SHARE_OF_FIRST = 0.6
 _UNSOLVED = (
     "the accelerations, solved for, are too long to decide about, and the equations as given have no Lagrangian of "
     "their own that answers this"
@@ -81,11 +88,14 @@ def solve_branches(
             f"at most {MOST_BRANCHES} are solved: write the formulas of one"
         )
         return (_unreduced(system, options, None, reason),)
-    options = options if len(branches) == 1 else replace(options, so_far=None)
-    end, solutions = now() + options.time_limit, []
+    told, end, solutions = options.hand_over, now() + options.time_limit, list[Solution]()
+    quiet = options if len(branches) == 1 else replace(options, hand_over=None)
     for place, branch in enumerate(branches):
         share = (end - now()) / (len(branches) - place)
-        solutions.append(solve(branch, replace(options, time_limit=max(0.1, share)), progress))
+        solutions.append(solve(branch, replace(quiet, time_limit=max(0.1, share)), progress))
+        if told is not None and len(branches) > 1:
+            left = [_unreduced(each, options, None, NOT_YET) for each in branches[place + 1 :]]
+            told((), partial(tuple, [*solutions, *left]))
     return tuple(solutions)
 
 
@@ -111,7 +121,10 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     except IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)
     seconds["analysis"] = now() - began - seconds["conditions"]
-    work = Work(analysis, options, report, began + options.time_limit, seconds)
+    work = Work(
+        analysis, options, report, began + options.time_limit, seconds, began=began, domain=domain, printed=printed
+    )
+    hand_over(work, "conditions")
     autonomous, with_time = _placed(_explained(_answers(work), system), system, domain)
     provenance = {
         "seed": options.seed,
@@ -122,7 +135,7 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     }
     if work.refused:
         provenance["refused_lagrangians"] = len(work.refused)
-    return Solution(system, autonomous, with_time, printed, provenance)
+    return Solution(system, autonomous, with_time, printed, provenance, work.cut)
 
 
 def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:
@@ -273,7 +286,7 @@ def _answer(work: Work, with_time: bool) -> Answer:
     if decision.verdict == "undetermined":
         return Answer("undetermined", reason=decision.reason)
     if decision.verdict == "not_variational":
-        return confirmed(work, _negative(work, decision))
+        return _negative(work, decision)
     return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
 
 
@@ -282,14 +295,23 @@ def _decide(work: Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Decis
         return Decision("undetermined", with_time, 0, _UNSOLVED)
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
-    limits = Limits(deadline=work.deadline, unknowns=unknowns)
+    is_first = not with_time and work.options.time_dependent is None  # the other question has its share, too
+    limits = Limits(deadline=now() + (_SHARE_OF_FIRST if is_first else 1.0) * work.left(), unknowns=unknowns)
     decision = decide(work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis)
     work.seconds[stage] = decision.seconds
     work.points.extend(decision.points)
+    if decision.reason.startswith(OUT_OF_TIME):
+        work.cut[named("existence", with_time)] = decision.reason
     return decision
 
 
 def _negative(work: Work, decision: Decision) -> Answer:
+    """The proof that the checker confirms, and then what it says in sentences."""
+    certificate = certify.of_decision(work.analysis, decision)
+    answer = confirmed(work, Answer("not_variational", certificate=certificate))
+    if answer.verdict == "undetermined":
+        return answer
+    tell(work, answer, decision.with_time)
     began = now()
     work.progress("explanation")
     try:
@@ -297,7 +319,7 @@ def _negative(work: Work, decision: Decision) -> Answer:
     except IrreducibleAtoms as problem:
         steps = (said(f"The conditions could not be written out: {problem.detail}.".replace("`", "")),)
     work.add_seconds("explanation", began)
-    return Answer("not_variational", certificate=certify.of_decision(work.analysis, decision), explanation=steps)
+    return replace(answer, explanation=steps)
 
 
 def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
@@ -353,7 +375,8 @@ def _searched(work: Work, decision: Decision, highest: float) -> SearchOutcome:
     from inverse_service.inverse_problem.search.ladder import search
 
     began, checked = now(), work.seconds.get("check", 0.0)
-    with until(now() + _SEARCH_SHARE * work.left()):
+    limit = now() + _SEARCH_SHARE * work.left()
+    with until(limit):
         outcome = search(
             work.analysis,
             decision.with_time,
@@ -365,4 +388,6 @@ def _searched(work: Work, decision: Decision, highest: float) -> SearchOutcome:
             highest,
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
+    if outcome.found is None and now() >= limit:
+        work.cut[named("lagrangian", decision.with_time)] = "The time for the search was over."
     return outcome

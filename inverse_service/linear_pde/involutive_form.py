@@ -175,12 +175,16 @@ def _ranks(run: _Run, prolongation: Prolongation) -> tuple[int, ...]:
     return tuple(found)
 
 
+# How the reason of a finding begins that a deadline left open.
+OUT_OF_TIME = "the time limit came before order"
+
+
 def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
     """The sentence that names the limit in the way of this order, or nothing."""
     if order > run.limits.order:
         return f"not settled by order {run.limits.order} of prolongation"
     if now() + _GROWTH * run.lasted > run.limits.deadline:
-        return f"the time limit came before order {order} of prolongation"
+        return f"{OUT_OF_TIME} {order} of prolongation"
     unknowns, bits = prolongation.unknowns, 63 // prolongation.size
     total = prolongation.width(order - 1) + count_of_degree(unknowns, order)
     if order + unknowns.most >= 1 << bits or total > run.limits.unknowns:

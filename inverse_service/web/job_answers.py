@@ -125,11 +125,15 @@ async def job_response(request: Request, job: Job, engine: Engine) -> Response:
 
 
 async def whole_job(job: Job, engine: Engine, headers: Mapping[str, str]) -> Response:
-    """The Job document with its result, which is not read and written again."""
-    if job.status != "successful":
+    """The Job document with its result, which is not read and written again.
+
+    One that was dismissed has as its result what was finished of it.
+    """
+    if job.status not in ("successful", "dismissed"):
         return Response(await job_json(job, engine), 200, dict(headers), JSON)
     head = json.dumps(job_fields(job, engine))[:-1].encode()
-    return await stored_response(engine, job.id, headers, (head + b', "result": ', b', "problem": null}'))
+    problem = b"null" if job.status == "successful" else await problem_of(job, engine)
+    return await stored_response(engine, job.id, headers, (head + b', "result": ', b', "problem": ' + problem + b"}"))
 
 
 def is_known(request: Request, tag: str) -> bool:

@@ -7,11 +7,12 @@ an associated system that is known to have one, or by an ansatz. No verdict leav
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.deadline import now
+from inverse_service.deadline import OutOfTime, now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Number, Power, Velocity, walk
 from inverse_service.inverse_problem.constrained import motion_certificate
@@ -47,6 +48,7 @@ _SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5
 _STEEP = -3
 # Seconds without which no closed form is looked for: its parts do not look at the clock at every step.
 _LEAST_FOR_ANSATZ = 6.0
+OUT_OF_TIME = "The time for this question was over."
 _NOT_CONFIRMED = "the independent check could not confirm it"
 
 
@@ -92,6 +94,7 @@ class _Work:
     seed: int
     deadline: float
     progress: Callable[[str], None]
+    tell: Callable[[MotionAnswer], None] | None = None
 
     def left(self) -> float:
         return self.deadline - now()
@@ -106,19 +109,39 @@ def answer_motion(
     progress: Callable[[str], None] = lambda _: None,
     positive: Sequence[Expression] = (),
     reduced: Answer | None = None,
+    tell: Callable[[MotionAnswer], None] | None = None,
 ) -> MotionAnswer:
     """Both questions where all of `positive` are > 0; `known` are Lagrangians of associated systems.
 
     `reduced` answers for the equations of the free coordinates, where these contain no others. There is a report on
-    H for EquationsOfMotion.
+    H for EquationsOfMotion. `tell` hears of a verdict that the checker confirmed while a Lagrangian is looked for; it
+    stands where the time for that is over.
     """
-    work = _Work(motion, known, seed, deadline, progress)
+    told: list[MotionAnswer] = []
+    work = _Work(motion, known, seed, deadline, progress, None if tell is None else _noting(told, tell))
     try:
-        analyzed = analyze_motion(motion, positive)
+        with until(deadline):
+            return _both(work, time_dependent, analyze_motion(motion, positive), reduced)
     except IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
+    except OutOfTime:
+        return told[-1] if told else MotionAnswer("undetermined", "undetermined", OUT_OF_TIME)
+
+
+def _noting(told: list[MotionAnswer], tell: Callable[[MotionAnswer], None]) -> Callable[[MotionAnswer], None]:
+    def both(answer: MotionAnswer) -> None:
+        told.append(answer)
+        tell(answer)
+
+    return both
+
+
+def _both(
+    work: _Work, time_dependent: bool | None, analyzed: AnalyzedMotion, reduced: Answer | None
+) -> MotionAnswer:
+    motion = work.motion
     both = time_dependent is None and not motion.depends_on_time
-    fitting = any(not one.with_time for one in known)
+    fitting = any(not one.with_time for one in work.known)
     if reduced is not None and not fitting and time_dependent is not True:
         carried = _of_reduced(work, analyzed, reduced)
         if carried is not None:
@@ -182,6 +205,8 @@ def _decided(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> Finding:
 def _answer(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
     if found.exists is False:
         return _proven(work, analyzed, found, with_time, "not_variational")
+    if found.exists and work.tell is not None and not any(with_time or not one.with_time for one in work.known):
+        work.tell(_proven(work, analyzed, found, with_time, "variational"))
     for lagrangian in _lagrangians(work, with_time):
         certificate = motion_certificate.of_lagrangian(analyzed, lagrangian.lagrangian.expression, with_time)
         if _is_valid(certificate, work.left()):
@@ -257,5 +282,6 @@ def _carried_on(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
     system = own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
     if system is not None and isinstance(work.motion, EquationsOfMotion) and work.left() > 0:
         known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
-        report = hamiltonise(work.motion, system, tree, work.seed, known)
+        with suppress(OutOfTime), until(now() + _SHARE_OF_ANSATZ * work.left()):
+            report = hamiltonise(work.motion, system, tree, work.seed, known)
     return MotionLagrangian(lagrangian, jet_of(tree, work.motion), "own", system, report)

@@ -226,6 +226,7 @@ def answer_about(
     deadline: float,
     progress: Progress | None,
     reduced: Answer | None = None,
+    tell: Callable[[MotionAnswer], None] | None = None,
 ) -> MotionAnswer:
     """Whether any associated system has a Lagrangian; those found for the known ones are answers.
 
@@ -241,6 +242,7 @@ def answer_about(
         progress or (lambda _: None),
         () if main is None else main.system.positive,
         reduced,
+        tell,
     )
 
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import isqrt
 
-from inverse_service import bounds
+from inverse_service import bounds, deadline
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import end
@@ -172,11 +172,22 @@ def _without_squares(tree: Expression) -> Iterator[Expression]:
     for function, other in (("sin", "cos"), ("cos", "sin")):
         both = {n.argument for n in nodes if n.function == function and Apply(other, n.argument) in nodes}
         if both:
-            yield _squares_replaced(tree, function, other, both)
+            yield _squares_replaced(tree, function, other, both, {})
 
 
-def _squares_replaced(tree: Expression, function: str, other: str, both: Collection[Expression]) -> Expression:
-    inner = rebuild(tree, lambda part: _squares_replaced(part, function, other, both))
+def _squares_replaced(
+    tree: Expression, function: str, other: str, both: Collection[Expression], known: dict[Expression, Expression]
+) -> Expression:
+    """`known`: parts that occur often are replaced once."""
+    if tree not in known:
+        deadline.check(0)
+        known[tree] = _square_replaced(
+            rebuild(tree, lambda part: _squares_replaced(part, function, other, both, known)), function, other, both
+        )
+    return known[tree]
+
+
+def _square_replaced(inner: Expression, function: str, other: str, both: Collection[Expression]) -> Expression:
     match inner:
         case Power(Apply(name, argument), Number(value)) if name == function and argument in both:
             whole = value.numerator // 2 if value.denominator == 1 and value > 1 else 0

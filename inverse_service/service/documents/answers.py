@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from api_schemas.result import ResultDocument, UnderstoodSystem
 from inverse_service import __version__
 from inverse_service.errors import InputError, Place
 from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.service.documents import growing
 from inverse_service.service.jobs.outcome import Outcome, value_of
 
 UNDERSTAND_DEADLINE = 2.0
@@ -21,20 +22,33 @@ def with_understood(outcome: Outcome, understood: Outcome) -> Outcome:
     return dataclasses.replace(outcome, value=understood.value if understood.status == "done" else None)
 
 
-def result_document(outcome: Outcome, options: SolveOptions, memory_limit: int) -> dict[str, Any]:
+def result_document(
+    outcome: Outcome, options: SolveOptions, memory_limit: int, so_far: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """The result document of a solve task.
 
-    A limit gives an undetermined result that names it. Raises DocumentRefused with the places of
-    the faults, WorkerFailed where the program is at fault (its details go to the log only).
+    One that was ended has what was finished: `so_far`, with the `seconds` of its parts, where that is known, else
+    how the system was understood. Raises DocumentRefused with the places of the faults, WorkerFailed where the program
+    is at fault (its details go to the log only).
     """
-    if outcome.status == "deadline":
-        reason = f"The time limit of {options.time_limit:g} s was reached before a verdict was proven."
-        return undetermined(outcome.value, reason, options)
-    if outcome.status == "memory":
-        reason = f"The memory limit of {memory_limit} MiB was reached before a verdict was proven."
-        return undetermined(outcome.value, reason, options)
+    reason = _ENDINGS.get(outcome.status, "").format(time=options.time_limit, memory=memory_limit)
+    if reason and so_far is not None:
+        result = growing.cut_off(so_far["so_far"], reason, so_far["seconds"], outcome.spent.wall)
+        result["provenance"] |= {"options": {"time_limit": options.time_limit, "seed": options.seed}}
+        return result
+    if outcome.status in ("deadline", "memory"):
+        return undetermined(outcome.value, f"{reason[:-1]} before a verdict was proven.", options)
     found: dict[str, Any] = value_of(outcome)
     return found
+
+
+_ENDINGS = {
+    "deadline": "The time limit of {time:g} s was reached.",
+    "memory": "The memory limit of {memory} MiB was reached.",
+    "killed": "The worker process was killed repeatedly, most likely because it ran out of memory.",
+    "crash": "The worker process died repeatedly.",
+    "cancelled": "The job was dismissed.",
+}
 
 
 def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[str, Any]:

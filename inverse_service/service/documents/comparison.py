@@ -27,7 +27,23 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
     Names have to be the same, coordinates in the same order; then `mechanics.agreement` decides. Of a
     Lagrangian with constraints the system may be any associated one: it is compared where the constraints hold.
     """
-    end = now() + time_limit
+    question = repr((document, canonical))
+    if question in _COMPARED:
+        return _COMPARED[question]
+    found = _compared(document, canonical, now() + time_limit)
+    if found.verdict == "valid":
+        _COMPARED[question] = found
+        if len(_COMPARED) > MOST_KEPT:
+            del _COMPARED[next(iter(_COMPARED))]
+    return found
+
+
+# The same system leaves with each part of a growing result; what was found to agree is not compared again.
+MOST_KEPT = 16
+_COMPARED: dict[str, CheckResult] = {}
+
+
+def _compared(document: Any, canonical: Canonical, end: float) -> CheckResult:
     try:
         document = prepared(document).document
         if is_nonholonomic(document):

@@ -10,7 +10,8 @@ import contextlib
 import dataclasses
 import logging
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from api_schemas.base import ParseAnswer
@@ -23,6 +24,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.answers import undetermined
 from inverse_service.service.documents.checking import compare_before_leaving
+from inverse_service.service.documents.growing import Growing
 from inverse_service.service.documents.preparing import Prepared, is_forward, is_motion, is_nonholonomic, prepared
 
 if TYPE_CHECKING:
@@ -38,7 +40,6 @@ REASONS = {
     CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; that is a "
     "fault of the program.",
 }
-# Stages are told by name, an answer so far as {"so_far": result}.
 Progress = Callable[[Any], None]
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
@@ -54,25 +55,25 @@ log = logging.getLogger(__name__)
 def solve_document(document: Any, options: SolveOptions, progress: Progress | None = None) -> dict[str, Any]:
     """The result of a document of any kind. Raises InputError for one that cannot be accepted.
 
-    `progress` receives the name of each stage, and as {"so_far": ...} an answer that is confirmed while more is sought.
+    `progress` receives the name of each stage, and what is finished and checked while more is sought (see `growing`).
 
     Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault` names the error.
     """
     try:
         ready = prepared(document)
-        told = None if progress is None else lambda report: progress(_outward(ready, report))
-        found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, told))
+        grow = Growing(progress, lambda found: _with_given(ready.outward(found), document))
+        found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, grow))
     except ENDED as error:
         if is_forward(document):
             raise
         return _undetermined(document, error, options)
+    return _with_given(found, document)
+
+
+def _with_given(found: dict[str, Any], document: Any) -> dict[str, Any]:
     if isinstance(found.get("system"), dict):
-        found["system"]["given"] = _as_given(document)
+        found["system"] = found["system"] | {"given": _as_given(document)}
     return found
-
-
-def _outward(ready: Prepared, report: Any) -> Any:
-    return {key: ready.outward(part) for key, part in report.items()} if isinstance(report, dict) else report
 
 
 def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dict[str, Any]:
@@ -127,7 +128,7 @@ class UseCases:
     look: Callable[[Any], Any]
     parse: Callable[[Any], ParseAnswer]
     system: Callable[[Any], SecondOrderSystem]
-    solve: Callable[[Any, SolveOptions, Progress | None], dict[str, Any]]
+    solve: Callable[[Any, SolveOptions, Growing], dict[str, Any]]
 
 
 def use_cases(document: Any) -> UseCases:
@@ -162,14 +163,14 @@ def look(document: Any) -> None:
     use_cases(plain).look(plain)
 
 
-def solve_system(document: Any, options: SolveOptions, progress: Progress | None = None) -> dict[str, Any]:
+def solve_system(document: Any, options: SolveOptions, grow: Growing | None = None) -> dict[str, Any]:
     """The result document of a System document, its certificates checked.
 
     `options.time_limit` is the time for all of it; `time_dependent` is taken from the document.
     Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
     finds our own certificate invalid.
     """
-    end = now() + options.time_limit
+    grow, end = grow or Growing(None), now() + options.time_limit
     schema = accepting.to_schema(document)
     system = accepting.to_solvable(schema)
     share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else SHARE_OF_SOLVER
@@ -182,36 +183,52 @@ def solve_system(document: Any, options: SolveOptions, progress: Progress | None
         series_order=schema.series_order,
     )
     kinds, factor = _kinds(schema, system), _clock(schema, system)
-    so_far = None if progress is None else lambda solution: _tell(solution, schema, progress)
-    solution, *others = solve_branches(system, dataclasses.replace(asked, so_far=so_far), progress)
-    result = translate.to_result(solution, schema, others)
+    grow.wanted = _wanted(schema, system, bool(kinds))
+
+    def tell(parts: Sequence[str], make: Callable[[], tuple[Solution, ...]]) -> None:
+        grow.hand_over(parts, lambda: checked(_result(make(), schema), 1.0))
+
+    solutions = solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
+    solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
+    result = _result(solutions, schema)
     limit = now() + SHARE_OF_SOLVER * (end - now())
     # What follows is loaded when asked for, so that others start sooner.
     if result.verdict == "not_variational":
         from inverse_service.service.documents.instead import with_instead
 
+        grow.begin("kinds")
         result = with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
         from inverse_service.service.documents.kinds_part import with_kinds
 
+        grow.begin("kinds")
         result = with_kinds(result, solution, schema, kinds, asked, limit)
+        grow.hand_over(("explanation", "kinds"), partial(checked, result, 1.0))
     if schema.clock is not None:
         from inverse_service.service.documents.clock_part import clock_part
 
+        grow.begin("clock")
         part = clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
+        grow.hand_over(("explanation", "clock"), partial(checked, result, 1.0))
     if schema.special_cases:
-        result = with_special_cases(result, system, asked, (end, progress))
-    return ordered(checked(result, end - now()))
+        grow.begin("special_cases")
+        result = with_special_cases(result, system, asked, (end, grow.stage))
+    grow.begin("certificate")
+    return ordered(grow.end(checked(result, end - now())))
 
 
-def _tell(solution: Solution, schema: SystemDocument, progress: Progress) -> None:
-    """Report a confirmed answer of which more is sought, compared with the document as every answer."""
-    found = checked(translate.to_result(solution, schema), 1.0)
-    if found["verdict"] == "variational":
-        lean = dict.fromkeys(("conditions", "certificate", "advice", "provenance"))
-        more = {"explanation": [], "searching": True, "system": found["system"] | {"given": None}}
-        progress({"so_far": found | lean | more})
+def _result(solutions: Sequence[Solution], schema: SystemDocument) -> ResultDocument:
+    return translate.to_result(solutions[0], schema, solutions[1:])
+
+
+def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:
+    """The parts of the result that is asked for, in the order of wanting."""
+    asked = schema.time_dependent_lagrangian
+    questions = (system.depends_on_time or asked is True, asked is not False or system.depends_on_time)
+    parts = ("conditions", "existence", *["existence_with_time"] * questions[1], "certificate", "lagrangian")
+    second = ["lagrangian_with_time"] * (questions == (False, True))
+    return (*parts, *second, "hamiltonian", *["kinds"] * kinds, *["clock"] * bool(schema.clock), "explanation")
 
 
 def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from api_schemas.base import MAX_FORWARD
@@ -18,6 +17,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.accepting import validated
+from inverse_service.service.documents.growing import Growing
 
 
 def look_forward(document: Any) -> LagrangianDocument:
@@ -25,9 +25,7 @@ def look_forward(document: Any) -> LagrangianDocument:
     return validated(document, LagrangianDocument)
 
 
-def solve_forward(
-    document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
-) -> dict[str, Any]:
+def solve_forward(document: Any, options: SolveOptions, grow: Growing) -> dict[str, Any]:
     """The forward result; raises InputError, also where the Hessian of L is singular."""
     schema = look_forward(document)
     lagrangian, system = _motion(schema)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from api_schemas.nonholonomic import (
@@ -11,12 +12,14 @@ from api_schemas.nonholonomic import (
     NonholonomicDocument,
     NonholonomicParseAnswer,
     NonholonomicResult,
+    ReducedPart,
 )
-from api_schemas.result import AdvicePart, ResultDocument
+from api_schemas.result import AdvicePart
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
-from inverse_service.inverse_problem.constrained.answering import MotionAnswer
+from inverse_service.inverse_problem.confirming import NOT_YET
+from inverse_service.inverse_problem.constrained.answering import OUT_OF_TIME, MotionAnswer
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.hamiltonisation.reduced import Decided
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
@@ -26,92 +29,152 @@ from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, documents, translate, translate_nonholonomic
-from inverse_service.service.documents.checking import compare_motion
+from inverse_service.service.documents.growing import Growing
 from inverse_service.service.documents.instead import of_reduced
 from inverse_service.service.documents.reduced_documents import (
     ONLY_THE_MOTION,
     SHARE_OF_REDUCED,
+    compared,
     decided_reduced,
     reduced_part,
 )
 
 # Of the time for all, what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3
-# And what the question about any associated system may take, after the others.
-SHARE_OF_ANY = 1 / 3
+# Of what is left then, what the associated systems may take; of what is left then, the question about any one.
+SHARE_OF_SYSTEMS = 0.45
+SHARE_OF_ANY = 0.7
+# What is said of the motion before it was asked.
+OPEN = MotionAnswer("undetermined", "undetermined", NOT_YET)
 # What looking at a document again may take for an associated system that is only shown, s.
 SHOWN_AT_ONCE = 0.3
 # And what is left for checking all answers at the end.
 SHARE_LEFT = 0.1
 
 
-def solve_nonholonomic(
-    document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None
-) -> dict[str, Any]:
+def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | None = None) -> dict[str, Any]:
     """The result document of a Nonholonomic document; the main fields answer one associated system.
 
     Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
     finds our own certificate invalid.
     """
-    end = now() + options.time_limit
+    grow, end = grow or Growing(None), now() + options.time_limit
     schema = translate_nonholonomic.to_nonholonomic_schema(document)
     system = translate_nonholonomic.to_nonholonomic(schema)
     families = translate_nonholonomic.to_families(schema, system)
+    grow.begin("motion")
     report = nonholonomic_study.motion_report(system, min(TIME_LIMIT, SHARE_OF_MOTION * options.time_limit))
     kind = schema.associated
     if kind == "any":
-        return _about_the_motion(report, schema, options, end, progress)
+        return _about_the_motion(report, schema, options, end, grow)
     systems = nonholonomic_study.associated_systems(report, None if kind == "search" else kind, families)
-    defined = next((one.system for one in systems if one.system is not None), None)
-    if defined is None:
+    defined = next((one for one in systems if one.system is not None), None)
+    if defined is None or defined.system is None:
         raise InputError(f'{systems[0].explanation} Ask for "any", which decides the motion alone.', "/associated")
+    questions = ("existence", *["existence_with_time"] * (schema.time_dependent_lagrangian is not False))
+    grow.wanted = ("motion", *questions, "any_associated", "reduced", "lagrangian", "hamiltonian", "explanation")
+    last = end - SHARE_LEFT * options.time_limit
+    made = _Made(schema, report, grow, last)
+    made.tell(("motion",), [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)])
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
         time_limit=_share(schema) * (end - now()),
-        ansatz=() if defined is None else accepting.to_ansatz(schema, defined),
+        ansatz=accepting.to_ansatz(schema, defined.system),
         series_order=schema.series_order,
     )
-    found, *others = studies = list(nonholonomic_study.study_branches(report, systems, asked, progress))
-    main = found.answers[found.main]
-    last, answers = end - SHARE_LEFT * options.time_limit, []
-    plain, own = _reduced(report, options.seed, SHARE_OF_REDUCED * (last - now()))
-    for study in studies:
-        third = now() + SHARE_OF_ANY * options.time_limit / len(studies)
-        answers.append(nonholonomic_study.answer_about(study, asked, min(last, third), progress, own))
-    result = translate.to_result(_with_images(main), schema, [_with_images(each.answers[each.main]) for each in others])
+    grow.begin("existence")
+    studies = list(nonholonomic_study.study_branches(report, systems, asked, grow.stage))
+    main = studies[0].answers[studies[0].main]
+    if main.solution is not None:
+        grow.cut |= main.solution.cut
+    made.tell((*questions, "lagrangian", "hamiltonian", "explanation"), studies)
+    own = made.begin_reduced(options.seed)
+    for place, study in enumerate(studies):
+        grow.begin("any_associated")
+        share = now() + (last - now()) * SHARE_OF_ANY / (len(studies) - place)
+        made.ask(study, asked, share, own, lambda: made.tell((), studies) if len(studies) == 1 else None)
+    made.tell(("any_associated",), studies)
+    made.end_reduced(options.seed)
+    whole = made.whole(studies)
     if schema.special_cases:
         assert main.associated.system is not None
-        result = documents.with_special_cases(result, main.associated.system, asked, (end, progress))
-    whole = _whole(result, found, answers, plain, options, end)
-    if whole.verdict == "not_variational" and not whole.branches and answers[0].verdict != "variational":
+        grow.begin("special_cases")
+        cases = documents.with_special_cases(whole, main.associated.system, asked, (end, grow.stage))
+        whole = whole.model_copy(update={"special_cases": cases.special_cases})
+    if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
-    return documents.ordered(documents.checked(whole, end - now()))
+    grow.begin("certificate")
+    return documents.ordered(grow.end(documents.checked(whole, end - now())))
 
 
-def _whole(
-    result: ResultDocument,
-    found: nonholonomic_study.Study,
-    answers: Sequence[MotionAnswer],
-    plain: Decided | None,
-    options: SolveOptions,
-    end: float,
-) -> NonholonomicResult:
-    """The result of an associated system with what is known of the motion, which is what one simulates.
+@dataclasses.dataclass(slots=True)
+class _Made:
+    """What is known of a motion: `answers` about any associated system by branch, the `reduced` system."""
 
-    Other clocks of the reduced system have the time that is left, some of which is for checking.
-    """
-    system, left = found.report.motion.system, end - now() - SHARE_LEFT * options.time_limit
-    taken = for_constraints(system.lagrangian, system.constraints, system.coordinates)
-    motions = [translate_nonholonomic.to_any_associated(answer) for answer in answers]
-    parts = zip(result.branches, motions, strict=False)
-    branches = [NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
-    return NonholonomicResult(
-        **dict(result) | {"advice": AdvicePart(**taken), "branches": branches},
-        nonholonomic=translate_nonholonomic.to_nonholonomic_part(found),
-        any_associated=motions[0],
-        reduced=reduced_part(found.report.motion, system.lagrangian, found.report.density, plain, options.seed, left),
-    )
+    schema: NonholonomicDocument
+    report: nonholonomic_study.MotionReport
+    grow: Growing
+    last: float
+    answers: list[MotionAnswer] = dataclasses.field(default_factory=list)
+    plain: Decided | None = None
+    reduced: ReducedPart | None = None
+
+    def tell(self, parts: Sequence[str], studies: Sequence[nonholonomic_study.Study]) -> None:
+        """Hand over these parts, and with them all that is known."""
+        self.grow.hand_over(parts, lambda: documents.checked(self.whole(studies), max(1.0, self.last - now())))
+
+    def begin_reduced(self, seed: int) -> Answer | None:
+        """The answer for the reduced system as it is, which answers for the motion too where it is a yes."""
+        self.grow.begin("reduced")
+        motion, limit = self.report.motion, SHARE_OF_REDUCED * (self.last - now())
+        self.plain = decided_reduced(motion, motion.system.lagrangian, seed, limit)
+        return None if self.plain is None else self.plain.answer
+
+    def end_reduced(self, seed: int) -> None:
+        """With other clocks, in the time that is left."""
+        self.grow.begin("reduced")
+        motion, density, left = self.report.motion, self.report.density, self.last - now()
+        self.reduced = reduced_part(motion, motion.system.lagrangian, density, self.plain, seed, left)
+
+    def ask(
+        self,
+        study: nonholonomic_study.Study,
+        asked: SolveOptions,
+        deadline: float,
+        own: Answer | None,
+        tell: Callable[[], None],
+    ) -> None:
+        """Whether any associated system has a Lagrangian; `tell` is called with a verdict before its Lagrangian.
+
+        `own` is the answer for the reduced system.
+        """
+        place = len(self.answers)
+
+        def told(answer: MotionAnswer) -> None:
+            self.answers[place:] = [answer]
+            tell()
+
+        found = nonholonomic_study.answer_about(study, asked, deadline, self.grow.stage, own, told)
+        self.answers[place:] = [found]
+        if OUT_OF_TIME in found.reason or (found.verdict == "undetermined" and now() >= deadline):
+            self.grow.cut["any_associated"] = found.reason
+
+    def whole(self, studies: Sequence[nonholonomic_study.Study]) -> NonholonomicResult:
+        """The result of an associated system with what is known of the motion, which is what one simulates."""
+        solutions = [_with_images(each.answers[each.main]) for each in studies]
+        result = translate.to_result(solutions[0], self.schema, solutions[1:])
+        system = self.report.motion.system
+        taken = for_constraints(system.lagrangian, system.constraints, system.coordinates)
+        motions = [translate_nonholonomic.to_any_associated(answer) for answer in self.answers or (OPEN,)]
+        parts = zip(result.branches, motions * (1 if self.answers else len(studies)), strict=False)
+        branches = [NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
+        return NonholonomicResult(
+            **dict(result) | {"advice": AdvicePart(**taken), "branches": branches},
+            nonholonomic=translate_nonholonomic.to_nonholonomic_part(studies[0]),
+            any_associated=motions[0],
+            reduced=self.reduced,
+        )
 
 
 def _about_the_motion(
@@ -119,7 +182,7 @@ def _about_the_motion(
     schema: NonholonomicDocument,
     options: SolveOptions,
     end: float,
-    progress: Callable[[str], None] | None,
+    grow: Growing,
 ) -> dict[str, Any]:
     """The result where only the motion was asked about: the main fields leave open what was not asked.
 
@@ -128,39 +191,34 @@ def _about_the_motion(
     one = nonholonomic_study.associated_systems(report, "first")[0]
     if one.system is None:
         raise InputError(one.explanation, "/associated")
-    branches = nonholonomic_study.on_branches(one)
-    solutions = [_unasked(each) for each in branches]
-    answered = map(nonholonomic_study.AssociatedAnswer, branches, solutions)
+    last = end - SHARE_LEFT * options.time_limit
+    grow.wanted, made = ("motion", "any_associated", "reduced"), _Made(schema, report, grow, last)
+    answered = map(_unasked, nonholonomic_study.on_branches(one))
     studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
+    grow.hand_over(("motion",), lambda: compared(made.whole(studies), 1.0))
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
-    answers = []
-    plain, own = _reduced(report, options.seed, SHARE_OF_REDUCED * (end - now()))
+    own = made.begin_reduced(options.seed)
+    told = partial(grow.hand_over, (), lambda: compared(made.whole(studies), 1.0))
     for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
-        share = now() + (end - now()) / left
-        answers.append(nonholonomic_study.answer_about(study, asked, share, progress, own))
-    result = translate.to_result(solutions[0], schema, solutions[1:])
-    document = _whole(result, studies[0], answers, plain, options, end).model_dump(mode="json")
-    compare_motion(document, end - now())
-    return documents.ordered(document)
+        grow.begin("any_associated")
+        # Other clocks of the reduced system, which come after, have a floor too.
+        share = now() + (1 - SHARE_OF_REDUCED) * (last - now()) / left
+        made.ask(study, asked, share, own, told if len(studies) == 1 else lambda: None)
+    grow.hand_over(("any_associated",), lambda: compared(made.whole(studies), max(1.0, end - now())))
+    made.end_reduced(options.seed)
+    grow.begin("certificate")
+    return grow.end(compared(made.whole(studies), end - now()))
 
 
-def _reduced(
-    report: nonholonomic_study.MotionReport, seed: int, time_limit: float
-) -> tuple[Decided | None, Answer | None]:
-    """The reduced system with its answer, which answers for the motion too where it is a yes."""
-    plain = decided_reduced(report.motion, report.motion.system.lagrangian, seed, time_limit)
-    return plain, None if plain is None else plain.answer
-
-
-def _unasked(one: AssociatedSystem) -> Solution:
-    """The solution that leaves open whether a system has a Lagrangian."""
+def _unasked(one: AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonomic_study.AssociatedAnswer:
+    """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
-    positive = tuple(map(collect, one.system.positive))
-    return Solution(one.system, Answer("undetermined", reason=ONLY_THE_MOTION, positive=positive), None, None)
+    answer = Answer("undetermined", reason=reason, positive=tuple(map(collect, one.system.positive)))
+    return nonholonomic_study.AssociatedAnswer(one, Solution(one.system, answer, None, None))
 
 
 def _share(schema: NonholonomicDocument) -> float:
-    return documents.SHARE_BESIDE_CASES if schema.special_cases else documents.SHARE_OF_SOLVER
+    return SHARE_OF_SYSTEMS / 2 if schema.special_cases else SHARE_OF_SYSTEMS
 
 
 def _with_images(main: nonholonomic_study.AssociatedAnswer) -> Solution:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from api_schemas.base import ParseAnswer
@@ -25,6 +24,7 @@ from inverse_service.service.documents import clock_part as clocks
 from inverse_service.service.documents import documents, translate, translate_nonholonomic
 from inverse_service.service.documents.accepting import validated
 from inverse_service.service.documents.checking import compare_motion
+from inverse_service.service.documents.growing import Growing
 from inverse_service.service.documents.preparing import is_motion, prepared
 
 # Of the time, what the equations of the free coordinates alone may take.
@@ -37,7 +37,7 @@ def look_motion(document: Any) -> MotionDocument:
     return validated(document, MotionDocument)
 
 
-def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+def solve_motion(document: Any, options: SolveOptions, grow: Growing) -> dict[str, Any]:
     """The result, all of it in `any_associated`; raises InputError."""
     end = now() + documents.SHARE_OF_SOLVER * options.time_limit
     schema = look_motion(document)
@@ -47,20 +47,27 @@ def solve_motion(document: Any, options: SolveOptions, progress: Callable[[str],
         )
     motion = read(schema)
     question = schema.time_dependent_lagrangian
+    grow.wanted = ("any_associated", "reduced")
+    grow.begin("reduced")
     plain = decided_reduced(motion, None, options.seed, SHARE_OF_REDUCED * (end - now()))
     own = None if plain is None else plain.answer
-    answer = answer_motion(motion, (), question, options.seed, end, progress or (lambda _: None), reduced=own)
-    reduced = reduced_part(motion, None, None, plain, options.seed, end - now())
+    grow.begin("any_associated")
+    answer = answer_motion(motion, (), question, options.seed, end, grow.stage, reduced=own)
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
-    whole = NonholonomicResult(
-        **dict(result),
-        nonholonomic=None,
-        any_associated=translate_nonholonomic.to_any_associated(answer),
-        reduced=reduced,
-    )
+    about = translate_nonholonomic.to_any_associated(answer)
+    whole = NonholonomicResult(**dict(result), nonholonomic=None, any_associated=about)
+    grow.hand_over(("any_associated",), lambda: compared(whole, end - now()))
+    grow.begin("reduced")
+    reduced = reduced_part(motion, None, None, plain, options.seed, end - now())
+    grow.begin("certificate")
+    return grow.end(compared(whole.model_copy(update={"reduced": reduced}), end - now()))
+
+
+def compared(whole: NonholonomicResult, time_limit: float) -> dict[str, Any]:
+    """A result whose main fields leave open what was not asked; its motion is that of the document."""
     found = whole.model_dump(mode="json")
-    compare_motion(found, end - now())
+    compare_motion(found, time_limit)
     return documents.ordered(found)
 
 

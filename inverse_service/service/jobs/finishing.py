@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -26,15 +27,17 @@ def is_undetermined(job: Job, outcome: Outcome) -> bool:
     return outcome.status in LIMITS and KINDS[job.kind].limit_is_answer
 
 
-def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
+def finish(store: JobStore, job: Job, outcome: Outcome, so_far: Mapping[str, Any] | None = None) -> str:
     """Store what came of the job; the label it is counted under ("again": it will run once more).
 
-    A job that a limit stopped has as its value how the system was understood.
+    A job that was ended has as its result what is finished of it, `so_far`; where that is not known, and a limit
+    stopped it, its value is how the system was understood.
     """
-    usage = outcome.spent
+    usage, options = outcome.spent, stored_options(job.options)
     if outcome.status == "cancelled":
         # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
-        store.release(job.id, job.attempt, crashed=False, usage=usage)
+        left = None if so_far is None else as_body(undetermined(outcome, options, so_far))
+        store.release(job.id, job.attempt, crashed=False, usage=usage, left=left)
         return "cancelled"
     if outcome.status in ("crash", "killed") and job.crashes + 1 < MAX_CRASHES:
         log.warning("worker died: %s", outcome.detail, extra={"job": job.id})
@@ -43,7 +46,6 @@ def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
     if outcome.status == "unstarted" and job.attempt < MAX_UNSTARTED:
         store.release(job.id, job.attempt, crashed=False, usage=usage)
         return "again"
-    options = stored_options(job.options)
     if outcome.status == "done":
         label, fault = outcome.value.label, outcome.value.fault
         if fault:
@@ -51,12 +53,12 @@ def finish(store: JobStore, job: Job, outcome: Outcome) -> str:
         by_clock = label == "undetermined" and usage.cpu > CLOCK_SHARE * options.time_limit
         store.finish(job.id, job.attempt, outcome.value.body, usage, TRANSIENT if by_clock or fault else None)
         return str(label)
-    if is_undetermined(job, outcome):
-        result = undetermined(outcome, options)
-        store.finish(job.id, job.attempt, json.dumps(result, ensure_ascii=False).encode(), usage, TRANSIENT)
-        return label_of(result)
     if outcome.status in ("crash", "fault", "unstarted"):
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
+    if is_undetermined(job, outcome) or (so_far is not None and outcome.status in ("crash", "killed")):
+        result = undetermined(outcome, options, so_far)
+        store.finish(job.id, job.attempt, as_body(result), usage, TRANSIENT)
+        return label_of(result)
     problem = answers.of_outcome(outcome, options.time_limit, options.memory_limit)
     kept = None if outcome.status == "refused" else TRANSIENT
     store.fail(job.id, job.attempt, answers.as_bytes(problem), usage, kept)
@@ -76,10 +78,15 @@ def lose(store: JobStore, job: Job) -> None:
     store.fail(job.id, job.attempt, answers.as_bytes(problem), Usage(), TRANSIENT)
 
 
-def undetermined(outcome: Outcome, options: JobOptions) -> dict[str, Any]:
-    """The result of a solve job that a limit ended."""
+def undetermined(outcome: Outcome, options: JobOptions, so_far: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The result of a solve job that was ended."""
+    asked = solve_options(options), options.memory_limit
     try:
-        return result_document(outcome, solve_options(options), options.memory_limit)
+        return result_document(outcome, *asked, so_far)
     except InverseServiceError:
-        bare = replace(outcome, value=None)
-        return result_document(bare, solve_options(options), options.memory_limit)
+        return result_document(replace(outcome, value=None), *asked)
+
+
+def as_body(result: dict[str, Any]) -> bytes:
+    """A result as the store has it."""
+    return json.dumps(result, ensure_ascii=False).encode()

@@ -7,14 +7,15 @@ import signal
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any
 
-from inverse_service.service.jobs.outcome import Outcome, guard, outcome_of_exit
+from inverse_service.service.jobs.outcome import Outcome, Usage, guard, outcome_of_exit
 from inverse_service.service.jobs.worker_process import Patience, isolate, silence_standard_error
 
-Report = Callable[[str], None]
-# Reports of a task that follow each other faster than this, in s, are left out.
+Report = Callable[[Any], None]
+# Stages of a task that follow each other faster than this, in s, are left out.
 _BETWEEN_REPORTS = 0.1
 
 
@@ -28,8 +29,9 @@ def run_alone(
     """Run `task(*arguments)` in a new process and kill it after `deadline` s (see `Patience`).
 
     The process is forked from this one, which has no threads and has not loaded the engine. With
-    `report` the task gets a further argument, a function whose texts come out of `report` here.
+    `report` the task gets a further argument, a function whose values come out of `report` here.
     """
+    began = time.monotonic()
     method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
     context: Any = multiprocessing.get_context(method)
     receiver, sender = context.Pipe(duplex=False)
@@ -41,7 +43,8 @@ def run_alone(
         process.start()
     sender.close()
     try:
-        return _receive(receiver, process, deadline, report)
+        outcome = _receive(receiver, process, deadline, report)
+        return replace(outcome, spent=Usage(wall=time.monotonic() - began))
     finally:
         process.kill()
         process.join()
@@ -51,7 +54,7 @@ def _receive(receiver: Connection, process: Any, deadline: float, report: Report
     patience = Patience(process.pid, deadline)
     while patience.is_answered(receiver):
         try:
-            received: Outcome | str = receiver.recv()
+            received: Any = receiver.recv()
         except EOFError:
             process.join()
             ended = outcome_of_exit(process.exitcode)
@@ -72,10 +75,10 @@ def _child(
     isolate(memory_limit)
     last = 0.0
 
-    def report(text: str) -> None:
+    def report(value: Any) -> None:
         nonlocal last
-        if time.monotonic() - last > _BETWEEN_REPORTS:
+        if not isinstance(value, str) or time.monotonic() - last > _BETWEEN_REPORTS:
             last = time.monotonic()
-            sender.send(text)
+            sender.send(value)
 
     sender.send(guard(task, *arguments, *([report] if reports else [])))

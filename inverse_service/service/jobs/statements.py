@@ -218,6 +218,7 @@ def end(
     if changed is None:
         return False
     session.run("DELETE FROM askers WHERE job = ?", id)
+    session.run("DELETE FROM events WHERE id = ? AND kind = 'part'", id)  # the body has them now
     session.run(
         "INSERT INTO bodies (id, status, body) VALUES (?, ?, ?) "
         "ON CONFLICT (id) DO UPDATE SET status = excluded.status, body = excluded.body",
@@ -228,7 +229,9 @@ def end(
     return True
 
 
-def release(session: Session, id: str, attempt: int, crashed: bool, usage: Usage) -> model.Job | None:
+def release(
+    session: Session, id: str, attempt: int, crashed: bool, usage: Usage, left: bytes | None
+) -> model.Job | None:
     """running -> accepted; what the run took is counted also where the job was dismissed meanwhile."""
     session.run(
         "UPDATE jobs SET status = 'accepted', owner = NULL, crashes = crashes + ? "
@@ -238,6 +241,10 @@ def release(session: Session, id: str, attempt: int, crashed: bool, usage: Usage
     job = read_job(session, id, with_body=False)
     if job is not None:
         count_use(session, job.client, usage)
+    if left is not None and job is not None and (job.status, job.attempt) == ("dismissed", attempt):
+        session.run(
+            "INSERT INTO bodies (id, status, body) VALUES (?, ?, ?) ON CONFLICT DO NOTHING", id, job.status, left
+        )
     return job
 
 

@@ -115,9 +115,14 @@ class JobStore(ABC):
     ) -> bool:
         return self._write(lambda s: statements.end(s, id, attempt, status, body, usage, kept), lambda _: [id])
 
-    def release(self, id: str, attempt: int, crashed: bool, usage: Usage = NO_USE) -> model.Job | None:
-        """running -> accepted after the worker died; counts a crash where `crashed`."""
-        return self._write(lambda s: statements.release(s, id, attempt, crashed, usage), lambda _: [id])
+    def release(
+        self, id: str, attempt: int, crashed: bool, usage: Usage = NO_USE, left: bytes | None = None
+    ) -> model.Job | None:
+        """running -> accepted after the worker died; counts a crash where `crashed`.
+
+        A job that was dismissed meanwhile keeps as its result what is `left`: what was finished of it.
+        """
+        return self._write(lambda s: statements.release(s, id, attempt, crashed, usage, left), lambda _: [id])
 
     def dismiss(self, id: str, client: str | None = None) -> tuple[model.Job | None, bool]:
         """The job, dismissed for a client and its batches (None: for all), and whether its work is to stop.

@@ -213,7 +213,8 @@ class Supervisor:
         """To the finishers; a system that a limit stopped is understood first, by the workers like all else."""
         if (job.id, job.attempt) in self._won:
             return
-        if not finishing.is_undetermined(job, outcome) or self._stopping.is_set():
+        is_known = self.events.so_far(job.id) is not None
+        if is_known or not finishing.is_undetermined(job, outcome) or self._stopping.is_set():
             self._ended.put(_Ended(job, outcome))
             return
         call = Call(tasks.understand_job_task, (job.document,), UNDERSTAND_DEADLINE, None, False, FIRST, job.client)
@@ -264,8 +265,8 @@ class Supervisor:
 
     def _finish(self, job: Job, outcome: Outcome) -> None:
         self.events.flush()
-        label = finishing.finish(self._store, job, outcome)
-        self.events.end(job)
+        label = finishing.finish(self._store, job, outcome, self.events.so_far(job.id))
+        self.events.end(job, again=label == "again")
         if outcome.status in ("crash", "killed"):
             self.counters.add(*DEATHS, how=outcome.status)
         spent = outcome.spent

@@ -129,7 +129,7 @@ def headline(part: Mapping[str, Any], question: str, subject: str = "These equat
         return f"{subject} do not come from any regular Lagrangian {kind}."
     if part["verdict"] == "undetermined":
         return f"Whether a regular Lagrangian {kind} exists was not settled."
-    if part.get("searching") and part["lagrangian"] is None:
+    if part["lagrangian"] is None and "lagrangian" in {each["part"] for each in part.get("incomplete", ())}:
         return f"A regular Lagrangian {kind} exists."
     if part["lagrangian"] is None:
         return f"A regular Lagrangian {kind} exists; none was found in closed form."

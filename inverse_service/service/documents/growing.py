@@ -1,0 +1,156 @@
+"""A result grows: each part leaves when it is finished and checked, in the order of wanting.
+
+What works on a document tells a `Growing` which part it begins and which are finished. Out of it come stages, as texts,
+and parts, as {"parts": names, "value": fields of the result that are new, "seconds": by part}. Merged in their order
+(`merged`) the values are a whole result document, whose `incomplete` lists what is still to come; `cut_off` makes of it
+the result of a run that a limit, a crash or a cancellation ended.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
+
+Tell = Callable[[Any], None]
+# Which fields of a result a part is; the first message brings all others.
+FIELDS: Final[dict[str, tuple[str, ...]]] = {
+    "motion": ("nonholonomic",),
+    "conditions": ("conditions",),
+    "existence": ("verdict", "reason", "checked", "domain", "question"),
+    "existence_with_time": ("verdict_with_time",),
+    "certificate": ("certificate",),
+    "lagrangian": ("lagrangian", "multiplier", "integrals", "solution_space"),
+    "lagrangian_with_time": ("with_time",),
+    "hamiltonian": ("hamiltonian",),
+    "first_integrals": ("first_integrals",),
+    "any_associated": ("any_associated",),
+    "reduced": ("reduced",),
+    "clock": ("with_clock",),
+    "kinds": ("kinds", "instead"),
+    "explanation": ("explanation",),
+}
+# Where the time of a stage counts; one that is not named goes on with the part before.
+_STAGES: Final = {
+    "conditions": "conditions", "the equations as given": "lagrangian", "decision": "existence",
+    "decision with time": "existence_with_time", "Hamiltonian": "hamiltonian", "explanation": "explanation",
+    "ansatz": "lagrangian", "method": "lagrangian", "any": "any_associated",
+}  # fmt: skip
+# What ends sooner is not handed over in parts, s.
+AT_ONCE = 0.05
+_TO_COME = "It is being worked on."
+_MORE: Final = {
+    "existence": "A longer time limit lets the decision go on.",
+    "existence_with_time": "A longer time limit lets the decision go on.",
+    "lagrangian": "A longer time limit lets the search for a closed form go on.",
+    "lagrangian_with_time": "A longer time limit lets the search for a closed form go on.",
+}
+_MORE_OF_OTHERS = "A longer time limit brings it."
+
+
+class Growing:
+    """One result while it is made. `tell` is called with what is new, `outward` puts it in the document's own words."""
+
+    def __init__(self, tell: Tell | None, outward: Callable[[Any], Any] = lambda value: value) -> None:
+        self._tell, self._outward = tell, outward
+        self._began = self._since = time.monotonic()
+        self._part, self._seconds = "understood", dict[str, float]()
+        self._known: dict[str, Any] = {}
+        self._untold: list[str] = []
+        self.wanted: tuple[str, ...] = ()
+        self.finished: list[str] = []
+        self.cut: dict[str, str] = {}
+
+    def stage(self, text: str) -> None:
+        """A stage begins."""
+        head, _, rest = text.partition(": ")
+        part = _STAGES.get(head) or _STAGES.get(rest.partition(": ")[0])
+        if part is not None:
+            self.begin(part)
+        if self._tell is not None:
+            self._tell(text)
+
+    def begin(self, part: str) -> None:
+        """The time from now on is that of this part."""
+        moment = time.monotonic()
+        self._seconds[self._part] = self._seconds.get(self._part, 0.0) + moment - self._since
+        self._part, self._since = part, moment
+
+    def hand_over(self, parts: Sequence[str], make: Callable[[], Mapping[str, Any]]) -> None:
+        """These parts are finished; `make` makes the result document so far, checked, which is asked for if somebody
+        listens and the work takes longer."""
+        new = [part for part in parts if part not in self.finished]
+        self.finished += new
+        self._untold += new
+        if self._tell is None or time.monotonic() - self._began < AT_ONCE:
+            return
+        part = self._part
+        self.begin("certificate")
+        self._send(dict(make()))
+        self.begin(part)
+
+    def end(self, result: dict[str, Any]) -> dict[str, Any]:
+        """The whole result: with the seconds of its parts, and those for which the time was over."""
+        self.begin(self._part)
+        result["provenance"] = result["provenance"] | {"seconds": self.seconds}
+        result["incomplete"] = [_entry(part, reason) for part, reason in self.cut.items()]
+        self._untold = [part for part in self.wanted if part not in (*self.cut, *self.finished)] + self._untold
+        if self._known:
+            self._tell_new(self._outward(result))
+        return result
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """By part, up to the last change of part; together the time that was taken."""
+        return {part: round(value, 4) for part, value in self._seconds.items() if value >= 5e-5}
+
+    def _send(self, found: dict[str, Any]) -> None:
+        missing = [part for part in self.wanted if part not in self.finished and not _is_ruled_out(part, found)]
+        found["incomplete"] = [_entry(part, self.cut.get(part, _TO_COME)) for part in missing]
+        self._tell_new(self._outward(found))
+
+    def _tell_new(self, found: dict[str, Any]) -> None:
+        new = {key: value for key, value in found.items() if key not in self._known or self._known[key] != value}
+        self._known |= new
+        names, self._untold = self._untold, []
+        if self._tell is not None and (names or new):
+            self._tell({"parts": names, "value": new, "seconds": self.seconds})
+
+
+def _is_ruled_out(part: str, found: Mapping[str, Any]) -> bool:
+    """Whether a verdict says that there is no such part."""
+    verdict = found["verdict"] if part in ("lagrangian", "hamiltonian") else None
+    return "not_variational" in (verdict, found["verdict_with_time"] if part == "lagrangian_with_time" else None)
+
+
+def _entry(part: str, reason: str) -> dict[str, str]:
+    return {"part": part, "reason": reason, "more_time": _MORE.get(part, _MORE_OF_OTHERS)}
+
+
+def events(message: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A message as one {"part", "value"} for each part; together they have all that is new."""
+    left, parts = dict(message["value"]), [part for part in message["parts"] if part in FIELDS] or ["existence"]
+    found = [{"part": part, "value": {key: left.pop(key) for key in FIELDS[part] if key in left}} for part in parts]
+    found[-1]["value"] |= left
+    return found
+
+
+def merged(values: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The result so far, of the values in their order."""
+    whole: dict[str, Any] = {}
+    for value in values:
+        whole |= value
+    return whole
+
+
+def cut_off(so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float], wall: float) -> dict[str, Any]:
+    """The result of a run that was ended, with all that was finished; what was to come is named with the reason."""
+    left = [entry | {"reason": reason} for entry in so_far["incomplete"]]
+    names = [entry["part"] for entry in left]
+    taken = dict(seconds)
+    if names:
+        taken[names[0]] = round(taken.get(names[0], 0.0) + max(0.0, wall - sum(taken.values())), 4)
+    found = dict(so_far) | {"incomplete": left, "provenance": so_far["provenance"] | {"seconds": taken}}
+    if found["verdict"] == "undetermined" and "existence" in names:
+        found["reason"] = f"{reason[:-1]} before a verdict was proven."
+    return found

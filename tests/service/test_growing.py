@@ -1,0 +1,161 @@
+"""A result grows: parts are told when they are finished and checked, and what a limit leaves is all of them."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+import inverse_service
+from inverse_service.certificate.checker import CheckResult
+from inverse_service.inverse_problem import confirming
+from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.service.documents import growing
+from inverse_service.service.documents.checking import check_plain
+from inverse_service.service.documents.documents import solve_document
+from inverse_service.service.jobs.event_log import described
+from inverse_service.web.pages.rendering import Visitor
+from inverse_service.web.pages.result_tasks import so_far_task
+
+DAMPED = {"equations": "x'' = -x - x'/10"}
+NONE = {"equations": {"x": "y", "y": "-x*x'"}}  # no Lagrangian of either kind
+CASES = {"equations": {"x": "-sqrt(x^2)"}}
+KNIFE_EDGE = {
+    "coordinates": ["x", "y", "th"],
+    "lagrangian": "(x'^2 + y'^2 + th'^2)/2 - x",
+    "constraints": ["y'*cos(th) = x'*sin(th)"],
+}
+MOTION = {"coordinates": ["x", "y", "z"], "motion": {"x": "0", "y": "0"}, "constraints": ["z' = y*x'"]}
+ALL = {"damped": DAMPED, "none": NONE, "branches": CASES, "knife edge": KNIFE_EDGE, "motion": MOTION}
+
+
+def told(document: dict[str, Any], **options: Any) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """What is told before the end, and the end."""
+    found: list[Any] = []
+    result = solve_document(document, SolveOptions(time_limit=30.0, **options), found.append)
+    return [report for report in found if isinstance(report, dict)], result
+
+
+def states(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The whole result after each message."""
+    values = [message["value"] for message in messages]
+    return [growing.merged(values[:k]) for k in range(1, len(values) + 1)]
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(confirming, "_AT_ONCE", -1.0)
+    monkeypatch.setattr(growing, "AT_ONCE", -1.0)
+
+
+@pytest.mark.parametrize("document", ALL.values(), ids=ALL)
+def test_together_the_parts_are_the_result_and_each_state_passes_the_check(document: dict[str, Any]) -> None:
+    messages, result = told(document)
+    found = states(messages)
+    assert found[-1] == result
+    assert {check_plain(json.loads(json.dumps(state)))["verdict"] for state in found} <= {"valid", "incomplete"}
+    names = [part for message in messages for part in message["parts"]]
+    assert len(names) == len(set(names))
+    assert result["incomplete"] == []
+
+
+@pytest.mark.parametrize("document", ALL.values(), ids=ALL)
+def test_a_definite_answer_is_never_taken_back(document: dict[str, Any]) -> None:
+    seen: dict[str, Any] = {}
+    for state in states(told(document)[0]):
+        about = state.get("any_associated") or {}
+        now = {key: state[key] for key in ("verdict", "verdict_with_time")} | {"any": about.get("verdict")}
+        if state["branches"]:
+            continue  # the first branch stands for all where there are some
+        for key, verdict in now.items():
+            assert seen.get(key, verdict) == verdict
+            if verdict in ("variational", "not_variational"):
+                seen[key] = verdict
+
+
+@pytest.mark.parametrize("document", ALL.values(), ids=ALL)
+def test_the_seconds_of_the_parts_add_up(document: dict[str, Any]) -> None:
+    import time
+
+    began = time.monotonic()
+    _, result = told(document)
+    taken = time.monotonic() - began
+    assert sum(result["provenance"]["seconds"].values()) == pytest.approx(taken, rel=0.1, abs=0.01)
+
+
+def test_first_that_a_lagrangian_exists_is_told_and_then_which() -> None:
+    messages, result = told(DAMPED)
+    parts = [part for message in messages for part in message["parts"]]
+    assert parts.index("existence") < parts.index("lagrangian") < parts.index("hamiltonian")
+    known = [state for state in states(messages) if state["verdict"] == "variational"]
+    assert known[0]["lagrangian"] is None
+    assert {state["checked"] for state in known} == {"valid"}
+    with_lagrangian = next(state for state in known if state["lagrangian"])
+    assert with_lagrangian["lagrangian"]["text"] == result["lagrangian"]["text"]
+    assert with_lagrangian["domain"] == result["domain"] != []
+
+
+def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_lagrangian() -> None:
+    parts = [part for message in told(KNIFE_EDGE)[0] for part in message["parts"]]
+    assert parts.index("motion") < parts.index("existence") < parts.index("any_associated")
+
+
+def test_what_the_checker_does_not_confirm_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = confirming.check_certificate
+
+    def doubtful(certificate: Any, **options: Any) -> CheckResult:
+        is_existence = certificate.get("kind") == "existence" or "symbol" in certificate
+        return CheckResult("incomplete", ("no time",)) if is_existence else real(certificate, **options)
+
+    monkeypatch.setattr(confirming, "check_certificate", doubtful)
+    found = [state for state in states(told(DAMPED)[0]) if state["verdict"] == "variational"]
+    assert all(state["lagrangian"] for state in found)
+
+
+def test_it_is_told_in_the_names_of_the_document() -> None:
+    first = states(told({"coordinates": ["x"], "equations": {"x": "-x*tau - x'/10"}, "time": "tau"})[0])[0]
+    assert first["system"]["equations"] == {"x": "-x*tau - x'/10"}
+    assert first["system"]["time"] == "tau"
+    assert first["system"]["given"]["time"] == "tau"
+
+
+def test_a_caller_of_python_hears_of_each_part() -> None:
+    found: list[tuple[str, Any]] = []
+    result = inverse_service.solve(DAMPED, progress=lambda part, value: found.append((part, value)))
+    merged = growing.merged(value for _, value in found)
+    assert merged["verdict"] == result["verdict"]
+    assert [part for part, _ in found][:2] == ["conditions", "existence"]
+
+
+@pytest.mark.parametrize("place", range(6))
+def test_cut_off_anywhere_the_result_is_what_was_finished(place: int) -> None:
+    messages, result = told(KNIFE_EDGE)
+    so_far = states(messages)[min(place, len(messages) - 2)]
+    cut = growing.cut_off(so_far, "The time limit of 1 s was reached.", {"motion": 0.5}, 1.0)
+    assert {entry["reason"] for entry in cut["incomplete"]} <= {"The time limit of 1 s was reached."}
+    assert sum(cut["provenance"]["seconds"].values()) == pytest.approx(1.0 if cut["incomplete"] else 0.5)
+    assert check_plain(json.loads(json.dumps(cut)))["verdict"] in ("valid", "incomplete")
+    assert cut["nonholonomic"]["equations_of_motion"] == result["nonholonomic"]["equations_of_motion"]
+
+
+def test_later_stages_keep_what_was_told() -> None:
+    before = described(
+        {"parts": ["existence"], "value": {"verdict": "variational"}, "seconds": {}}, {"stage": "decision"}
+    )
+    after = described("Hamiltonian", before)
+    assert after == {"so_far": {"verdict": "variational"}, "seconds": {}, "stage": "Hamiltonian"}
+
+
+def test_the_page_says_no_more_than_is_known() -> None:
+    """That none was found in closed form is true at the end only."""
+    texts = []
+    for part in states(told(DAMPED)[0]):
+        job = {"id": "a", "status": "running", "progress": {"stage": "search", "so_far": json.loads(json.dumps(part))}}
+        texts.append(bytes(so_far_task(job, Visitor(), 3).body).decode())
+    exists = [text for text in texts if "A regular Lagrangian L(q, q\u2032) exists." in text]
+    assert exists
+    assert "none was found" not in "".join(texts[:-1])
+    assert "<h2>Lagrangian</h2>" not in exists[0]
+    assert "<h2>Lagrangian</h2>" in texts[-1]
+    assert all('data-events="/v1/jobs/a/events"' in text for text in texts)
