@@ -15,9 +15,9 @@ FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
 class Job(Document):
     """One piece of work. `id` is a hash of engine version, canonical document and options.
 
-    `progress` holds what is known while the job runs: stage, order, family, counts; as `so_far` a result
-    that the checker has confirmed while more is sought. `result` is there when it is successful,
-    `problem` when it failed. Times are seconds since 1970; `usage`: seconds of wall clock and
+    `progress` holds what is known while the job runs: stage, order, family, counts; as `so_far` the result
+    as far as it is finished and checked. `result` is there when it is successful, and with what was finished
+    when it was dismissed; `problem` when it failed. Times are seconds since 1970; `usage`: seconds of wall clock and
     processor, peak memory in MiB, of the run that gave the answer.
     """
 

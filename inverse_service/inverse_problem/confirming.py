@@ -91,13 +91,13 @@ def tell(work: Work, answer: Answer, with_time: bool) -> None:
     """Hand over a confirmed answer while there is more to find."""
     found = answer.lagrangian
     work.answers[with_time] = replace(answer, positive=work.domain if found is None else found.positive)
-    parts = [named("existence", with_time)]
-    # L(q, q') answers both questions, and without L(t, q, q') there is no L(q, q').
-    if with_time is (answer.verdict == "not_variational"):
+    is_main = with_time is (work.analysis.system.depends_on_time or work.options.time_dependent is True)
+    parts = [named("existence", with_time), "certificate"]
+    # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question has both names.
+    if with_time is (answer.verdict == "not_variational") or (with_time and is_main):
         parts.append(named("existence", not with_time))
-    parts += ["certificate"]
-    parts += [named("lagrangian", with_time)] if found is not None else []
-    parts += ["hamiltonian"] if answer.hamiltonian is not None else []
+    parts += [named("lagrangian", not is_main)] if found is not None else []
+    parts += ["hamiltonian"] if answer.hamiltonian is not None and is_main else []
     hand_over(work, *parts)
 
 

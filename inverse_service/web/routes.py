@@ -20,6 +20,7 @@ from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
 from inverse_service.service.jobs.metrics import Labels, Metric, gauge, written
 from inverse_service.service.jobs.model import STATUSES, engine_version
 from inverse_service.service.jobs.tasks import parse_task
+from inverse_service.service.jobs.worker_process import MOST_CROWDED
 from inverse_service.web.asking import DEFAULT_WAIT, FACTORS, MAX_WAIT, json_body_of
 from inverse_service.web.clients import client_of, require_client
 from inverse_service.web.engine import Engine
@@ -84,6 +85,7 @@ async def limits(request: Request) -> Response:
     document = {name.lower(): value for name, value in vars(base).items() if name.startswith("MAX_")}
     service = {
         "time_limit_seconds": settings.time_limit,
+        "time_limit_on_a_busy_machine_seconds": MOST_CROWDED * settings.time_limit,
         "memory_limit_mib": settings.memory_limit,
         "max_body_bytes": settings.max_body,
         "max_result_bytes": FACTORS["check"] * settings.max_body,

@@ -18,7 +18,7 @@ from inverse_service.service.jobs.event_log import described
 from inverse_service.web.pages.rendering import Visitor
 from inverse_service.web.pages.result_tasks import so_far_task
 
-DAMPED = {"equations": "x'' = -x - x'/10"}
+DAMPED = {"equations": "x'' = -x - x'/10", "time_dependent_lagrangian": False}
 NONE = {"equations": {"x": "y", "y": "-x*x'"}}  # no Lagrangian of either kind
 CASES = {"equations": {"x": "-sqrt(x^2)"}}
 KNIFE_EDGE = {
@@ -27,7 +27,15 @@ KNIFE_EDGE = {
     "constraints": ["y'*cos(th) = x'*sin(th)"],
 }
 MOTION = {"coordinates": ["x", "y", "z"], "motion": {"x": "0", "y": "0"}, "constraints": ["z' = y*x'"]}
-ALL = {"damped": DAMPED, "none": NONE, "branches": CASES, "knife edge": KNIFE_EDGE, "motion": MOTION}
+BOTH = {"equations": "x'' = -x - x'/10"}
+ALL = {
+    "damped": DAMPED,
+    "both questions": BOTH,
+    "none": NONE,
+    "branches": CASES,
+    "knife edge": KNIFE_EDGE,
+    "motion": MOTION,
+}
 
 
 def told(document: dict[str, Any], **options: Any) -> tuple[list[dict[str, Any]], dict[str, Any]]:

@@ -109,10 +109,10 @@ class EventLog:
     def end(self, job: Job, again: bool = False) -> None:
         """Nothing more comes from this attempt; the store knows how it ended. `again`: another attempt comes."""
         with self._lock:
-            self._earlier.pop(job.id, None)
-            self._numbers.pop(job.id, None)
-            if not again:
-                self._latest.pop(job.id, None)
+            is_latest = self._numbers.get(job.id, 0) // NUMBERS_PER_ATTEMPT == job.attempt
+            for kept in (self._latest, self._earlier, self._numbers):
+                if is_latest and not again:
+                    kept.pop(job.id, None)
 
     def latest(self, id: str) -> Mapping[str, Any] | None:
         """Progress of a job that runs here."""

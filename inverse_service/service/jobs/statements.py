@@ -218,7 +218,6 @@ def end(
     if changed is None:
         return False
     session.run("DELETE FROM askers WHERE job = ?", id)
-    session.run("DELETE FROM events WHERE id = ? AND kind = 'part'", id)  # the body has them now
     session.run(
         "INSERT INTO bodies (id, status, body) VALUES (?, ?, ?) "
         "ON CONFLICT (id) DO UPDATE SET status = excluded.status, body = excluded.body",

@@ -35,7 +35,7 @@ THREADS = 2
 # looked through so often that this takes a tenth of the time, and half of a long search late in a worker's life.
 BETWEEN_COLLECTIONS = 100_000
 # A deadline is at most so many times as long where other programs have the processor.
-MOST_CROWDED = 10.0
+MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"
 STARTED, REPORT, DONE = "started", "report", "done"
 Report = Callable[[Any], None]

@@ -14,12 +14,14 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import Place
+from inverse_service.service.documents import growing
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.event_log import described
 from inverse_service.service.jobs.model import (
     MAX_CRASHES,
     MAX_RESTARTS,
     MAX_UNSTARTED,
+    Event,
     Job,
     JobOptions,
     JobRequest,
@@ -134,6 +136,85 @@ def test_three_deaths_fail_a_job_with_the_reason(store: SqliteStore, status: Any
     assert (job.status, body["status"]) == ("failed", code)
     assert "repeatedly" in body["detail"]
     assert "secret" not in str(body)
+
+
+SO_FAR = {
+    "parts": ["motion", "existence"],
+    "seconds": {"motion": 0.5},
+    "value": {
+        "format": "inverse-service/result/1", "verdict": "not_variational", "provenance": {},
+        "incomplete": [{"part": "any_associated", "reason": "", "more_time": "A longer time limit brings it."}],
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("ends", "reason"),
+    [
+        (["deadline"], "The time limit of 60 s was reached."),
+        (["memory"], "The memory limit of 4096 MiB was reached."),
+        (["crash"] * 3, "The worker process died repeatedly."),
+        (["killed", "killed", "deadline"], "The time limit of 60 s was reached."),
+    ],
+)
+def test_however_a_run_ends_its_result_is_what_was_finished(store: SqliteStore, ends: list[Any], reason: str) -> None:
+    """Of the first attempt too, where a later one came less far."""
+    left = list(ends)
+
+    class Telling(Scripted):
+        def submit(self, call: Call, report: Report | None = None) -> Running:
+            if len(left) == len(ends) and report is not None:
+                report(SO_FAR)
+            return super().submit(call, report)
+
+    supervisor = Supervisor(store, Telling(lambda call: Outcome(left.pop(0), spent=Usage(wall=2.0))))
+    supervisor.start()
+    (job,) = store.submit([request()])
+    job = final(store, job.id)
+    supervisor.stop()
+    body = json.loads(job.body or b"null")
+    assert (job.status, body["verdict"], left) == ("successful", "not_variational", [])
+    assert body["incomplete"] == [
+        {"part": "any_associated", "reason": reason, "more_time": "A longer time limit brings it."}
+    ]
+    assert body["provenance"]["seconds"] == {"motion": 0.5, "any_associated": 1.5}
+
+
+def test_what_was_finished_outlives_the_service(store: SqliteStore) -> None:
+    (job,) = store.submit([request()])
+    store.claim("a service that was killed", 1)
+    event = growing.events(SO_FAR)
+    store.add_events([(job.id, Event(10_001 + k, "part", each)) for k, each in enumerate(event)])
+    supervisor = Supervisor(store, Scripted(lambda call: Outcome("deadline")))
+    supervisor.start()
+    body = json.loads(final(store, job.id).body or b"null")
+    supervisor.stop()
+    assert (body["verdict"], body["incomplete"][0]["part"]) == ("not_variational", "any_associated")
+
+
+def test_a_job_that_is_cancelled_keeps_what_was_finished(store: SqliteStore) -> None:
+    reports: list[Report] = []
+
+    class Telling(Scripted):
+        def submit(self, call: Call, report: Report | None = None) -> Running:
+            assert report is not None
+            reports.append(report)
+            return super().submit(call, report)
+
+    supervisor = Supervisor(store, Telling(lambda call: None))
+    supervisor.start()
+    (job,) = store.submit([request()])
+    while not reports:
+        time.sleep(0.002)
+    reports[0](SO_FAR)
+    store.dismiss(job.id)
+    supervisor.cancel(job.id)
+    supervisor.stop()
+    found = store.job(job.id)
+    assert found is not None
+    body = json.loads(found.body or b"null")
+    assert (found.status, body["verdict"]) == ("dismissed", "not_variational")
+    assert body["incomplete"][0]["reason"] == "The job was dismissed."
 
 
 def test_a_job_for_which_no_process_starts_waits_and_is_not_to_blame(store: SqliteStore) -> None:
