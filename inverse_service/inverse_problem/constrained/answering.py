@@ -136,9 +136,7 @@ def _noting(told: list[MotionAnswer], tell: Callable[[MotionAnswer], None]) -> C
     return both
 
 
-def _both(
-    work: _Work, time_dependent: bool | None, analyzed: AnalyzedMotion, reduced: Answer | None
-) -> MotionAnswer:
+def _both(work: _Work, time_dependent: bool | None, analyzed: AnalyzedMotion, reduced: Answer | None) -> MotionAnswer:
     motion = work.motion
     both = time_dependent is None and not motion.depends_on_time
     fitting = any(not one.with_time for one in work.known)
