@@ -9,16 +9,16 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-MAX_COORDINATES = 12
+MAX_COORDINATES = 64
 MAX_SIMULATED = 32  # coordinates of a scene
 MAX_FORWARD = 256  # coordinates of a Lagrangian whose equations are asked for
-MAX_PARAMETERS = 32
+MAX_PARAMETERS = 100
 MAX_FUNCTIONS = 16
 MAX_FUNCTION_ARGUMENTS = 6
 MAX_NAME_CHARACTERS = 40
 MAX_TITLE_CHARACTERS = 500
 MAX_FORMULA_CHARACTERS = 20_000
-MAX_EQUATIONS = 16
+MAX_EQUATIONS = 128
 MAX_VALUE_CHARACTERS = 200
 
 

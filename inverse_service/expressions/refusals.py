@@ -29,7 +29,7 @@ class Limits:
     name_characters: int = 40
     derivative_order: int = 20
     derivative_nodes: int = 1_000
-    coordinates: int = 12
+    coordinates: int = 64
     function_arguments: int = 6
     names: int = 200
 

@@ -64,6 +64,8 @@ _UNSOLVED = (
     "their own that answers this"
 )
 AS_GIVEN = "the equations as given"
+# Coordinates of systems whose conditions are printed and whose freedom is counted beside a Lagrangian that was read off.
+_MOST_COORDINATES = 8
 # Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
 _MOST_FOR_FREEDOM = 30_000
 # Rational functions of the velocities, and what is harder to read (`reading_class`).
@@ -111,6 +113,8 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
         return _unreduced(system, options, None, reason)
     report = progress or (lambda _: None)
     printed, left_out = None, "the equations are not solved for the accelerations" if system.is_unsolved else ""
+    if len(system.coordinates) > _MOST_COORDINATES:
+        left_out = left_out or f"a system of more than {_MOST_COORDINATES} coordinates has them by the thousand"
     if options.conditions and not left_out:
         report("conditions")
         printed, left_out = printed_conditions(system)
@@ -185,7 +189,8 @@ def _as_given(work: Work) -> Answer | None:
     if best is None:
         return None
     with_time = holds(best, TIME)
-    short = not system.is_unsolved and sum(map(node_count, system.accelerations)) <= bounds.TERMS
+    short = not (system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES)
+    short = short and sum(map(node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
     found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(best), decision)
     others = _with_other_matrices(work, with_time) if short else None

@@ -185,7 +185,7 @@ def test_the_catalogue_is_listed_and_each_document_parses(client: httpx.Client) 
 def test_limits_and_probes(client: httpx.Client) -> None:
     limits = client.get("/v1/limits").json()
     assert limits["service"]["time_limit_seconds"] == 10
-    assert limits["document"]["max_coordinates"] == 12
+    assert limits["document"]["max_coordinates"] == 64
     assert limits["formula"]["characters"] > 0
     assert client.get("/livez").json() == {"status": "alive"}
     assert client.get("/readyz").json() == {"status": "ready"}

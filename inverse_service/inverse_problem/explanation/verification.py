@@ -115,13 +115,18 @@ def _matrix(exact: MotionInRing, entries: Matrix) -> Formula:
     return matrix([[quotient_tree(exact.ring, entry) for entry in line] for line in entries])
 
 
+# Coordinates whose equations are written out one by one.
+_MOST_LINES = 8
+
+
 def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> tuple[Step, ...]:
     """One step for each coordinate: dL/dv, its derivative along the motion, dL/dq, and the equation that they make.
 
     A single sentence where these formulas are long.
     """
-    lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates]
-    if any(sum(map(node_count, line)) > bounds.SHOWN for line in lines):
+    short = len(system.coordinates) <= _MOST_LINES
+    lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates if short]
+    if not short or any(sum(map(node_count, line)) > bounds.SHOWN for line in lines):
         those = (
             "the equations as they are written" if system.is_unsolved else "equations that `f` satisfies identically"
         )

@@ -75,15 +75,15 @@ class Integrator:
             if left and not self.signs:
                 return None
             total = add_terms(total, part)
-            rest = [
-                add_terms(terms, derivative_of_terms(part, q), -1) for terms, q in zip(rest, variables, strict=True)
-            ]
+            for j, q in enumerate(variables):
+                if j != k and (slope := derivative_of_terms(part, q)):
+                    rest[j] = add_terms(rest[j], slope, -1)
+                    if any(_holds(rest[j], earlier) for earlier in variables[: k + 1]):
+                        rest[j] = self.in_normal_form(rest[j])
             rest[k] = left
             if left:
                 signed = self._under_signs(variables, rest, k)
                 return None if signed is None else add_terms(total, signed)
-            if any(_holds(terms, q) for terms in rest for q in variables[: k + 1]):
-                rest = [self.in_normal_form(terms) for terms in rest]
         return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
 
     def _under_signs(self, variables: Sequence[ex.Symbol], slopes: Sequence[Terms], k: int) -> Terms | None:

@@ -20,6 +20,7 @@ from inverse_service.expressions.tree import (
     Expression,
     Number,
     Power,
+    Sum,
     Symbol,
     Velocity,
     factors_of,
@@ -137,7 +138,11 @@ def _compact(analysis: Analysis, entry: Expression) -> Expression:
 
 
 def _factored(analysis: Analysis, tree: Expression) -> Expression:
-    varying = variables_of(analysis.system)[: 1 + 2 * len(analysis.system.coordinates)]  # parameters are printed first
+    if len(factors_of(tree)) == 1 and not any(isinstance(node, Sum) for node in walk(tree)):
+        return tree
+    held = set(walk(tree))
+    moving = variables_of(analysis.system)[: 1 + 2 * len(analysis.system.coordinates)]  # parameters are printed first
+    varying = [variable for variable in moving if variable in held]
     try:
         return factored([tree], varying, Budget.short())[0]
     except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):

@@ -6,13 +6,15 @@ from collections.abc import Mapping, Sequence
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.refusals import LIMITS
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, motion_on
 from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
 from inverse_service.reading.names import Names, escaped
 from inverse_service.reading.reader import placed_at, read_equations, read_formula, without_accelerations
+
+# Coordinates of a system with constraints.
+MOST_CONSTRAINED = 12
 
 
 def read_nonholonomic(
@@ -22,7 +24,7 @@ def read_nonholonomic(
     parameters: Parameters = (),
     functions: Mapping[str, Sequence[str]] | None = None,
     name: str = "",
-    most: int = LIMITS.coordinates,
+    most: int = MOST_CONSTRAINED,
     where: Mapping[str, str] | None = None,
 ) -> NonholonomicSystem:
     """The system of a document; a constraint is a formula that is zero, or an equation.
@@ -56,9 +58,9 @@ def read_motion(
     InputError where the free coordinates are not as many as the constraints leave, or do not fix the others.
     """
     texts = {f"/motion/{name}": text for name, text in motion.items()}
-    declared = Declared(coordinates or None, parameters, functions or {}, where or {})
+    declared = Declared(coordinates or None, parameters, functions or {}, where or {}, MOST_CONSTRAINED)
     known = known_names(declared, texts | _by_pointer(constraints), order=1)
-    names, trees = known.remaining(), _constraints(constraints, known.names, LIMITS.coordinates)
+    names, trees = known.remaining(), _constraints(constraints, known.names, MOST_CONSTRAINED)
     free = {known.names.spelling(name): name for name in motion}
     strange = next((name for key, name in free.items() if key not in names.coordinates), None)
     if strange is not None:
