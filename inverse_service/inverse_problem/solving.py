@@ -64,7 +64,7 @@ _UNSOLVED = (
     "their own that answers this"
 )
 AS_GIVEN = "the equations as given"
-# Coordinates of systems whose conditions are printed and whose freedom is counted beside a Lagrangian read off the lines.
+# Coordinates of systems whose conditions are printed and whose freedom is counted beside a known Lagrangian.
 _MOST_COORDINATES = 8
 # Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
 _MOST_FOR_FREEDOM = 30_000
