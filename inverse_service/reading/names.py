@@ -308,6 +308,8 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
 
 
 GREEK_NAMES = frozenset(GREEK.values())
+# Letters that call a bracket an argument to many: f(x - y), V(x + 1).
+MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "chi"}
 _POTENTIALS = frozenset(("U", "V"))
 _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
 _NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")

@@ -47,7 +47,16 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, PIECEWISE, Names, call, unknown_name
+from inverse_service.reading.names import (
+    DERIVATIVE_NAMES,
+    FUNCTIONS,
+    GREEK_NAMES,
+    MAY_BE_FUNCTIONS,
+    PIECEWISE,
+    Names,
+    call,
+    unknown_name,
+)
 from inverse_service.reading.tokens import END, Token, TokenStream, unexpected
 
 _BITS_PER_DIGIT = 3.3219280948873626
@@ -110,6 +119,9 @@ def raised(base: Expression, exponent: Expression, column: int) -> Expression:
     """base ^ exponent, e^u being exp(u); refused where it is too large or has no real value."""
     if base == _EXPONENTIAL:
         return Apply("exp", exponent)
+    if isinstance(base, Number) and base.value < 0 and not isinstance(exponent, Number):
+        what = "a negative number is raised to a power that is no number, which is real for few values only"
+        raise refusal(f"{what}; it occurs", column, "write the formula for an even and for an odd power")
     if isinstance(exponent, Number):
         _check_exponent(exponent.value, column)
         if isinstance(base, Number):
@@ -237,7 +249,7 @@ class FormulaParser:
             raise refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
         if rest.is_operator("[", "]"):
             raise refusal("square brackets are not accepted here", rest.column, "write ( and )")
-        if rest.is_operator("<", ">"):
+        if rest.is_operator("<", ">", "\u2260"):
             raise refusal("a comparison occurs", rest.column, "write an equation with one =")
         if rest.is_operator(","):
             raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
@@ -253,9 +265,11 @@ class FormulaParser:
 
     def _term(self) -> Expression:
         column = self._stream.ahead.column
-        factors = [*self._signs(), self._factor()]
+        signs, start = self._signs(), self._stream.position
+        factors, slash = [*signs, self._factor()], start
         operation: str | None = "*"
-        while (operation := self._operation(operation)) is not None:
+        while (operation := self._operation(operation, start, slash)) is not None:
+            slash = self._stream.position
             factors += self._signs() if operation else []
             place = self._stream.ahead.column
             factor = self._factor()
@@ -268,19 +282,43 @@ class FormulaParser:
             negative ^= token.text == "-"
         return [MINUS_ONE] if negative else []
 
-    def _operation(self, previous: str | None) -> str | None:
-        """'*', '/', '' for a product without sign, None where the term ends."""
+    def _operation(self, previous: str | None, start: int, slash: int) -> str | None:
+        """'*', '/', '' for a product without sign, None where the term ends.
+
+        The term begins at `start`, what came last, after the sign or word `previous`, at `slash`.
+        """
         token = self._stream.take_operator("*", "/")
         if token:
             return token.text
         if not self._continues(self._stream.ahead):
             return None
-        self._check_adjacent(after_division=previous == "/")
+        self._check_adjacent(after_division=previous == "/" and not self._ends_quotient(start, slash))
         return ""
 
     def _continues(self, token: Token) -> bool:
         """Whether a further factor begins; inside | … a bar ends it."""
         return _starts_factor(token) or (token.is_operator("|") and not self._bars)
+
+    def _ends_quotient(self, start: int, slash: int) -> bool:
+        """Whether a/b has ended before what stands next to it: 3/2 y^3, 1/(2 m) p, g/l sin x, and not k/m x, 1/2x.
+
+        A single number below ends it where numbers alone are above, or a coordinate follows; so does a bracket or a
+        called function below, and a function that follows.
+        """
+        stream, ahead = self._stream, self._stream.ahead
+        name = self._names.spelling(ahead.text) if ahead.kind == "name" else ""
+        role = self._names.role(name)
+        if not ahead.space_before:
+            return False
+        if name in FUNCTIONS and role is None:
+            return True
+        below = [stream.look(place - stream.position) for place in range(slash, stream.position)]
+        if below[-1].is_operator(")") and below[0].kind in ("name", "operator"):
+            return name != "" or ahead.is_operator("(")
+        above = [stream.look(place - stream.position) for place in range(start, slash - 1)]
+        moves = role == "coordinate" or name == "t" or self._names.derivative(name) is not None
+        numbers = all(token.kind == "number" or token.is_operator("*", "(", ")", "^") for token in above)
+        return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_operator("("))
 
     def _check_adjacent(self, after_division: bool) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
@@ -484,8 +522,12 @@ class FormulaParser:
         start = self._stream.position
         with self._stream.nested():
             argument = self._factor()
-            following = self._stream.ahead
-            if ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
+            following, whole = self._stream.ahead, self._bare_product(start)
+            if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
+                argument = product([argument, *(self._factor() for _ in range(whole))], ahead.column)
+                if self._stream.look(-1).text == "t" and not self._stream.ahead.is_operator("/", "(", "^"):
+                    return argument  # cos w t x is cos(w t) x
+            elif ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
                 if following.space_before or token.text in ("sqrt", "cbrt"):
                     raise self._unclear_end(token, start)
                 argument = product([argument, self._factor()], ahead.column)
@@ -494,6 +536,35 @@ class FormulaParser:
         if after.is_operator(*signs) or (_starts_factor(after) and not self._bare_ends()):
             raise self._unclear_end(token, start)
         return argument
+
+    def _bare_product(self, start: int) -> int:
+        """How many names after the first factor of a bare argument belong to it for every reader: cos w t, sin 2kx.
+
+        They are written without spaces, or constants up to the time, or up to a coordinate where they are Latin.
+        """
+        stream = self._stream
+        first = stream.look(start - stream.position)
+        if stream.position != start + 1 or (first.kind == "name" and not self._is_constant(first)):
+            return 0
+        latin, glued = first.kind == "name" and first.text not in GREEK_NAMES, True
+        for place in itertools.count():
+            token = stream.look(place)
+            plain = token.kind == "name" and token.text not in FUNCTIONS and stream.look(place + 1).kind != "prime"
+            if not plain or stream.look(place + 1).is_operator("^"):
+                return 0
+            glued = glued and not token.space_before
+            role = self._names.role(self._names.spelling(token.text))
+            if token.text == "t" and role is None:
+                return place + 1 if self._names.time else 0
+            if role == "coordinate":
+                return place + 1 if glued or latin else 0
+            if not self._is_constant(token):
+                return 0
+            latin = latin and token.text not in GREEK_NAMES
+        return 0
+
+    def _is_constant(self, token: Token) -> bool:
+        return self._names.role(self._names.spelling(token.text)) == "parameter" or token.text in ("pi", "Pi")
 
     def _unclear_end(self, token: Token, start: int) -> InputError:
         """The refusal of sin a b and sin a/b, with both readings where what follows can be read; sin 2 x has one."""
@@ -584,7 +655,7 @@ class FormulaParser:
     def _single(self, node: Expression, token: Token) -> Expression:
         """A name that stands alone; InputError where a bracket makes it look like a function."""
         ahead = self._stream.ahead
-        if ahead.is_operator("(") and not ahead.space_before:
+        if ahead.is_operator("(") and not ahead.space_before and not self._is_factor(token):
             self._stream.must_close()
             name = token.text
             what = f"{name}( could be a product or a function"
@@ -594,6 +665,17 @@ class FormulaParser:
             instead = f"write diff({token.text}, t)" if node in self._names.definitions else "leave it out"
             raise refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, instead)
         return node
+
+    def _is_factor(self, token: Token) -> bool:
+        """Whether a sum in brackets next to a name is a factor to every reader, as in mu(1 - x^2) and r(r - 2M)."""
+        depth, sums = 0, False
+        for place, part in enumerate(group := self._stream.group()):
+            depth += part.is_operator("(", "[") - part.is_operator(")", "]")
+            sums = sums or (depth == 1 and place > 1 and part.is_operator("+", "-"))
+            if part.is_operator(",") or part.text == "t":
+                return False
+        closed = len(group) < self._stream.left and depth == 1
+        return closed and sums and token.text not in MAY_BE_FUNCTIONS
 
     def _coordinate(self, name: str, order: int, token: Token) -> Expression:
         order += self._primes()

@@ -75,7 +75,7 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
 
         tokens = with_derivatives(latex.tokenize(formula, names), names)
     else:
-        tokens = in_our_words(tokenize(formula), names)
+        tokens = in_our_words(tokenize(formula, names.declared()), names)
     refuse_decimal_commas(tokens)
     return tokens
 

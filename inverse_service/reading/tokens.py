@@ -12,7 +12,7 @@ digits and typographic signs. See `grammar.py`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -129,6 +129,11 @@ class TokenStream:
     def ahead(self) -> Token:
         return self._tokens[min(self.position, len(self._tokens) - 1)]
 
+    @property
+    def left(self) -> int:
+        """The number of tokens ahead."""
+        return len(self._tokens) - 1 - self.position
+
     def look(self, distance: int) -> Token:
         """The token `distance` places on (or back), the end token beyond either end."""
         place = self.position + distance
@@ -201,7 +206,9 @@ _HALVES = {"\u00bd": Fraction(1, 2), "\u2153": Fraction(1, 3), "\u2154": Fractio
            "\u00be": Fraction(3, 4)}  # fmt: skip
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 _ELEMENTWISE = {".*": "*", "./": "/", ".^": "^"}  # MATLAB's, the same for numbers
-_COMPARISONS = frozenset("<>\u2264\u2265\u2260")
+# What compares two formulas, as the one of <, > and \u2260 that it is on an open set.
+COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
+               "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
 # In a text with a piecewise formula: what joins conditions. A boundary belongs to no open set, so <= is <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
@@ -216,14 +223,13 @@ _REASONS = {
     "_": "a name begins with a letter, and a number has no _ in it",
     '"': "write two primes '' for a second derivative, and the formula without quotation marks",
     "\u00b0": "write 30*pi/180 for 30 degrees",
-    "\u00a8": "write two primes '' for a second derivative",
     "`": "leave it out",
     "\u2014": "write - for a minus",
     "&": "write equations one after the other, separated by ;",
     "\u221e": "write a finite number",
     "\u222b": "write the integral itself",
 }
-_MEANT = {'"': "''", "\u00a8": "''", "\u00b0": "*pi/180", "\u2014": "-"}
+_MEANT = {'"': "''", "\u00b0": "*pi/180", "\u2014": "-"}
 # Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
 _OTHER_PROGRAMS = re.compile(
     r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
@@ -249,7 +255,7 @@ def without_full_stop(text: str) -> str:
     return plain[:-1] if plain.endswith(".") and not plain[-2:-1].isdigit() and plain != "." else text
 
 
-def tokenize(text: str) -> list[Token]:
+def tokenize(text: str, known: Container[str] = ()) -> list[Token]:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
     check_length(text)
     text = without_full_stop(text)
@@ -269,7 +275,7 @@ def tokenize(text: str) -> list[Token]:
             sign = _CONDITION_SIGNS.get(condition[0], condition[0])
             found, place = [Token("operator", sign, place + 1, space)], condition.end()
         else:
-            found, place = _next(text, place, space)
+            found, place = _next(text, place, space, known)
         tokens += found
         space = character == "\n"
         open_brackets += (character in "([") - (character in ")]")
@@ -280,7 +286,7 @@ def tokenize(text: str) -> list[Token]:
     return tokens
 
 
-def _next(text: str, place: int, space: bool) -> tuple[list[Token], int]:
+def _next(text: str, place: int, space: bool, known: Container[str]) -> tuple[list[Token], int]:
     character = text[place]
     if character == "#":
         end = text.find("\n", place)
@@ -306,7 +312,7 @@ def _next(text: str, place: int, space: bool) -> tuple[list[Token], int]:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)
     if found and found[0] and found[0] != "_":
-        return _name(text, place, space)
+        return _name(text, place, space, known)
     return _operator(text, place, space)
 
 
@@ -334,32 +340,52 @@ def _superscript(text: str, place: int) -> tuple[list[Token], int]:
     return [Token("operator", "^", column), opening, *signs, number, closing], place
 
 
-def _name(text: str, place: int, space: bool) -> tuple[list[Token], int]:
-    """A name with the dots over it (as a prime after it); plain ASCII goes the short way."""
-    column, ascii_name = place + 1, _ASCII_NAME.match(text, place)
+def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[list[Token], int]:
+    """The names of a run of letters, each with the dots over it (as a prime after it).
+
+    A Greek letter, the script l and a letter with dots are names of their own in such a run unless all of it is
+    declared: alpha x is written without a space; plain ASCII is one name.
+    """
+    ascii_name = _ASCII_NAME.match(text, place)
     end = ascii_name.end() if ascii_name else place
     if ascii_name and (end == len(text) or text[end].isascii()):
-        name, order = ascii_name.group(), 0
+        runs = [(ascii_name.group(), 0, place)]
     else:
-        name, order, end = _long_name(text, place)
-    at_most(len(name), LIMITS.name_characters, "a name has too many characters", column)
-    dots = [Token("prime", "'" * order, column, False, Fraction(order))] if order else []
-    return [Token("name", name, column, space), *dots], end
+        runs, end = _long_name(text, place, known)
+    found: list[Token] = []
+    for name, order, start in runs:
+        at_most(len(name), LIMITS.name_characters, "a name has too many characters", start + 1)
+        found.append(Token("name", name, start + 1, space and start == place))
+        found += [Token("prime", "'" * order, start + 1, False, Fraction(order))] * bool(order)
+    return found, end
 
 
-def _long_name(text: str, place: int) -> tuple[str, int, int]:
-    """A name with other letters than ASCII in it; dots stand over its first letter, as a subscript may follow."""
-    parts: list[str] = []
-    order, letters, start = 0, 0, place
-    while place < len(text) and (found := letter(text[place])):
-        parts.append(found[0])
-        order += found[1]
-        letters += bool(found[0])
-        place += 1
-        unclear = found[1] and letters > 1
-        if unclear or (order and found[0][:1].isalpha() and len(parts) > 1 and "_" not in parts):
+def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple[str, int, int]], int]:
+    """(name, order, place) of each name in a run with other letters than ASCII, and the end of the run."""
+    letters: list[tuple[str, int, int]] = []
+    end = place
+    while end < len(text) and (found := letter(text[end])):
+        letters.append((*found, end))
+        end += 1
+    whole = "".join(name for name, _, _ in letters)
+    if whole in known or len(letters) > LIMITS.name_characters:
+        return [(whole, sum(order for _, order, _ in letters), place)], end
+    runs: list[tuple[str, int, int]] = []
+    for name, order, at in letters:
+        alone = len(name) > 1 or (order and name)
+        if not runs:
+            runs.append((name, order, at))
+            continue
+        before, times, start = runs[-1]
+        below = "_" in before or name == "_" or name.isdigit()
+        greek = len((letter(text[start]) or ("", 0))[0]) > 1 or times
+        if name and not below and (alone or greek) and not before.endswith("_"):
+            runs.append((name, order, at))
+        elif order and not name and len(before) > 1 and not greek:
             raise refusal("dots are over a letter inside a name", start + 1, "write * between factors")
-    return "".join(parts), order, place
+        else:
+            runs[-1] = (before + name, times + order, start)
+    return runs, end
 
 
 def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
@@ -370,10 +396,10 @@ def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
         raise refusal("-- occurs", column, "write one sign, and leave remarks out")
     if text.startswith(":=", place):
         raise refusal(":= occurs", column, "write =, and leave out a name that is given to an equation")
-    if character in _COMPARISONS or text.startswith("!=", place):
-        raise refusal("a comparison occurs", column, "write an equation with one =")
+    if compared := next((sign for sign in COMPARISONS if text.startswith(sign, place)), ""):
+        return [Token("operator", COMPARISONS[compared], column, space)], place + len(compared)
     if other := _OTHER_PROGRAMS.match(text, place):
-        return [Token("operator", sign, column, space) for sign in _SIGNS[other.lastgroup]], other.end()
+        return [Token("operator", each, column, space) for each in _SIGNS[other.lastgroup]], other.end()
     if sign := _ELEMENTWISE.get(text[place : place + 2]):
         return [Token("operator", sign, column, space)], place + 2
     if text.startswith("//", place):
