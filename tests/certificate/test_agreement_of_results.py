@@ -76,6 +76,7 @@ def test_an_l_with_time_instead_is_about_time() -> None:
     assert verdict(split() | {"instead": instead | {"certificate": asked}}) == "invalid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["parameters", "reduced"])
 def test_what_holds_instead_for_another_system_is_not_compared_with_this_one(kind: str) -> None:
     other = {"kind": kind, "lagrangian": {"text": "z'^2"}, "certificate": lagrangian("free", "x'^2")}

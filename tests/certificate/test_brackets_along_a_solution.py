@@ -19,7 +19,7 @@ from inverse_service.inverse_problem.constrained import motion_certificate
 from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
-from tests.inverse_problem.constrained.motions import disk, motion_of
+from tests.certificate.motions import disk, motion_of
 
 Document = dict[str, Any]
 CHAINED = {
@@ -101,6 +101,7 @@ def brackets(system: Document, last: int) -> tuple[list[sympy.Symbol], list[list
     return [*own, clock], found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", MOTIONS, ids=["sleigh", "every-kind-of-formula", "with-time", "large"])
 def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(system: Document) -> None:
     """Phi(t)^-1 d/du = sum_j t^j/j! (ad Gamma)^j d/du."""
@@ -132,6 +133,7 @@ def test_the_chained_form_with_a_potential_is_refused_at_the_door_with_a_valid_p
     assert check_result(result, time_limit=100).verdict == "valid"
 
 
+@pytest.mark.slow
 def test_the_disk_with_a_potential_is_refused_at_the_door_with_a_valid_proof() -> None:
     result = solve_document(disk("x^2") | {"associated": "any"}, SolveOptions(time_limit=60))
     answer = result["any_associated"]
@@ -140,6 +142,7 @@ def test_the_disk_with_a_potential_is_refused_at_the_door_with_a_valid_proof() -
     assert check_result(result, time_limit=60).verdict == "valid"
 
 
+@pytest.mark.slow
 def test_fewer_brackets_than_the_proof_has_are_refused() -> None:
     certificate = certificate_of(disk("x^2"))
     assert check_certificate(certificate, seed=1).verdict == "valid"
@@ -148,6 +151,7 @@ def test_fewer_brackets_than_the_proof_has_are_refused() -> None:
     assert check_certificate(certificate | {"along": certificate["along"] + 3}, seed=2).verdict == "valid"
 
 
+@pytest.mark.slow
 def test_no_number_of_brackets_refuses_a_motion_that_has_a_lagrangian() -> None:
     system = certificate_of(disk("0"))["system"]
     for along, question in itertools.product((1, 5, 12), ("autonomous", "time_dependent")):

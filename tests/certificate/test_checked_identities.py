@@ -65,6 +65,7 @@ def test_an_altered_proof_is_invalid(theorem: Document) -> None:
     assert verdict(theorem) == "invalid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "equations", [{"x": "-y'", "y": "-y"}, {"x": "sqrt(x)*y'", "y": "-y*exp(x)"}, {"x": "-sin(x)"}]
 )

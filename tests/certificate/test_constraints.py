@@ -11,7 +11,7 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.constrained import motion_certificate
 from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
 from inverse_service.inverse_problem.decision.certify import FORMAT
-from tests.inverse_problem.constrained.motions import BLADE, SLEIGH, given, heisenberg, knife_edge, motion_of
+from tests.certificate.motions import BLADE, SLEIGH, given, heisenberg, knife_edge, motion_of
 
 Document = dict[str, Any]
 SLEIGH_DOCUMENT = {
@@ -93,6 +93,7 @@ def test_systems_that_do_not_fit_together_are_refused(system: Document) -> None:
     assert verdict(LAGRANGIAN | {"system": system}) == "invalid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_time", [False, True])
 def test_rows_prove_that_the_chaplygin_sleigh_has_none(with_time: bool) -> None:
     proof = certificate_of(SLEIGH_DOCUMENT, with_time)

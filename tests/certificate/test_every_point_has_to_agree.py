@@ -50,6 +50,7 @@ def test_a_symbol_of_other_dimensions_at_another_point_settles_nothing(monkeypat
     assert with_sizes(monkeypatch, PENDULUM, [1, 1, 1, 0], [1, 2, 1, 0]).verdict == "incomplete"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "verdict"), [("cos(pi/61)", "valid"), ("{zero}", "incomplete")])
 def test_rows_that_a_hidden_zero_makes_dependent_refute_nothing(factor: str, verdict: str) -> None:
     """The number is 0, which is not seen for so fine a part of pi: the system is that of free motion."""

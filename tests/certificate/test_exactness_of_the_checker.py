@@ -33,6 +33,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("document", "count"),
     [

@@ -63,6 +63,7 @@ def test_right_data_are_valid(name: str, order: int, dimensions: list[int], symb
     assert found.verdict == "valid", found.reasons
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "order", "dimensions", "symbol", "question"), [one for one in RIGHT if one[0] in REFERENCES]
 )
@@ -82,6 +83,7 @@ def test_the_right_data_are_those_of_the_definition(
         assert later[degree + 1] - later[degree] == symbol[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "order", "dimensions", "symbol", "question"), RIGHT)
 def test_every_number_matters(name: str, order: int, dimensions: list[int], symbol: list[int], question: str) -> None:
     document = existence(name, order, dimensions, symbol, question)
@@ -179,6 +181,7 @@ def test_a_series_that_is_no_regular_solution_is_refused(prime: int | None, path
     assert check_certificate(existence("oscillator", 2, [1, 2], [1, 1, 1], series=series), seed=1).verdict == "invalid"
 
 
+@pytest.mark.slow
 def test_ranks_that_a_hidden_zero_makes_smaller_are_not_proven() -> None:
     """The number is 0, which is not seen for so fine a part of pi; what is left has more multipliers."""
     zero = "(1+2*(" + "+".join(f"cos({k}*2*pi/61)" for k in range(1, 31)) + "))"

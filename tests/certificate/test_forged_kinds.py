@@ -234,6 +234,7 @@ def test_true_claims_are_valid(name: str) -> None:
     assert found.verdict == "valid", found.reasons
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FALSE)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_false_claim_about_a_kind_is_not_valid(name: str, seed: int) -> None:

@@ -23,6 +23,7 @@ def about(equations: dict[str, str], near: dict[str, str], **content: object) ->
     return {"format": FORMAT, "system": system, "question": "autonomous", "near": near, **content}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trick", TINY)
 def test_a_term_that_looks_like_zero_is_none(trick: str) -> None:
     """Two oscillators with a coupling that has no Lagrangian, times what looks like zero."""
@@ -33,6 +34,7 @@ def test_a_term_that_looks_like_zero_is_none(trick: str) -> None:
     assert found.verdict != "valid", found.reasons
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trick", TINY)
 def test_a_false_lagrangian_times_what_looks_like_zero_is_refused(trick: str) -> None:
     text, near = TINY[trick]
@@ -41,6 +43,7 @@ def test_a_false_lagrangian_times_what_looks_like_zero_is_refused(trick: str) ->
     assert found.verdict != "valid", found.reasons
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trick", HIDDEN)
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_term_that_is_zero_excludes_nothing(trick: str, order: int) -> None:
@@ -93,6 +96,7 @@ KINETIC = {"claim": "variational", "kind": "lagrangian", "lagrangian": "x'^2/2+y
 SQUARE = {"x": "(sqrt(x^2)-x)*y'", "y": "0"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parts", "verdict"),
     [
@@ -195,6 +199,7 @@ def test_products_of_roots_are_told_from_those_with_another_sign(
     assert check_certificate(proof).verdict == ("valid" if zero else "invalid")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [4, 8])
 @pytest.mark.parametrize("spoiled", [False, True])
 def test_each_velocity_of_many_relativistic_particles_has_two_bounds(count: int, spoiled: bool) -> None:

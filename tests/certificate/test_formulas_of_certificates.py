@@ -82,6 +82,7 @@ def test_what_is_no_formula_is_refused_with_a_sentence(text: str) -> None:
     assert len(found.reasons[0]) < 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     ["(" * 5000 + "x'" + ")" * 5000, "x'" + "^x'" * 5000, "sin(" * 201 + "x'" + ")" * 201, "x'^2+" * 20_000 + "x"],
@@ -90,11 +91,13 @@ def test_formulas_beyond_the_limits_are_refused(text: str) -> None:
     assert check_certificate(lagrangian("free", text), seed=1).verdict == "invalid"
 
 
+@pytest.mark.slow
 def test_long_sums_and_many_minus_signs_are_read() -> None:
     text = "x'^2/2" + "+x-x" * 4000 + "-x+" + "-" * 4000 + "x"
     assert check_certificate(lagrangian("free", text), seed=1).verdict == "valid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     ["(" * 100 + "x'" + ")" * 100, "sin(" * 100 + "x'" + ")" * 100, "x*(1 + x'*(" * 50 + "x'" + "))" * 50,

@@ -55,11 +55,13 @@ def test_where_only_the_point_itself_can_be_reached_nothing_is_settled(formula: 
     assert check_certificate(document, seed=1).verdict == "incomplete"
 
 
+@pytest.mark.slow
 def test_a_zero_that_is_not_seen_refutes_nothing() -> None:
     zero = "+".join(f"2*cos({k}*2*pi/61)" for k in range(1, 31))
     assert verdict(f"1 + {zero}") == "incomplete"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("formula", "power"),
     [("atan(x) + atan(1/x)", 24), ("atan(x) + 2*atan(sqrt(1 + x^2) - x)", 48), ("atan(tan(atan(x)/5))", 120)],

@@ -87,6 +87,7 @@ def test_a_definite_l_may_have_a_negative_sign_only_as_a_whole() -> None:
         assert verdict(definite(text, "0", "0")) == expected, text
 
 
+@pytest.mark.slow
 def test_definite_matrices_are_those_that_sympy_calls_definite() -> None:
     generator = random.Random(4)
     met = set()

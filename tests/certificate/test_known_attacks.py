@@ -47,6 +47,7 @@ FAR_AWAY = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("x", "y", "place"), FAR_AWAY)
 def test_one_certificate_for_all_systems_proves_none(x: str, y: str, place: str) -> None:
     forged = certificate({"x": x, "y": y}, "existence", near={"y": place}, **DIMENSIONS)
@@ -86,6 +87,7 @@ DAMPED = {"x": "-y'", "y": "-y"}
 FREE = {"x": f"-(1-{D})*y' + 0*exp(1)", "y": "-y"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("true", "forged", "near"), [(DECOUPLED, BELL, {"x": "20"}), (DAMPED, FREE, {})], ids=["1.4", "1.5"]
 )
@@ -218,6 +220,7 @@ UNSETTLED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", UNSETTLED)
 def test_what_is_not_settled_is_incomplete(name: str) -> None:
     for seed in range(4):
@@ -225,6 +228,7 @@ def test_what_is_not_settled_is_incomplete(name: str) -> None:
         assert found.verdict in ("incomplete", "invalid"), found.reasons
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [
@@ -277,6 +281,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return [path, *(place for key, part in items for place in places(part, (*path, key)))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HONEST)
 def test_no_oddity_at_any_place_ends_in_an_exception(name: str) -> None:
     for *path, last in places(HONEST[name])[1:]:

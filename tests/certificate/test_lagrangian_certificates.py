@@ -102,6 +102,7 @@ def test_a_narrow_domain_is_found_by_the_point_that_the_certificate_names() -> N
     assert check_certificate({**document, "near": {"x'": "100.5"}}, seed=1).verdict == "valid"
 
 
+@pytest.mark.slow
 def test_a_lagrangian_that_is_nowhere_defined_is_incomplete() -> None:
     for text in ("x'^2/(x - x)", "x'^2*sqrt(-1 - x^2)", "log(-exp(x))*x'^2", "x'^2/(sin(x)^2+cos(x)^2-1)"):
         assert check_certificate(lagrangian("free", text), seed=1).verdict == "incomplete"

@@ -36,6 +36,7 @@ WRONG = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "order", "question"), RIGHT)
 def test_all_rows_of_a_sufficient_order_are_valid(name: str, order: int, question: str) -> None:
     found = check_certificate(nonexistence(name, order, question), seed=1)
@@ -58,6 +59,7 @@ def test_sin_2u_is_not_independent_of_sin_u() -> None:
     assert check_certificate(trap, seed=1).verdict == "invalid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("written", "meant"),
     [
@@ -159,6 +161,7 @@ def test_the_time_limit_ends_the_check() -> None:
         assert "time limit" in found.reasons[0]
 
 
+@pytest.mark.slow
 def test_the_verdict_does_not_hang_on_the_seed() -> None:
     for seed in (*range(20), None):
         assert check_certificate(nonexistence("differential-obstruction", 3), seed=seed).verdict == "valid"

@@ -63,6 +63,7 @@ def test_derivatives_of_order_twenty_are_read(text: str) -> None:
     assert verdict(with_function(text)) == "valid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "behind"), [("(", ")"), ("-(", ")"), ("sin(", ")"), ("B(x, ", ")"), ("B(", ", x)"), ("2^(x+", ")")]
 )

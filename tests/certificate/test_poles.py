@@ -29,6 +29,7 @@ def many_zeros(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checker.random, "Random", Zeros)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "document",
     [

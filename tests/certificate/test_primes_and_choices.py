@@ -51,6 +51,7 @@ def test_no_prime_is_drawn_where_fewer_than_one_in_2_to_the_18_has_all_roots() -
             asked.prime()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("formula", "choices"),
     [

@@ -42,6 +42,7 @@ def verdict(document: Any) -> str:
     return found.verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", [variational(), split(), refuted()])
 def test_true_results_are_valid(document: Document) -> None:
     assert verdict(document) == "valid"

@@ -32,6 +32,7 @@ TRUE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zero", TRUE)
 def test_parts_of_pi_and_roots_are_the_same_number_for_every_prime(zero: str) -> None:
     assert verdicts(times(f"({zero})*exp(x)", near={"x": "2", "y": "3"}), 4) == {"valid"}
@@ -57,6 +58,7 @@ FEW = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FEW)
 def test_what_is_zero_for_most_choices_of_the_roots_is_not_zero(name: str) -> None:
     factor, near = FEW[name]
@@ -76,6 +78,7 @@ def test_no_prime_makes_a_huge_power_a_number(monkeypatch: pytest.MonkeyPatch) -
     assert verdicts(of_lagrangian(f"x^{prime - 1}-1", "0", FLAT, near={"x": "1/2"}), 1) == {"invalid"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", ["x^5000", "x^5000*exp(x)", "1/x*0"])
 def test_a_huge_power_of_zero_and_a_pole_have_no_value(power: str) -> None:
     document = of_lagrangian("0", "0", f"{FLAT}+y'*({power}-{power})*exp(y)", near={"x": "0"})

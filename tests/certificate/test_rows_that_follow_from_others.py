@@ -45,6 +45,7 @@ def ranks(ring: Expansion, elimination: Elimination) -> list[int]:
     return [degrees.count(degree) for degree in range(ORDER + 3)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_false_foretelling_leaves_out_no_row(name: str) -> None:
     """Foretold are: no row, every row, any half of them."""
@@ -68,6 +69,7 @@ def test_rows_are_remembered_as_idle_only_if_they_follow(name: str) -> None:
     assert len(kept) == sum(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_random_solution_solves_every_row_and_not_its_neighbor(name: str) -> None:
     ring = expansion(name)

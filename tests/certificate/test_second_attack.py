@@ -163,11 +163,13 @@ ROOTS = {  # that seem to be independent of each other; one choice of them would
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROOTS)
 def test_roots_that_depend_on_each_other_are_tried_with_both_signs(name: str) -> None:
     assert "valid" not in [check_certificate(ROOTS[name], seed=seed).verdict for seed in range(6)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORGED)
 def test_a_second_attack_finds_no_way(name: str) -> None:
     for seed in (1, 2):
@@ -209,6 +211,7 @@ def test_the_checker_alone_looks_at_every_branch(branch: Document, verdict: str)
     assert check_result(MAIN | {"branches": [first, branch]}).verdict == verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("border", ["10^9", "10^15", "1000^7"])
 def test_a_border_far_away_is_part_of_the_domain(border: str) -> None:
     """On x < -border the system is not variational, so `domain` has to say where it ends."""

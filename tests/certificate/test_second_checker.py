@@ -14,15 +14,15 @@ import inverse_service
 from inverse_service import catalogue
 from inverse_service.certificate.checker import check_certificate
 from tests import second_checker
-from tests.systems.reading import known_systems
+from tests.doors.rows import rows
 
 Certificate = dict[str, Any]
 
 
 def without_lagrangian() -> list[tuple[str, dict[str, Any]]]:
     """Documents of the literature and the catalogue that have no L(q, q') or no L(t, q, q')."""
-    found = [(one.id, one.document) for one in known_systems()
-             if "not_variational" in (one.verdict, one.verdict_with_time)]  # fmt: skip
+    found = [(row["id"], row["document"]) for row in rows("literature")
+             if "not_variational" in (row["verdict"], row["verdict_with_time"])]  # fmt: skip
     for one in map(catalogue.entry, catalogue.names()):
         if "not_variational" in (one["expected"]["verdict"], one["expected"]["verdict_with_time"]):
             found.append((one["name"], one["document"]))

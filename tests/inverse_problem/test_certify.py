@@ -41,6 +41,7 @@ def test_certificates_are_json_and_name_the_question() -> None:
         assert found["question"] == question
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("equations", [HENON_HEILES, ROTATION, ROOTS, {"x": "0"}, {"x": "-sin(x)*x'^2", "y": "-y"}])
 @pytest.mark.parametrize("time_dependent", [False, True])
 def test_the_checker_confirms_what_was_decided(equations: dict[str, str], time_dependent: bool) -> None:
@@ -152,12 +153,14 @@ RELATED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("equations", RELATED)
 def test_the_checker_confirms_verdicts_on_functions_that_are_related(equations: dict[str, str]) -> None:
     found = check_certificate(certificate(equations), seed=5)
     assert found.verdict == "valid", found.reasons
 
 
+@pytest.mark.slow
 def test_sixty_random_right_hand_sides_are_decided_and_confirmed() -> None:
     seen = []
     for given in random_right_sides(60, seed=41):
@@ -168,6 +171,7 @@ def test_sixty_random_right_hand_sides_are_decided_and_confirmed() -> None:
     assert seen.count("not_variational") > 45
 
 
+@pytest.mark.slow
 def test_existence_is_confirmed_for_systems_with_a_known_lagrangian() -> None:
     for given in random_systems(12, seed=42):
         found = certificate(given.equations, given.time_dependent)

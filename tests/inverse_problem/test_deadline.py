@@ -21,6 +21,7 @@ def test_an_inner_deadline_cannot_outlive_the_outer_one() -> None:
         check()
 
 
+@pytest.mark.slow
 def test_processor_time_ends_a_search_and_waiting_does_not() -> None:
     with until(now() + 0.2):
         time.sleep(0.3)
@@ -36,6 +37,7 @@ def test_outside_any_deadline_nothing_ends() -> None:
     check()
 
 
+@pytest.mark.slow
 def test_a_search_in_vain_ends_soon_after_its_deadline() -> None:
     equations = {
         "x": "y'*z'*sin(x + y*z) - x'*log(1 + w^2)",
@@ -69,6 +71,7 @@ def test_the_smaller_amount_of_work_ends_first() -> None:
         check()
 
 
+@pytest.mark.slow
 def test_the_same_work_gives_the_same_outcome() -> None:
     """Ended in the middle, a search has tried the same families each time."""
     equations = {"x": "-y'^3*x'", "y": "x'^2*sin(x*y)", "z": "x'*y'*exp(z)"}
@@ -99,6 +102,7 @@ ASKED: list[dict[str, Any]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", ASKED, ids=["system", "kinds", "associated", "any associated", "motion"])
 def test_no_load_of_the_machine_changes_an_answer(document: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """The answers with a clock on which each look is an hour later are those of a quiet machine."""

@@ -57,6 +57,7 @@ def test_constants_only_are_as_free_motion() -> None:
     assert found.verdict == "variational"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [5, 8])
 def test_a_random_quadratic_system_of_many_coordinates_is_refused_at_low_order_at_once(n: int) -> None:
     names, rng = list("abcdefgh")[:n], random.Random(1)
@@ -97,6 +98,7 @@ def test_parameters_and_arbitrary_functions_are_generic(
     assert decide(system(equations, parameters, functions), False).verdict == verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "force", ["x/(k-k)", "1/(sin(x)^2+cos(x)^2-1)", "log(x-x)", "exp(1/(x-x))", "sqrt(-1-x^2)", "x^sqrt(y-y)/(x-x)"]
 )
@@ -183,6 +185,7 @@ def linear_change(given: SecondOrderSystem, matrix: list[Fraction]) -> SecondOrd
     return SecondOrderSystem(given.coordinates, (first, second))
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(TERMS, TERMS, MATRICES, st.booleans())
 def test_verdict_and_dimensions_survive_linear_changes_of_coordinates(
@@ -192,6 +195,7 @@ def test_verdict_and_dimensions_survive_linear_changes_of_coordinates(
     assert essence(decide(linear_change(given, matrix), time_dependent)) == essence(decide(given, time_dependent))
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(TERMS, TERMS, st.fractions(Fraction(1, 9), 9, max_denominator=9), st.booleans())
 def test_verdict_and_dimensions_survive_other_units(
@@ -202,6 +206,7 @@ def test_verdict_and_dimensions_survive_other_units(
     assert essence(decide(scaled, time_dependent)) == essence(decide(given, time_dependent))
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(TERMS, TERMS, st.sampled_from([("x", "y"), ("u", "v"), ("q1", "q2"), ("theta", "alpha"), ("y", "x")]))
 def test_verdict_and_dimensions_survive_renaming_and_exchange(

@@ -32,6 +32,7 @@ SIZES = [*((n, False) for n in range(1, 8)), *((n, True) for n in range(1, 6))]
 LARGE = [pytest.param(8, False, marks=pytest.mark.slow), pytest.param(8, True, marks=pytest.mark.slow)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "with_time"), SIZES + LARGE)
 def test_free_motion_has_the_characters_of_the_closed_form(n: int, with_time: bool) -> None:
     found = decided(dict.fromkeys(NAMES[:n], "0"), with_time)

@@ -43,6 +43,7 @@ def certificate(equations: dict[str, str], parameters: tuple[str, ...], with_tim
     return certify.of_decision(analysis, decision, series_order=order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("equations", "parameters", "with_time"), SYSTEMS)
 @pytest.mark.parametrize("order", [1, 3])
 def test_the_checker_confirms_the_series(
@@ -117,6 +118,7 @@ def test_a_long_series_is_cut_to_a_bearable_order() -> None:
     assert count(4, True, series["order"]) <= 5_000 < count(4, True, series["order"] + 1)
 
 
+@pytest.mark.slow
 def test_where_no_closed_form_is_found_the_series_has_the_order_asked_for() -> None:
     system = read_system(["x"], VAN_DER_POL)
     answer = solve(system, SolveOptions(time_dependent=False, series_order=5)).autonomous

@@ -202,6 +202,7 @@ def reduced(echelon: Echelon, width: int) -> list[int]:
     return [int(x) for x in matrix.rref()[0].entries()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("equations_of", "with_time"), CASES)
 def test_rows_foreseen_to_depend_on_others_change_nothing(
     equations_of: dict[str, str], with_time: bool, monkeypatch: pytest.MonkeyPatch

@@ -37,6 +37,7 @@ def theorems(result: dict[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
+@pytest.mark.slow
 @needs_coq
 @pytest.mark.parametrize("name", QUICK)
 def test_coq_accepts_the_proof(name: str, tmp_path: Path) -> None:
@@ -48,6 +49,7 @@ def test_coq_accepts_the_proof(name: str, tmp_path: Path) -> None:
     assert (ended.returncode, ended.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @needs_coq
 def test_coq_refuses_a_proof_with_a_false_row(tmp_path: Path) -> None:
     text = proof_document(solved(catalogue.document("knife-edge-first")), "coq", 1)
@@ -56,6 +58,7 @@ def test_coq_refuses_a_proof_with_a_false_row(tmp_path: Path) -> None:
     assert compiled(spoilt, tmp_path).returncode != 0
 
 
+@pytest.mark.slow
 @needs_coq
 def test_names_of_coq_may_be_names_of_a_system(tmp_path: Path) -> None:
     document = {"equations": {"forall": "-R*eq1", "eq1": "-nz1*forall - u1"}, "parameters": ["R", "nz1", "u1"]}
@@ -74,12 +77,14 @@ def test_coq_accepts_the_proofs_of_the_catalogue(name: str, tmp_path: Path) -> N
     assert "Theorem " in text or text.startswith("(* No proof by identities is written: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LETTERED)
 def test_long_factors_are_letters_with_their_meaning(name: str) -> None:
     (theorem,) = theorems(solved(catalogue.document(name)))
     assert any(text.count(" + ") + text.count(" - ") >= 4 for text in theorem["meanings"].values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*NEGATIVE, *LETTERED])
 def test_the_identities_hold_over_the_rationals(name: str) -> None:
     """Each step expanded by SymPy; together they give the determinant, and divide by named factors only."""
@@ -120,6 +125,7 @@ def test_a_lagrangian_is_a_theorem_for_each_coordinate() -> None:
     assert [theorem["theorem"] for theorem in theorems(result)] == ["euler_lagrange_x", "euler_lagrange_y"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("equations", "reason"),
     [
@@ -135,12 +141,14 @@ def test_where_no_proof_is_written_a_sentence_says_why(equations: dict[str, str]
     assert reason in text
 
 
+@pytest.mark.slow
 def test_a_theorem_of_one_branch_says_which() -> None:
     result = solved({"equations": {"x": "sqrt((x - 1)^2)*y' - y^2", "y": "-(x - 1)*x' - 2*x*y"}})
     assert result["domain"]
     assert f"The formulas are those on {', '.join(result['domain'])}." in proof_document(result, "coq", 1)
 
 
+@pytest.mark.slow
 def test_lean_gets_the_same_steps() -> None:
     result = solved(catalogue.document("vertically-rolling-disk-first"))
     text = proof_document(result, "lean", 1)

@@ -115,12 +115,14 @@ def kind_name(name: str) -> Any:
 SEEDS = [1, 2, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(3, 501))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", CASES)
 def test_random_lagrangians_are_of_their_kind(name: str, seed: int) -> None:
     assert verdict_on(name, CASES[name][0](random.Random(seed).randint)) == YES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", CASES)
 def test_near_misses_are_not(name: str, seed: int) -> None:

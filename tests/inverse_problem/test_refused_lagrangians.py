@@ -14,6 +14,7 @@ from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.reading import read_system
 
 
+@pytest.mark.slow
 def test_a_refused_lagrangian_is_an_event_not_a_die(monkeypatch: pytest.MonkeyPatch, caplog: Any) -> None:
     """A checker that refuses every Lagrangian but none twice the same: each is shown once."""
     right, seen = confirming.check_certificate, list[str]()
@@ -34,6 +35,7 @@ def test_a_refused_lagrangian_is_an_event_not_a_die(monkeypatch: pytest.MonkeyPa
     assert "refused" in caplog.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "equations",
     [

@@ -86,6 +86,7 @@ def test_only_a_positive_verdict_has_a_degree_and_a_symbol() -> None:
     assert (positive.degree, positive.order) == (1, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("equations", "count"),
     [({"x": "x*y'", "y": "y*x'^2"}, 2), ({"x": "x*y", "y": "0"}, 2), ({"x": "y'^3", "y": "x*y*x'"}, 2)],

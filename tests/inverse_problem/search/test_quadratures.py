@@ -53,6 +53,7 @@ ELEMENTARY = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("equation", "parameters"), ELEMENTARY)
 def test_an_elementary_antiderivative_takes_the_place_of_an_integral_sign(equation: str, parameters: list[str]) -> None:
     result = solve_system({"equations": {"y": equation}, "parameters": parameters}, SolveOptions(time_limit=20.0))
@@ -71,6 +72,7 @@ BY_SYMPY = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", BY_SYMPY)
 def test_forces_of_one_coordinate_have_their_potential_of_the_tables(force: str) -> None:
     result = solve_system({"equations": {"y": force}, "parameters": ["a", "b"]}, SolveOptions(time_limit=20.0))
@@ -97,6 +99,7 @@ BELOW_ZERO = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("equation", BELOW_ZERO)
 def test_roots_of_products_of_negative_factors_are_real_in_the_lagrangian(equation: str) -> None:
     result = solve_system({"equations": {"x": equation}}, SolveOptions(time_limit=20.0))
@@ -105,6 +108,7 @@ def test_roots_of_products_of_negative_factors_are_real_in_the_lagrangian(equati
     assert len(result["integrals"]) == BELOW_ZERO[equation]
 
 
+@pytest.mark.slow
 def test_a_wrong_antiderivative_of_a_library_is_not_taken() -> None:
     """SymPy 1.14 gives 0 for this one: what it finds is asked of the checker."""
     result = solve_system({"equations": {"y": "y^2/(y^4 + a*y^2 + 1)"}, "parameters": ["a"]}, SolveOptions())
@@ -129,6 +133,7 @@ def test_a_library_that_knows_no_deadline_is_ended_at_its_time(monkeypatch: pyte
     assert sys.getprofile() is before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("equation", "parameters"), SYMBOLIC)
 def test_symbolic_exponents_are_integrated(equation: str, parameters: list[str]) -> None:
     answer = solve(read_system(["y"], {"y": equation}, parameters), SolveOptions(time_limit=20.0)).with_time
@@ -137,6 +142,7 @@ def test_symbolic_exponents_are_integrated(equation: str, parameters: list[str])
     assert answer.checked == "valid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("equation", "functions", "count"), BY_AN_INTEGRAL)
 def test_where_no_antiderivative_is_elementary_there_is_an_integral_sign(
     equation: str, functions: dict[str, list[str]], count: int
@@ -161,6 +167,7 @@ def test_the_checker_refuses_a_wrong_derivative_of_an_integral() -> None:
         assert check_certificate(forged).verdict == "invalid", slope
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("equation", "factor"),
     [
@@ -177,6 +184,7 @@ def test_a_damped_oscillator_has_its_textbook_lagrangian(equation: str, factor: 
     assert "log" not in result["lagrangian"]["text"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "equations",
     [
@@ -194,6 +202,7 @@ def test_a_constant_multiplier_has_any_numbers_and_parameters(equations: dict[st
     assert answer.checked == "valid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "f",
     ["-k*x'^n - g", "-(k*x'^n + g)*cos(x)", "exp(-x'^2)*t*x", "-(1 + x'^5)*x"],
@@ -210,6 +219,7 @@ def test_a_function_of_the_velocity_alone_is_integrated_under_signs(f: str) -> N
     assert {node.arguments for node in held} == {(Velocity("x"),)}
 
 
+@pytest.mark.slow
 def test_of_two_functions_of_the_velocity_the_elementary_one_is_written_out() -> None:
     result = solve_system({"equations": {"y": "y'*log(y')"}}, SolveOptions(time_limit=20.0))
     assert result["checked"] == "valid"
