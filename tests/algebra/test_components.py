@@ -51,6 +51,7 @@ def test_domains_are_written_as_a_person_would(text: str) -> None:
     assert [inequality_text(tree) for tree in found] == EXPECTED[text]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [*EXPECTED, *FURTHER])
 def test_what_is_asked_for_is_positive_wherever_the_conditions_are(text: str) -> None:
     formula, rng, inside = read_formula(text, NAMES), random.Random(text), 0
@@ -76,6 +77,7 @@ def test_a_narrow_box_contains_its_point() -> None:
     assert are_positive(component(requirements([formula], table), table), table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [*EXPECTED, *FURTHER])
 def test_two_points_of_a_domain_are_joined_by_a_path_in_it(text: str) -> None:
     """By a walk of small random steps among many points: a coarse test, but it fails for two components."""

@@ -97,6 +97,7 @@ def in_span(target: dict[int, int], rows: Rows, width: int) -> bool:
     return reduced([*rows, target], width)[1] == reduced(rows, width)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_a_consequence_is_a_combination_of_exactly_the_rows_traced(seed: int) -> None:
     rows, width = random_rows(30, 25, 0.15, seed), 25
@@ -178,6 +179,7 @@ def test_rows_rightly_expected_to_depend_leave_the_very_same_basis(seed: int) ->
     assert all(told.trace({k: 1}) == plain.trace({k: 1}) for k in range(plain.count))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_rows_wrongly_expected_to_depend_are_inserted_all_the_same(seed: int) -> None:
     """A single row too many among those expected is noticed."""

@@ -13,6 +13,7 @@ from inverse_service.algebra.modular import safe_prime
 RADIX = 1 << 64
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prime", [3, 101, safe_prime(1), safe_prime(2), (1 << 61) - 1, (1 << 62) - 57])
 def test_products_are_those_of_integers(prime: int) -> None:
     field = modular.field_of(prime)
@@ -28,6 +29,7 @@ def test_products_are_those_of_integers(prime: int) -> None:
     assert int(field.square) == RADIX * RADIX % prime
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exponent", [0, 1, 2, 63, safe_prime(1) - 2])
 def test_powers_are_those_of_integers(exponent: int) -> None:
     prime = safe_prime(1)

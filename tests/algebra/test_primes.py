@@ -48,6 +48,7 @@ def test_powers_of_products_are_products_of_powers(x: int, y: int, a: Fraction) 
     assert positive_power(x * y % P, a, P) == positive_power(x, a, P) * positive_power(y, a, P) % P
 
 
+@pytest.mark.slow
 @given(SQUARES, EXPONENTS, EXPONENTS)
 def test_exponents_add_and_multiply(x: int, a: Fraction, b: Fraction) -> None:
     assert positive_power(x, a, P) * positive_power(x, b, P) % P == positive_power(x, a + b, P)

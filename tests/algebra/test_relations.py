@@ -63,6 +63,7 @@ def test_as_many_generators_are_free_as_atoms_are_independent(texts: list[str], 
     assert free_count(tower_of(*texts)[0]) == free
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("left", "right"),
     [
@@ -88,6 +89,7 @@ def test_equal_functions_have_equal_values_at_every_point(left: str, right: str)
         assert evaluate(first, point) == evaluate(second, point)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", ["asin(x)/2", "atan(x*y)/2", "acos(x)/3", "asin(x*y)/9"])
 def test_a_part_of_an_inverse_function_is_on_its_own_branch(angle: str) -> None:
     values = f"sin({angle})", f"-sin({angle})", f"cos({angle})", f"-cos({angle})", f"cos({angle}+2*pi/3)"

@@ -51,6 +51,7 @@ def space_below_a_face(rng: random.Random, n: int) -> list[Matrix]:
     return [w for w in found if any(map(any, w))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(60))
 def test_planted_spaces_are_settled_with_an_exact_proof(seed: int) -> None:
     rng = random.Random(seed)

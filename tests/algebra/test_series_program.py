@@ -61,6 +61,7 @@ def sparse_terms(tree: Expression, point: Point, variables: list[Variable], orde
     return dict(ps.terms(Expansion(point, variables, order).expand(tree)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variables", [[X, Y], [Y], [X, Y, K], [Symbol("t"), X, Y]], ids=str)
 @pytest.mark.parametrize("text", FORMULAS)
 def test_coefficients_are_those_of_the_sparse_series(text: str, variables: list[Variable]) -> None:

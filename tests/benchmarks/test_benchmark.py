@@ -22,12 +22,14 @@ def comparison(n: int, seconds: float, plain: float | None, verdict: str | None 
     return Comparison("x", n, "variational", "variational", 2, seconds, {"cancel": plain}, {"cancel": verdict})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["isotropic-oscillator-2d", "henon-heiles", "douglas-iiib", "knife-edge-first"])
 def test_the_plain_pipeline_is_right_on_small_systems(name: str) -> None:
     system = read(catalogue.document(name))
     assert plain_verdict(system, sympy.cancel) == catalogue.entry(name)["expected"]["verdict"]
 
 
+@pytest.mark.slow
 def test_the_plain_pipeline_stops_at_the_algebraic_conditions() -> None:
     system = read(catalogue.document("iiia-differential-obstruction-3"))
     assert plain_verdict(system, sympy.cancel) == "variational"
@@ -41,11 +43,13 @@ def test_the_plain_endomorphism_of_an_oscillator_is_twice_its_stiffness() -> Non
     assert sympy.diag(2, 8) == Phi
 
 
+@pytest.mark.slow
 def test_a_measurement_past_its_limit_is_none() -> None:
     slow = catalogue.document("generic-class-two-first")
     assert measure("benchmarks.plain", ["cancel"], slow, 1) is None
 
 
+@pytest.mark.slow
 def test_an_isolated_run_tells_verdict_and_memory() -> None:
     found = measure("benchmarks.plain", ["cancel"], families.oscillator_chain(2), 60)
     assert found is not None

@@ -28,6 +28,7 @@ def residues(problem: LinearSystem, g: sympy.Matrix) -> list[sympy.Expr]:
     return found
 
 
+@pytest.mark.slow
 def test_the_metric_solves_the_equations_of_its_geodesics_and_another_matrix_does_not() -> None:
     problem = linear_system(read(SYSTEMS["geodesics of a non-diagonal metric, n = 3"][0]))
     y = problem.variables[1]

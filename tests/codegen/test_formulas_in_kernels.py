@@ -37,6 +37,7 @@ def exact(tree: Expression, point: dict[str, float]) -> float:
         return float(evaluate(tree, {Symbol("x"): mp.mpf(point["c0"]), Symbol("y"): mp.mpf(point["c1"])}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_values_agree_with_forty_digits(lanes: int) -> None:
     table = names_of((), ("x", "y"))
@@ -50,6 +51,7 @@ def test_values_agree_with_forty_digits(lanes: int) -> None:
                 assert value == pytest.approx(expected, rel=2e-14, abs=1e-15), (text, point)
 
 
+@pytest.mark.slow
 def test_sine_and_cosine_are_good_to_two_units() -> None:
     """Small and large arguments, multiples of pi/2, beyond the fast range, and what is not finite."""
     generator = random.Random(1)

@@ -46,6 +46,7 @@ def test_newton_finds_the_root(lanes: int) -> None:
         assert value * np.exp(value) == pytest.approx(given["a"], rel=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [2, 3, 4, 7])
 def test_linear_systems_of_any_size(size: int) -> None:
     """Coefficients that need pivoting, first row and diagonal with zeros."""

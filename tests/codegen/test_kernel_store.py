@@ -47,6 +47,7 @@ def test_found_in_memory_then_on_disk(folder: Path) -> None:
     assert result("two", 5)[0] == 30.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", ["empty", "cut", "flipped", "foreign", "folder", "swapped"])
 def test_damaged_entries_are_made_again(folder: Path, damage: str) -> None:
     assert result("one")[0] == 6.0
@@ -122,6 +123,7 @@ def test_memory_is_bounded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(compiling._memory) == 2
 
 
+@pytest.mark.slow
 def test_kernels_serve_another_process(folder: Path) -> None:
     result("one")
     code = (

@@ -152,6 +152,7 @@ EXAMPLES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_tensors_are_those_of_the_definitions(name: str) -> None:
     found = conditions(EXAMPLES[name])
@@ -166,12 +167,14 @@ def test_the_comparison_sees_a_wrong_entry() -> None:
     assert largest_difference(EXAMPLES["circular"], wrong) > 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["double-pendulum", "hill-lunar", "knife-edge-first", "free-particle-a-exp-first"])
 def test_systems_of_the_catalogue_have_the_tensors_of_the_definitions(name: str) -> None:
     given = catalogue_system(name)
     assert largest_difference(given, conditions(given), seed=5) < 1e-12
 
 
+@pytest.mark.slow
 def test_every_system_of_the_catalogue_has_its_tensors() -> None:
     left_out = {name: conditions(catalogue_system(name), time_limit=20).reason for name in names()}
     assert {name: reason for name, reason in left_out.items() if reason} == {}

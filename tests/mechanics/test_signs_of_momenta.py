@@ -33,6 +33,7 @@ def read(text: str) -> Any:
     return sympy.sympify(text.replace("x'", "v").replace("^", "**"), locals={"v": sympy.Symbol("v", real=True)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("equation", "domain"), ONE_SIGN)
 def test_the_flow_of_h_is_the_motion_all_over_its_domain(equation: str, domain: list[str] | None) -> None:
     """With momenta of both signs, drawn without regard to velocities."""

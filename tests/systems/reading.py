@@ -1,49 +1,18 @@
-"""The list literature.ndjson, and its formulas in SymPy, read without the package."""
+"""Formulas of the corpus in SymPy, read without the package."""
 
 from __future__ import annotations
 
-import json
 import random
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import mpmath
 import sympy
 
-PATH = Path(__file__).parent / "literature.ndjson"
 TIME = sympy.Symbol("t")
 DIGITS = 60
-
-
-@dataclass(frozen=True)
-class Known:
-    """One line: a document, what is true of it, and why.
-
-    `lagrangian` and `lagrangian_with_time` are texts or None; a proof is "lagrangian", "algebraic" (the
-    conditions of Phi, R and their derivatives leave singular g only), "prolonged" (the differentiated
-    conditions do), "one coordinate", or "argument" (what `argument` says). `plain` are the equations in the
-    canonical grammar where the document has them otherwise.
-    """
-
-    id: str
-    group: str
-    document: dict[str, Any]
-    verdict: str
-    verdict_with_time: str
-    lagrangian: str | None
-    lagrangian_with_time: str | None
-    proof: str
-    proof_with_time: str
-    source: str
-    argument: str
-    plain: dict[str, str] | None = None
-
-    @property
-    def formulas(self) -> Formulas:
-        return formulas(self.document, self.plain or self.document["equations"])
 
 
 @dataclass(frozen=True)
@@ -55,10 +24,6 @@ class Formulas:
     parameters: tuple[sympy.Symbol, ...]
     functions: dict[str, list[str]]
     accelerations: tuple[sympy.Expr, ...]
-
-
-def known_systems() -> list[Known]:
-    return [Known(**json.loads(line)) for line in PATH.read_text(encoding="utf-8").splitlines()]
 
 
 def formulas(document: dict[str, Any], equations: dict[str, str]) -> Formulas:
@@ -74,11 +39,6 @@ def formulas(document: dict[str, Any], equations: dict[str, str]) -> Formulas:
         functions,
         tuple(concrete(f, functions) for f in read),
     )
-
-
-def lagrangian(text: str, given: Formulas) -> sympy.Expr:
-    names = [q.name for q in given.coordinates]
-    return concrete(expression(text, names, [p.name for p in given.parameters], given.functions), given.functions)
 
 
 def expression(

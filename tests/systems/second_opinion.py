@@ -1,4 +1,4 @@
-"""Verdicts confirmed without the package: residuals of Lagrangians, the algebraic conditions at a point.
+"""Nonexistence confirmed without the package: the algebraic conditions at a point.
 
 Everything is formed by SymPy from the definitions and evaluated at a random point to 60 digits.
 """
@@ -7,50 +7,16 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import mpmath
 import sympy
 
-from tests.systems.reading import DIGITS, TIME, Formulas, concrete, expression, point, values
+from tests.systems.reading import DIGITS, TIME, Formulas, point, values
 
 Matrix = sympy.Matrix
 Row = list[Any]
-
-
-def is_lagrangian(
-    text: str, given: Formulas, seed: int = 3, integrals: Mapping[str, Any] = MappingProxyType({})
-) -> bool:
-    """Whether the Euler-Lagrange expressions vanish along the motion and the Hessian is regular.
-
-    Functions with an integral sign have the derivatives that `integrals` says, and any value.
-    """
-    functions = given.functions | {name: part["arguments"] for name, part in integrals.items()}
-    names, parameters = [q.name for q in given.coordinates], [p.name for p in given.parameters]
-
-    def read(formula: str) -> sympy.Expr:
-        return concrete(expression(formula, names, parameters, functions), given.functions)
-
-    unknown = {name: sympy.Function(name)(*map(read, part["arguments"])) for name, part in integrals.items()}
-    slopes = {
-        unknown[name].diff(read(by)): read(slope)
-        for name, part in integrals.items()
-        for by, slope in part["derivatives"].items()
-    }
-    L = read(text)
-    momenta = [L.diff(v).xreplace(slopes) for v in given.velocities]
-    residual = [_along(p, given) - L.diff(q) for p, q in zip(momenta, given.coordinates, strict=True)]
-    hessian = [p.diff(v) for p in momenta for v in given.velocities]
-    heights = dict.fromkeys(unknown.values(), sympy.Rational(7, 5))
-    residual, hessian = ([e.xreplace(slopes).xreplace(heights) for e in part] for part in (residual, hessian))
-    n = len(momenta)
-    with mpmath.workdps(DIGITS):
-        found = values([*residual, *hessian], point(given, seed))
-        size = 1 + max(map(abs, found[n:]))
-        determinant = mpmath.det(mpmath.matrix([found[n + n * i : 2 * n + n * i] for i in range(n)]))
-        return max(map(abs, found[:n])) < mpmath.mpf(10) ** -25 * size and abs(determinant) > mpmath.mpf(10) ** -20
 
 
 def _along(e: sympy.Expr, given: Formulas) -> sympy.Expr:
