@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: install service run test durations nightly lint paper bench bench-service soundness coverage mutation font reference
+.PHONY: install service run test nightly lint paper bench bench-service soundness coverage mutation font reference
 
 # What the service and the command line need; what tests and development need besides.
 service: $(SERVICE)
@@ -37,9 +37,6 @@ run: service
 
 test: install
 	.venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
-
-durations: install
-	.venv/bin/python -m pytest -p tests.durations -m 'not nightly' -n logical --dist loadfile --no-loadscope-reorder
 
 nightly: install
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,manifests]'

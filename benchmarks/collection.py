@@ -61,7 +61,9 @@ def entries(files: Iterable[Path], only: Sequence[str] = ()) -> Iterator[dict[st
     for file in files:
         for line in file.read_text(encoding="utf-8").splitlines():
             entry = json.loads(line)
-            if entry.get("expected") == "variational" and (not only or entry["id"] in only):
+            if entry.get("expected", entry.get("verdict_with_time")) == "variational" and (
+                not only or entry["id"] in only
+            ):
                 yield entry
 
 

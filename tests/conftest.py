@@ -10,8 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.durations import slow_tests
-
 
 @pytest.fixture(scope="session")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
@@ -44,12 +42,5 @@ def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Those that tests/slow.txt names are slow.
-
-    Browser tests come last: their driver keeps an event loop in the thread, and others start one of their own.
-    """
-    slow = slow_tests()
-    for item in items:
-        if item.nodeid in slow:
-            item.add_marker(pytest.mark.slow)
+    """Browser tests come last: their driver keeps an event loop in the thread, and others start one of their own."""
     items.sort(key=lambda item: item.get_closest_marker("browser") is not None)

@@ -55,14 +55,12 @@ def faults(path: Path, source: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("path", MODULES, ids=str)
-def test_imports_point_down_only(path: Path) -> None:
-    assert faults(path, (ROOT / path).read_text(encoding="utf-8")) == []
+def test_imports_point_down_only() -> None:
+    assert [fault for path in MODULES for fault in faults(path, (ROOT / path).read_text(encoding="utf-8"))] == []
 
 
-@pytest.mark.parametrize("path", SCHEMAS, ids=str)
-def test_schemas_know_nothing_of_the_engine(path: Path) -> None:
-    names = imported((ROOT / path).read_text(encoding="utf-8"), "api_schemas")
+def test_schemas_know_nothing_of_the_engine() -> None:
+    names = [name for path in SCHEMAS for name in imported((ROOT / path).read_text(encoding="utf-8"), "api_schemas")]
     assert [name for name in names if name.startswith("inverse_service")] == []
 
 

@@ -90,6 +90,7 @@ def test_importing_the_package_loads_no_engine() -> None:
     assert done.stdout == "[]\n"
 
 
+@pytest.mark.slow
 def test_what_workers_load_for_pages_leaves_out_the_web_framework() -> None:
     program = (
         "import importlib, sys; from inverse_service.web.pages import TASKS; "

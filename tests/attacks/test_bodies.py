@@ -72,6 +72,7 @@ def test_a_body_holds_up_nobody(service: Attacked, name: str) -> None:
     watch.hold()
 
 
+@pytest.mark.slow
 def test_a_check_says_that_it_is_json(service: Attacked) -> None:
     with service.client() as client:
         answer = client.post("/v1/check", content=b"{}", headers={"Content-Type": "text/plain"})

@@ -50,6 +50,7 @@ def close(connections: list[socket.socket]) -> None:
         connection.close()
 
 
+@pytest.mark.slow
 def test_one_address_has_so_many_connections_and_others_have_theirs(service: Attacked) -> None:
     with Watch(service) as watch:
         mine = opened(service, 100)
@@ -63,6 +64,7 @@ def test_one_address_has_so_many_connections_and_others_have_theirs(service: Att
     watch.hold()
 
 
+@pytest.mark.slow
 def test_where_all_places_are_taken_the_longest_silent_one_is_closed(service: Attacked) -> None:
     found = [connection for k in range(2, 5) for connection in opened(service, 40, source=f"127.0.0.{k}")]
     time.sleep(0.3)
@@ -80,6 +82,7 @@ def in_chunks_of_one_byte(body: bytes) -> bytes:
     return CHUNKED + b"".join(b"1\r\n%c\r\n" % byte for byte in body) + b"0\r\n\r\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "data", [in_chunks_of_one_byte(b" " * 200_000), HEAD[:-2] + b"a:\r\n" * 7_900 + b"\r\n"], ids=["chunks", "headers"]
 )
@@ -101,6 +104,7 @@ def test_what_comes_in_crumbs_on_many_connections_holds_up_nobody(service: Attac
     watch.hold()
 
 
+@pytest.mark.slow
 def test_a_document_in_chunks_of_one_byte_is_read(service: Attacked) -> None:
     body = DOCUMENT + b" " * 20_000
     with socket.create_connection(("127.0.0.1", service.port)) as connection:
@@ -110,6 +114,7 @@ def test_a_document_in_chunks_of_one_byte_is_read(service: Attacked) -> None:
     assert answer.startswith(b"HTTP/1.1 200 "), answer
 
 
+@pytest.mark.slow
 def test_a_request_of_two_lengths_is_refused_with_all_that_follows_it(service: Attacked) -> None:
     hidden = b"GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     with socket.create_connection(("127.0.0.1", service.port)) as connection:

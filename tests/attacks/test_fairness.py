@@ -20,6 +20,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
         yield found
 
 
+@pytest.mark.slow
 def test_a_short_question_is_answered_while_all_workers_have_long_jobs(service: Attacked) -> None:
     with service.client() as alice, service.other() as bob:
         for k in range(10):

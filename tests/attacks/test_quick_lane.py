@@ -39,6 +39,7 @@ def parsed_by_another(service: Attacked) -> float:
         return time.monotonic() - began
 
 
+@pytest.mark.slow
 def test_256_documents_that_do_not_end_leave_parsing_and_readiness_to_others(service: Attacked) -> None:
     with Watch(service) as watch:
         service.send_and_leave(sent("/v1/parse", ENDLESS), 256, 0.5)
@@ -50,6 +51,7 @@ def test_256_documents_that_do_not_end_leave_parsing_and_readiness_to_others(ser
     watch.hold()
 
 
+@pytest.mark.slow
 def test_many_questions_that_look_ahead_leave_readiness_alone(service: Attacked) -> None:
     requests = [ENDLESS | {"name": f"look {k}"} for k in range(30)]
     with Watch(service) as watch:
@@ -60,6 +62,7 @@ def test_many_questions_that_look_ahead_leave_readiness_alone(service: Attacked)
     watch.hold()
 
 
+@pytest.mark.slow
 def test_jobs_at_their_limit_are_finished_while_reading_is_busy(service: Attacked) -> None:
     with Watch(service) as watch:
         service.send_and_leave(sent("/v1/parse", ENDLESS), 32, 0.1)
@@ -75,12 +78,14 @@ def test_jobs_at_their_limit_are_finished_while_reading_is_busy(service: Attacke
     watch.hold()
 
 
+@pytest.mark.slow
 def test_a_document_that_does_not_end_is_refused_after_its_second(service: Attacked) -> None:
     with service.client() as client:
         answer = client.post("/v1/parse", json=ENDLESS)
     assert (answer.status_code, answer.json()["type"]) == (422, "urn:inverse-service:problem:limit")
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_held_for_a_moment_is_seen(service: Attacked) -> None:
     with Watch(service) as watch:
         os.kill(service.process.pid, signal.SIGSTOP)
@@ -90,6 +95,7 @@ def test_a_loop_that_is_held_for_a_moment_is_seen(service: Attacked) -> None:
         watch.hold()
 
 
+@pytest.mark.slow
 def test_the_service_ends_within_five_seconds_while_it_is_attacked(service: Attacked) -> None:
     service.send_and_leave(sent("/v1/parse", ENDLESS), 64, 0.0)
     for k in range(8):

@@ -37,6 +37,7 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "in.ndjson", tmp_path / "out.ndjson"
 
 
+@pytest.mark.slow
 def test_bad_lines_become_error_lines_and_the_rest_goes_on(files: tuple[Path, Path]) -> None:
     source, output = files
     lines = [
@@ -72,6 +73,7 @@ def test_bad_lines_become_error_lines_and_the_rest_goes_on(files: tuple[Path, Pa
     assert output.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_batch_that_is_killed_half_way_and_started_again_answers_every_line_once(files: tuple[Path, Path]) -> None:
     source, output = files
     count = 60
@@ -92,6 +94,7 @@ def test_a_batch_that_is_killed_half_way_and_started_again_answers_every_line_on
     assert {answer["verdict"] for answer in answers(output)} == {"variational"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", ["", "\n\n  \n"])
 def test_an_empty_batch_has_an_empty_output(files: tuple[Path, Path], content: str) -> None:
     source, output = files
@@ -100,6 +103,7 @@ def test_an_empty_batch_has_an_empty_output(files: tuple[Path, Path], content: s
     assert output.read_bytes() == b""
 
 
+@pytest.mark.slow
 def test_files_that_cannot_be_used_are_exit_2(files: tuple[Path, Path]) -> None:
     source, output = files
     missing = batch(source, output)
@@ -118,6 +122,7 @@ SPRING = {"equations": "x'' = -x"}
 SWIRL = {"equations": ["x'' = x^2+y^2", "y'' = 0"]}
 
 
+@pytest.mark.slow
 def test_an_inserted_or_changed_line_is_never_given_the_answer_of_another(files: tuple[Path, Path]) -> None:
     source, output = files
     source.write_text(written(SPRING, SWIRL, {"id": "a", **SPRING}, {"id": "typo", "equations": "x'' = -k*x"}))
@@ -153,6 +158,7 @@ def test_errors_and_undetermined_lines_are_asked_again_where_it_is_wished(files:
     assert batch(source, output, "--again", "everything").returncode == 2
 
 
+@pytest.mark.slow
 def test_a_batch_goes_from_standard_input_to_standard_output_and_through_gzip(files: tuple[Path, Path]) -> None:
     source, output = files
     piped = batch("-", "-", input=written({"id": "a", **SPRING}, {"id": "b", **SWIRL}))
@@ -165,6 +171,7 @@ def test_a_batch_goes_from_standard_input_to_standard_output_and_through_gzip(fi
     assert json.loads(gzip.decompress(output.with_suffix(".gz").read_bytes()))["verdict"] == "variational"
 
 
+@pytest.mark.slow
 def test_a_file_of_another_kind_is_exit_2_at_once(files: tuple[Path, Path]) -> None:
     source, output = files
     for text, words in (
@@ -183,6 +190,7 @@ def test_a_file_of_another_kind_is_exit_2_at_once(files: tuple[Path, Path]) -> N
     assert batch(source, output).returncode == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], number: signal.Signals) -> None:
     source, output = files
@@ -210,6 +218,7 @@ def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], num
     assert said.splitlines()[-1] in said_of
 
 
+@pytest.mark.slow
 def test_a_full_output_is_exit_2(files: tuple[Path, Path]) -> None:
     source, _ = files
     source.write_text(written(SPRING))
@@ -223,6 +232,7 @@ def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(asked, capture_output=True, text=True, timeout=300, check=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["ndjson", "ndjson.gz"])
 def test_a_batch_is_checked_and_tabulated_line_by_line(tmp_path: Path, ending: str) -> None:
     source, output = tmp_path / "in.ndjson", tmp_path / f"out.{ending}"
@@ -242,6 +252,7 @@ def test_a_batch_is_checked_and_tabulated_line_by_line(tmp_path: Path, ending: s
     }
 
 
+@pytest.mark.slow
 def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(files: tuple[Path, Path]) -> None:
     source, output = files
     unknown = {"coordinates": ["x"], "equations": {"x": "-k*x"}}
@@ -260,6 +271,7 @@ def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(files: 
     assert ["k" in row["reason"] for row in rows if row["verdict"] == "error" and row["id"]] == [True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", ["{}\n", "[1]\n", "not JSON\n", json.dumps(SYSTEM) + "\n"])
 def test_what_is_no_output_of_a_batch_is_exit_2(files: tuple[Path, Path], content: str) -> None:
     _, output = files

@@ -34,6 +34,7 @@ def called(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> object:
     return caught.value.code
 
 
+@pytest.mark.slow
 def test_yaml_is_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "edge.yaml").write_text(EDGE)
     assert called(monkeypatch, "solve", str(tmp_path / "edge.yaml")) == 0

@@ -47,6 +47,7 @@ def scene_file(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_directory_gets_tables_figures_and_a_summary(call: Any, scene_file: Path, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "out"
     code, out, _ = call("simulate", str(scene_file), "--output", str(folder))
@@ -132,6 +133,7 @@ def test_what_does_not_converge_has_no_value(call: Any, tmp_path: Path) -> None:
     assert "the stage equations, whose iteration does not converge at step 0" in out
 
 
+@pytest.mark.slow
 def test_no_method_that_gets_through_is_exit_one(call: Any) -> None:
     scene = short("disk", steps=5, terms={"spring": "-x^2"}, effects=["constraints", "spring"], methods=["exact"])
     code, out, _ = call("simulate", "-", given=scene)
@@ -169,6 +171,7 @@ def test_work_precision_writes_table_json_and_figure(call: Any, tmp_path: Path) 
 ENSEMBLE = {"initial": {"positions": {"x": [1, 2, 3]}}, "parameters": {"k": [1, 4]}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("further", [{}, {"ensemble": ENSEMBLE}], ids=["run", "ensemble"])
 def test_netcdf_files_hold_every_recorded_step_with_units(call: Any, tmp_path: Path, further: dict[str, Any]) -> None:
     """Read back with h5py, a second reader: all columns of the NPZ, units, and the scene with the version."""

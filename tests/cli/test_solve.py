@@ -79,6 +79,7 @@ def test_yaml_and_toml_mean_the_same_as_json(call: Any, tmp_path: Path) -> None:
     assert systems[0] == systems[1]
 
 
+@pytest.mark.slow
 def test_the_verdict_is_checked_by_the_check_command(call: Any, tmp_path: Path) -> None:
     result = json.loads(call("solve", written(tmp_path, DISK)).out)
     assert result["verdict"] == "not_variational"
@@ -88,6 +89,7 @@ def test_the_verdict_is_checked_by_the_check_command(call: Any, tmp_path: Path) 
     assert (flipped.code, flipped.out.split("\n")[0]) == (1, "invalid")
 
 
+@pytest.mark.slow
 def test_a_result_is_compared_with_the_document_in_a_file(call: Any, tmp_path: Path) -> None:
     result = written(tmp_path, call("solve", written(tmp_path, {"equations": "x'' + x = 0"})).out, "r.json")
     same, other = (written(tmp_path, f"equations: x'' {sign} x = 0\n", f"{sign}.yaml") for sign in "+-")
@@ -96,6 +98,7 @@ def test_a_result_is_compared_with_the_document_in_a_file(call: Any, tmp_path: P
     assert (found.code, found.out.split("\n")[0]) == (1, "invalid")
 
 
+@pytest.mark.slow
 def test_a_result_in_yaml_is_checked(call: Any, tmp_path: Path) -> None:
     result = json.loads(call("solve", "x'' = -x").out)
     assert call("check", written(tmp_path, yaml.safe_dump(result), "r.yaml")).code == 0
@@ -113,6 +116,7 @@ def test_check_of_an_object_without_a_verdict_is_exit_1(call: Any, tmp_path: Pat
     assert call("check", written(tmp_path, "{}")).code == 1
 
 
+@pytest.mark.slow
 def test_text_is_readable(call: Any, tmp_path: Path) -> None:
     found = call("solve", written(tmp_path, DISK), "--format", "text", "--explain")
     assert found.code == 0
@@ -121,6 +125,7 @@ def test_text_is_readable(call: Any, tmp_path: Path) -> None:
     assert "Phi[" in found.out
 
 
+@pytest.mark.slow
 def test_a_result_goes_to_the_file_that_is_named(call: Any, tmp_path: Path) -> None:
     target = tmp_path / "result.json"
     ended = call("solve", "sho", "-o", str(target))
@@ -129,6 +134,7 @@ def test_a_result_goes_to_the_file_that_is_named(call: Any, tmp_path: Path) -> N
     assert call("solve", "sho", "-o", str(tmp_path / "none" / "result.json")).code == 2
 
 
+@pytest.mark.slow
 def test_latex_is_a_document_with_its_texts_escaped(call: Any, tmp_path: Path) -> None:
     out = call("solve", written(tmp_path, DISK), "--format", "latex", "--explain").out
     assert out.startswith("\\documentclass")
@@ -136,6 +142,7 @@ def test_latex_is_a_document_with_its_texts_escaped(call: Any, tmp_path: Path) -
     assert "\\ddot{" in out
 
 
+@pytest.mark.slow
 def test_a_time_limit_ends_the_run_as_undetermined(call: Any, tmp_path: Path) -> None:
     names = [f"x{k}" for k in range(8)]
     terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
@@ -178,6 +185,7 @@ def test_a_fault_of_the_program_is_exit_3_and_no_traceback(
     assert "fault of the program" in found.err
 
 
+@pytest.mark.slow
 def test_the_catalogue_lists_names_and_gives_documents_that_solve_takes(call: Any, tmp_path: Path) -> None:
     name = call("catalogue").out.split()[0]
     document = json.loads(call("catalogue", name).out)
@@ -198,6 +206,7 @@ def test_a_port_that_is_taken_is_exit_2(call: Any) -> None:
         assert call("serve", "--port", str(taken.getsockname()[1])).code == 2
 
 
+@pytest.mark.slow
 def test_a_cold_start_takes_two_seconds_of_processor_time_or_little_more(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "inverse_service", "solve", written(tmp_path, OSCILLATOR)]
 
@@ -225,6 +234,7 @@ def test_the_version_is_told(call: Any) -> None:
     assert (found.code, found.out) == (0, f"inverse-service {__version__}\n")
 
 
+@pytest.mark.slow
 def test_equations_are_an_argument_and_what_was_guessed_is_said(call: Any) -> None:
     found = call("solve", "m*x'' = -k*x")
     assert (found.code, json.loads(found.out)["guessed"]) == (0, ["m", "k"])
@@ -238,6 +248,7 @@ def test_a_suspect_name_is_asked_back_on_the_command_line(call: Any) -> None:
     assert "did you mean k*x?" in found.err
 
 
+@pytest.mark.slow
 def test_names_of_files_are_not_guessed_unless_asked(call: Any, tmp_path: Path) -> None:
     name = written(tmp_path, "x'' = -k*x\n", "spring.txt")
     assert call("solve", name).code == 2
@@ -250,6 +261,7 @@ def test_a_name_of_the_catalogue_is_an_argument(call: Any) -> None:
     assert json.loads(call("solve", "sho").out)["system"]["equations"] == {"x": "-x"}
 
 
+@pytest.mark.slow
 def test_kinds_and_a_clock_are_options(call: Any) -> None:
     options = ("--kind", "natural", "--kind", "rayleigh", "--kind", "invariant:y", "--clock", "1 + y^2")
     done = call("solve", "x'' = -x'^3; y'' = 0", *options, "--format", "json")

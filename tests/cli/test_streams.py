@@ -16,6 +16,7 @@ def shell(line: str, **more: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=300, env=os.environ | more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "words"),
     [
@@ -31,16 +32,19 @@ def test_a_closed_or_full_stream_is_exit_2(line: str, words: str) -> None:
     assert (run.returncode, run.stderr.strip()) == (2, words)
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_away_is_no_fault() -> None:
     run = shell(f"set -o pipefail; for k in 1 2 3; do {COMMAND} catalogue | head -1 || exit 9; done")
     assert (run.returncode, run.stderr) == (0, "")
 
 
+@pytest.mark.slow
 def test_short_options_of_help_and_version_are_there() -> None:
     for line in ("-h", "solve -h", "-V", "--version", "help", "version"):
         assert shell(f"{COMMAND} {line}").returncode == 0
 
 
+@pytest.mark.slow
 def test_the_shell_completes_names_of_the_catalogue() -> None:
     environment = {"_INVERSE_SERVICE_COMPLETE": "complete_bash", "COMP_WORDS": "inverse-service catalogue sh"}
     code = "import sys; sys.argv[0] = 'inverse-service'; from inverse_service.cli import main; main()"

@@ -122,6 +122,7 @@ def test_progress_comes_through(cluster: Cluster) -> None:
     assert heard
 
 
+@pytest.mark.slow
 def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: Path) -> None:
     lines: list[dict[str, Any]] = [
         {"id": f"line {k}", "coordinates": ["x"], "equations": {"x": f"-{k % 5 + 1}*x"}} for k in range(20)
@@ -177,12 +178,14 @@ def test_what_differs_is_named() -> None:
     assert difference(ours, dataclasses.replace(ours, python="3.1")) == f"python 3.1 instead of {ours.python}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("address", ["", "localhost:8786", "http://localhost:8786", "file:///x"])
 def test_an_address_of_something_else_is_refused(address: str) -> None:
     with pytest.raises(InputError, match="tcp://"):
         open_cluster(address, MEMORY)
 
 
+@pytest.mark.slow
 def test_an_absent_scheduler_is_said_to_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(front, "CONNECT", 0.5)
     with pytest.raises(InputError, match="No Dask scheduler answers"):

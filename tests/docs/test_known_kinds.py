@@ -8,17 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.inverse_problem import test_definite, test_kinds, test_rayleigh
-from tests.service import test_clock, test_reduced
+from tests.doors.rows import rows
 
 PAGE = Path(__file__).parents[2] / "docs" / "kinds.md"
 HEAD = """# Systems with known answers, by kind of Lagrangian
 
-Written by `python -m tests.docs.test_known_kinds` from the data of `tests/inverse_problem/test_kinds.py`,
-`test_definite.py`, `test_rayleigh.py`, `tests/service/test_reduced.py` and `test_clock.py`, where each row is a test:
-each *yes* with a Lagrangian is verified by SymPy alone, each certificate by the checker. The source has the system and
-its answer, or the theorem from which the answer follows; rows without one are our own examples. What the kinds are:
-[guide](guide.md#kinds-of-lagrangians).
+Written by `python -m tests.docs.test_known_kinds` from the rows of `tests/corpus/kinds.ndjson` and
+`constrained.ndjson`, each of which is a test: each *yes* with a Lagrangian is verified by numbers without the package,
+each certificate by the checker. The source has the system and its answer, or the theorem from which the answer follows;
+rows without one are our own examples. What the kinds are: [guide](guide.md#kinds-of-lagrangians).
 
 | system | source | q'' | question | answer |
 | --- | --- | --- | --- | --- |
@@ -81,23 +79,23 @@ CITED = re.compile(r"(.*) \(((.*?\d{4})[^()]*)\)")
 SAID = {"variational": "yes", "not_variational": "no", "undetermined": "open", None: "no other clock"}
 
 
-def rows() -> Iterator[tuple[str, str, str, str]]:
+def listed() -> Iterator[tuple[str, str, str, str]]:
     """(source, system, question, answer)."""
-    for source, equations, kind, verdict in test_kinds.KNOWN:
-        yield source, written(equations), kind if isinstance(kind, str) else json.dumps(kind), SAID[verdict]
-    for source, equations, _, near, verdict in test_definite.KNOWN:
-        point = ", ".join(f"{name} = {value}" for name, value in near.items())
-        yield source, written(equations), "positive_definite" + (f" at {point}" if point else ""), SAID[verdict]
-    for kind, listed, answer in (
-        ("rayleigh", test_rayleigh.WITH_FRICTION, "yes"),
-        ("rayleigh", test_rayleigh.WITHOUT, "no"),
-    ):
-        yield from ((source, written(equations), kind, answer) for source, equations in listed)
-    for source, asked, plain, clocked in test_reduced.KNOWN:
-        system = f"{asked['lagrangian']}; {', '.join(asked['constraints'])}"
-        yield source, system, "reduced; with another clock", f"{SAID[plain]}; {SAID[clocked]}"
-    for source, equations, factor in test_clock.FOUND:
-        yield source, written(equations), "a clock", f"N = {factor}"
+    for row in rows("kinds"):
+        document = row["document"]
+        ((_, verdict),) = row["kinds"].items()
+        kind = document["kinds"][0]
+        point = ", ".join(f"{name} = {value}" for name, value in document.get("near", {}).items())
+        question = kind if isinstance(kind, str) else json.dumps(kind)
+        yield row["source"], written(document["equations"]), question + (f" at {point}" if point else ""), SAID[verdict]
+    for row in rows("constrained"):
+        document = row["document"]
+        if "reduced" in row:
+            system = f"{document['lagrangian']}; {', '.join(document['constraints'])}"
+            answer = f"{SAID[row['reduced']['verdict']]}; {SAID[row['reduced']['with_clock']]}"
+            yield row["source"], system, "reduced; with another clock", answer
+        elif "factor" in row.get("clock", {}):
+            yield row["source"], written(document["equations"]), "a clock", f"N = {row['clock']['factor']}"
 
 
 def written(equations: Any) -> str:
@@ -113,7 +111,7 @@ def cited(named: str) -> tuple[str, str, str]:
 def page(costs: str) -> str:
     lines = [
         f"| {cited(name)[0]} | {cited(name)[1]} | `{system}` | {question} | {answer} |\n"
-        for name, system, question, answer in rows()
+        for name, system, question, answer in listed()
     ]
     sources = [f"- {name}. {title}.\n" for name, title in SOURCES.items()]
     return "".join([HEAD, *lines, "\n## Sources\n\n", *sources, COSTS, costs])
@@ -125,7 +123,7 @@ def test_the_page_lists_the_systems_of_the_tests() -> None:
 
 
 def test_sixty_systems_have_a_source() -> None:
-    found = [(system, cited(name)[2]) for name, system, _, _ in rows()]
+    found = [(system, cited(name)[2]) for name, system, _, _ in listed()]
     assert {source for _, source in found if source} == {*SOURCES}
     assert len({system for system, source in found if source}) >= 60
 

@@ -8,6 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "sympy.ipynb"
 KEYS = {"code": {"cell_type", "id", "metadata", "source", "execution_count", "outputs"}}
 MARKDOWN = {"cell_type", "id", "metadata", "source"}
@@ -21,6 +23,7 @@ def test_the_notebook_has_the_format_of_notebooks() -> None:
     assert all(cell.keys() == KEYS.get(cell["cell_type"], MARKDOWN) for cell in found["cells"])
 
 
+@pytest.mark.slow
 def test_every_cell_prints_what_the_notebook_shows() -> None:
     names: dict[str, Any] = {}
     cells = [cell for cell in json.loads(NOTEBOOK.read_text())["cells"] if cell["cell_type"] == "code"]

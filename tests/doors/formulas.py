@@ -276,9 +276,10 @@ class Point:
 
     def holds(self, condition: str) -> bool:
         """Whether a strict inequality such as "x' != 0" holds here."""
-        parts = re.split(r"(!=|>=|<=|>|<)", condition)
+        parts = re.split(r"(!=|==|>=|<=|>|<)", condition)
         values = [self.value(part) for part in parts[::2]]
         compare = {
+            "==": lambda a, b: a == b,
             ">": lambda a, b: a > b,
             "<": lambda a, b: a < b,
             "!=": lambda a, b: abs(a - b) > 1e-12,

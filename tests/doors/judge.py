@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -203,6 +204,32 @@ def faults_of_hamiltonian(hamiltonian: Mapping[str, Any], lagrangian: str, given
             if seen == 2:
                 return None
         return f"no point of the domain of {hamiltonian['text']} was found"
+
+
+def faults_of_endomorphism(printed: Sequence[Sequence[str]], given: Equations, **more: Any) -> str | None:
+    """None where Jacobi's endomorphism is printed: d/dt(df_i/dv_j) - 2 df_i/dq_j - (1/2) df_i/dv_k df_k/dv_j."""
+    n = len(given.coordinates)
+    span, zero = range(n), mpmath.mpf(0)
+    with mpmath.workdps(DIGITS):
+        for point in points(given, **more):
+            try:
+                jets = [point.jet(f) for f in given.accelerations]
+                shown = [[point.value(text) for text in row] for row in printed]
+            except NotReal:
+                continue
+            rates = {0: mpmath.mpf(1)}
+            rates |= {1 + k: point.numbers[v] for k, v in enumerate(given.velocities)}
+            rates |= {1 + n + k: jet.value for k, jet in enumerate(jets)}
+            for i, j in itertools.product(span, span):
+                along = (
+                    rate * jets[i].bends.get((min(k, 1 + n + j), max(k, 1 + n + j)), zero) for k, rate in rates.items()
+                )
+                squares = (jets[i].slopes.get(1 + n + k, zero) * jets[k].slopes.get(1 + n + j, zero) for k in span)
+                wanted = mpmath.fsum(along) - 2 * jets[i].slopes.get(1 + j, zero) - mpmath.fsum(squares) / 2
+                if abs(shown[i][j] - wanted) > mpmath.mpf(10) ** -14 * (1 + abs(wanted) + abs(jets[i].value)):
+                    return f"Phi_{i + 1}{j + 1} is not {printed[i][j]}"
+            return None
+    return "no point was found"
 
 
 def same_formula(left: str, right: str, names: Sequence[str] = ()) -> bool:

@@ -16,6 +16,7 @@ from tests.doors import calls
 from tests.doors.judge import (
     Equations,
     equations_of,
+    faults_of_endomorphism,
     faults_of_hamiltonian,
     faults_of_lagrangian,
     same_formula,
@@ -77,6 +78,9 @@ def assert_as_known(row: Row, result: Mapping[str, Any]) -> None:
     given = given_equations(row) or equations_of(result["system"])
     for answer in answers:
         assert_answer_holds(answer, given, result)
+    if result["conditions"] and not result["branches"] and not result.get("nonholonomic"):
+        shown = result["conditions"]["Phi"]
+        assert not shown or faults_of_endomorphism(shown, given, domain=result["domain"]) is None
     found = [answer for answer in answers if answer["lagrangian"]]
     plain = [answer for answer in found if given.time not in _names(answer)]
     for wanted in row.get("found", ()):

@@ -81,6 +81,7 @@ def test_nonzero_uses_what_is_known_and_nothing_else() -> None:
     assert not is_plainly_nonzero(read_formula("0", NAMES), {x})
 
 
+@pytest.mark.slow
 def test_no_random_formula_called_positive_has_a_value_that_is_not() -> None:
     dice = random.Random(7)
 

@@ -93,6 +93,7 @@ def _value(tree: Expression, table: dict[Expression, object]) -> object:
     return evaluate(tree, table)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(TREES)
 def test_text_reads_back_to_the_same_value(tree: Expression) -> None:
@@ -110,6 +111,7 @@ def test_text_reads_back_to_the_same_value(tree: Expression) -> None:
         assert mp.almosteq(first, second, 1e-15, 1e-15)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(TREES)
 def test_text_of_what_was_read_is_the_same_text(tree: Expression) -> None:
@@ -125,6 +127,7 @@ def test_text_of_what_was_read_is_the_same_text(tree: Expression) -> None:
     assert read_formula(to_text(first), NAMES) == first
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(TREES)
 def test_mathml_is_one_well_formed_element(tree: Expression) -> None:
@@ -132,6 +135,7 @@ def test_mathml_is_one_well_formed_element(tree: Expression) -> None:
     assert element.tag == "{http://www.w3.org/1998/Math/MathML}math"
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(TREES.filter(lambda tree: not any(isinstance(node, Arbitrary) for node in walk(tree))))
 def test_latex_reads_back_to_the_same_formula(tree: Expression) -> None:

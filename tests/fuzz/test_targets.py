@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[2]
 RUNS = 20_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
 def test_nothing_made_up_is_a_fault(name: str) -> None:
     TARGETS[name]()

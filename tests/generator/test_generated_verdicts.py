@@ -34,6 +34,7 @@ def test_they_stay_so_in_other_coordinates() -> None:
         assert_variational(disguised(system, 1))
 
 
+@pytest.mark.slow
 def test_random_right_sides_are_decided_and_most_have_no_lagrangian() -> None:
     found = [decide(read_system(s.coordinates, s.equations), True).verdict for s in random_right_sides(45, seed=19)]
     assert "undetermined" not in found

@@ -84,6 +84,7 @@ def _moved(names: tuple[str, ...], point: Point, a: list[mpmath.mpf], sign: int)
     return shifted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", range(COUNT), ids=named)
 def test_texts_satisfy_the_euler_lagrange_equations(index: int) -> None:
     with mpmath.workdps(60):
@@ -99,12 +100,14 @@ def test_a_wrong_right_side_does_not_satisfy_them() -> None:
         assert residual_of_texts(altered) > 1e-3
 
 
+@pytest.mark.slow
 def test_every_family_comes_with_every_dimension() -> None:
     seen = Counter((system.family, system.n) for system in every())
     assert set(seen) == {(family, n) for family in FAMILIES for n in (1, 2, 3, 4)}
     assert len({system.id for system in every()}) == COUNT
 
 
+@pytest.mark.slow
 def test_some_but_not_most_lagrangians_contain_time() -> None:
     timed = [system for system in every() if system.time_dependent]
     assert 0 < len(timed) < COUNT // 2
@@ -121,12 +124,14 @@ def test_same_seed_gives_the_same_systems() -> None:
     assert [system.equations for system in random_systems(8, SEED + 1)] != [s.equations for s in again]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", range(8, 24), ids=named)
 def test_a_disguise_keeps_the_lagrangian(index: int) -> None:
     with mpmath.workdps(60):
         assert residual_of_texts(disguised(made(index), 2)) < 1e-15
 
 
+@pytest.mark.slow
 def test_random_right_sides_are_read_and_repeatable() -> None:
     systems = random_right_sides(45, seed=1)
     assert {(system.kind, system.n) for system in systems} == {

@@ -46,7 +46,7 @@ MOVING = """{"lagrangian": "(x'^2+y'^2+z'^2+u'^2+v'^2+w'^2)/2", "constraints": [
 
 def documents(count: int) -> list[str]:
     """Every so many of the systems of papers and textbooks, and a motion whose constraints move."""
-    lines = (ROOT / "tests" / "systems" / "literature.ndjson").read_text(encoding="utf-8").splitlines()
+    lines = (ROOT / "tests" / "corpus" / "literature.ndjson").read_text(encoding="utf-8").splitlines()
     return [json.dumps(json.loads(line)["document"]) for line in lines[:: len(lines) // count]] + [MOVING]
 
 

@@ -99,6 +99,7 @@ def outcome(work: Callable[..., Any], given: tuple[Any, ...]) -> tuple[Any, list
         return work(*copies), [one.tolist() for one in copies if isinstance(one, np.ndarray)]
 
 
+@pytest.mark.slow
 def test_compiled_stored_and_plain_agree(folder: Path, compilations: list[str]) -> None:
     plain = changed(add_up, weighted=lambda a: WEIGHT * a)
     fresh, stored = again(add_up), again(add_up)
@@ -110,6 +111,7 @@ def test_compiled_stored_and_plain_agree(folder: Path, compilations: list[str]) 
     assert len(list(folder.iterdir())) == 1
 
 
+@pytest.mark.slow
 def test_every_kind_of_answer(folder: Path) -> None:
     words = np.array([1, 2**64 - 1], np.uint64)
     for _ in range(2):
@@ -122,6 +124,7 @@ def test_every_kind_of_answer(folder: Path) -> None:
         assert cube.tolist() == [[[5, 6, 7]], [[5, 6, 7]]]
 
 
+@pytest.mark.slow
 def test_numbers_and_arrays_of_numpy_and_python_are_alike(folder: Path) -> None:
     first, steps, table, factor, negative = arguments(1)
     work = again(add_up)
@@ -138,6 +141,7 @@ def test_numbers_and_arrays_of_numpy_and_python_are_alike(folder: Path) -> None:
     assert changed.tolist() == expected[1][1]
 
 
+@pytest.mark.slow
 def test_arguments_of_other_kinds_go_through_numba(folder: Path) -> None:
     first, steps, table, factor, negative = arguments(2)
     work = again(add_up)
@@ -161,6 +165,7 @@ def test_wrong_calls_are_refused(folder: Path) -> None:
     assert work(2**62) is True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", ["empty", "cut", "flipped", "foreign", "swapped"])
 def test_damaged_code_is_compiled_anew(folder: Path, compilations: list[str], damage: str) -> None:
     assert again(is_positive)(1) is True
@@ -207,6 +212,7 @@ def test_the_digest_is_that_of_all_that_is_compiled() -> None:
         kernel_digest(changed(add_up, weighted=[1]), kinds)
 
 
+@pytest.mark.slow
 def test_a_kernel_that_needs_more_than_itself_runs_but_is_not_stored(folder: Path) -> None:
     def doubled(numbers: Any) -> Any:
         return numbers + numbers
@@ -279,6 +285,7 @@ def test_a_kernel_never_writes_what_is_to_be_read_only(folder: Path) -> None:
     assert own.tolist() == [0, 7, 0, 0]
 
 
+@pytest.mark.slow
 def test_a_kernel_that_only_reads_takes_both(folder: Path) -> None:
     kernel, own = Kernel(total), np.arange(4)
     assert [kernel(array) for array in (own, frozen(own), own)] == [6, 6, 6]
@@ -390,6 +397,7 @@ print(result["verdict"], "numba" in sys.modules)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("equations", "verdict"),
     [

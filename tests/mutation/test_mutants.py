@@ -56,6 +56,7 @@ def test_every_mutant_is_another_program() -> None:
     assert len(set(sources)) == len(sources)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", TESTS)
 def test_the_modules_and_their_tests_are_there(module: str) -> None:
     total, sample = chosen_mutants(module, 5, seed=1)
@@ -169,6 +170,7 @@ def test_what_was_examined_by_hand_has_its_reason() -> None:
         assert all(len(json.loads(line)["why"]) > 10 for line in file.read_text(encoding="utf-8").splitlines())
 
 
+@pytest.mark.slow
 def test_a_document_notices_a_mutant_that_gives_it_another_verdict() -> None:
     """A mutant that never refuses is noticed by a false claim; one of a function that nothing runs is not."""
     false = json.dumps(lagrangian("oscillator", "x'^2/2"))

@@ -20,11 +20,13 @@ def particle() -> Member:
     return member("nonholonomic-particle")
 
 
+@pytest.mark.slow
 def test_the_statements_of_section_two_agree_for_the_particle(particle: Member) -> None:
     found = [make([particle]) for make in propositions.STATEMENTS]
     assert [statement.finding for statement in found] == ["agrees"] * len(found)
 
 
+@pytest.mark.slow
 def test_a_wrong_formula_differs(particle: Member, monkeypatch: pytest.MonkeyPatch) -> None:
     def doubled(system: Member, form: int) -> object:
         return add(lagrangian(system, form), multiply(number(2), lagrangian(system, form), lagrangian(system, form)))

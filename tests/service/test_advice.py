@@ -28,6 +28,7 @@ def scene(system: dict[str, Any], methods: list[Any], **more: Any) -> dict[str, 
     return {"system": system, "initial": initial, "step": 0.1, "time": 20, "methods": methods} | more
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "method"),
     [
@@ -43,6 +44,7 @@ def test_the_method_fits_the_scene_and_runs(system: dict[str, Any], method: str)
     assert found["outcome"] == "completed"
 
 
+@pytest.mark.slow
 def test_stormer_and_verlet_have_their_orders_and_keep_the_energy() -> None:
     methods = [{"method": "stormer-verlet", "order": order} for order in (2, 4, 6, 8)]
     errors = []
@@ -63,6 +65,7 @@ def test_stormer_and_verlet_say_what_they_need(system: dict[str, Any]) -> None:
     assert "T(p) + V(q)" in found["reason"]
 
 
+@pytest.mark.slow
 def test_peers_are_measured_and_bounds_are_told() -> None:
     methods = [{"method": "stormer-verlet", "order": 8}, {"method": "stormer-verlet", "order": 2}]
     found = work_precision(scene(HENON, methods, repeats=1), None, 40.0)
@@ -77,6 +80,7 @@ def test_peers_are_measured_and_bounds_are_told() -> None:
     assert all(setting["energy_error"] < 1e-3 for setting in settings if setting["error"] is not None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("document", "method", "words"),
     [
@@ -123,6 +127,7 @@ CONTACT = {"coordinates": ["x", "y", "z"], "constraints": ["x' + y*z'"]}
 QUADRATIC = "(x'^2+y'^2+z'^2)/2 - (x^2+y^2+z^2)/2"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "words"),
     [

@@ -50,12 +50,14 @@ def understood_or_refused(document: Any) -> None:
         assert place.column is None or place.column >= 1
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(DOCUMENTS | VALUES)
 def test_any_document_is_understood_or_refused(document: Any) -> None:
     understood_or_refused(document)
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(st.dictionaries(st.sampled_from(["x", "y"]), FORMULAS, min_size=2))
 def test_any_formulas_are_understood_or_refused(equations: dict[str, str]) -> None:

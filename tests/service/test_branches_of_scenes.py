@@ -36,6 +36,7 @@ def scene(force: str, position: float, velocity: float, **more: Any) -> dict[str
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "position", "velocity", "lagrangian", "end"), FORCES)
 def test_a_run_ends_where_the_branch_of_its_lagrangian_ends(
     force: str, position: float, velocity: float, lagrangian: str, end: float
@@ -46,6 +47,7 @@ def test_a_run_ends_where_the_branch_of_its_lagrangian_ends(
         assert (method["final"]["positions"]["x"] - end) * (position - end) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("force", "position", "velocity", "lagrangian"), [case[:4] for case in FORCES])
 def test_a_lagrangian_that_is_given_is_held_against_the_equations(
     force: str, position: float, velocity: float, lagrangian: str
@@ -70,6 +72,7 @@ def test_the_energy_of_one_branch_judges_no_run_over_two() -> None:
     assert "ends where x = 0" in method["energy_note"]
 
 
+@pytest.mark.slow
 def test_drag_against_the_motion_has_its_lagrangian_in_each_direction() -> None:
     """x'' = -x'|x'|: x(t) = x_0 + s log(1 + |v_0| t)."""
     for velocity in (1.0, -1.0):

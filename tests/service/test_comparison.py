@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from inverse_service import check, solve
-from inverse_service.expressions import grammar
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
 from inverse_service.mechanics import reading
 from inverse_service.mechanics.agreement import Canonical
+from inverse_service.reading import parser as grammar
 from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.comparison import compared_with_document
 
@@ -96,6 +96,7 @@ def test_another_system_is_not_the_system_given(document: Any, equations: Any, n
     assert compared(document, equations, **names) == "invalid"
 
 
+@pytest.mark.slow
 def test_another_branch_of_a_root_is_another_system() -> None:
     document = {"equations": "x'' = sqrt(x^2)"}
     right, left = (
@@ -112,6 +113,7 @@ def test_formulas_without_a_common_real_point_are_not_judged() -> None:
     assert compared({"equations": "x'' = log(-1 - x^2)"}, {"x": "0"}) == "incomplete"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("f", ["exp(exp(exp(exp(x + 9))))", "(x + 3)^(x + 9)^(x + 9)^9"])
 def test_numbers_beyond_all_measure_are_not_judged(f: str) -> None:
     assert compared({"equations": f"x'' = {f}"}, {"x": "0"}) == "incomplete"
@@ -137,6 +139,7 @@ def test_a_lagrangian_that_determines_no_motion_is_not_agreed_with() -> None:
     assert compared(document, MOTIONS["first"], parameters=DISK["parameters"]) == "invalid"
 
 
+@pytest.mark.slow
 def test_a_result_is_compared_with_the_document_that_it_carries() -> None:
     result = solve({"equations": MASSES, "parameters": ["a", "b"]})
     found = check(result)
@@ -154,6 +157,7 @@ def test_a_certificate_alone_is_compared_with_a_document() -> None:
         assert check(shown, {"equations": "x'' - a*x = 0", "parameters": ["a"]})["verdict"] == "invalid"
 
 
+@pytest.mark.slow
 def test_each_associated_system_of_a_result_is_compared() -> None:
     result = solve({**DISK, "associated": "second"})
     assert check(result)["verdict"] == "valid"
@@ -162,6 +166,7 @@ def test_each_associated_system_of_a_result_is_compared() -> None:
     assert check(result)["verdict"] == "invalid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("equations", "is_read_twice"),
     [("x'' = -x + y; y'' = -x^2^3/2*a*-y", True), ({"x": "t*sin(x)^2", "y": "exp(y)/2/3"}, True),
@@ -192,6 +197,7 @@ def solve_nothing(document: Any) -> dict[str, Any]:
     return {"coordinates": list(system.coordinates), "equations": equations}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", ["solving", "printing"])
 def test_a_fault_between_reading_and_canonical_form_never_leaves(broken: str, monkeypatch: pytest.MonkeyPatch) -> None:
     document = {"equations": "x'' + y'' + sin(x) = 0; x'' - y'' = y"}

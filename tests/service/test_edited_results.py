@@ -44,6 +44,7 @@ def edited(name: str, path: tuple[str | int, ...], value: Any) -> Document:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_what_was_not_edited_is_valid_and_says_what_was_not_checked(name: str) -> None:
     found = check(json.loads(solved(name)))
@@ -52,6 +53,7 @@ def test_what_was_not_edited_is_valid_and_says_what_was_not_checked(name: str) -
     assert found["reasons"][-1].startswith("Not checked: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "path", "value"),
     [
@@ -112,6 +114,7 @@ def test_a_domain_that_was_widened_everywhere_is_not_valid() -> None:
     assert check(result)["verdict"] != "valid"
 
 
+@pytest.mark.slow
 def test_a_motion_on_fewer_directions_is_another_motion() -> None:
     """phi'' = 0, z'' = 0 beside the knife edge: on z' = 0 as well it is the knife edge alone."""
     document = {

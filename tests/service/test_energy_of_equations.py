@@ -32,17 +32,20 @@ def test_methods_without_a_lagrangian_have_the_same_energy() -> None:
     assert found["max_energy_error"] == pytest.approx(200 * 2 * 0.05**6 / 144, rel=0.02)
 
 
+@pytest.mark.slow
 def test_quadratic_friction_has_an_energy() -> None:
     """x'' = -x'^2: H = exp(2 x) x'^2/2 up to a factor and a constant is conserved."""
     assert run(["x'' = -x'^2"], 1, {"method": "runge-kutta", "order": 8})["max_energy_error"] < 1e-12
 
 
+@pytest.mark.slow
 def test_an_energy_with_t_has_no_error() -> None:
     found = run(["x'' = -x - x'/10"], 0, "runge-kutta")
     assert found["max_energy_error"] is None
     assert "contains t" in found["energy_note"]
 
 
+@pytest.mark.slow
 def test_an_energy_ends_where_its_lagrangian_ends() -> None:
     """The autonomous L of the damped oscillator divides by x, which the motion passes through 0."""
     document = {"coordinates": ["x"], "equations": {"x": "-x - x'/10"}, "time_dependent_lagrangian": False}
@@ -62,6 +65,7 @@ def test_a_motion_without_a_lagrangian_has_no_energy() -> None:
     assert "no Lagrangian of it was found" in found["energy_note"]
 
 
+@pytest.mark.slow
 def test_an_energy_that_is_not_kept_is_drawn_as_it_is_and_not_as_an_error() -> None:
     scene = {"system": {"coordinates": ["x"], "equations": ["x'' = -x - x'/10"]}, "step": 0.05, "time": 1,
              "initial": {"positions": {"x": 0.5}, "velocities": {"x": 0}}, "methods": ["runge-kutta"],

@@ -22,6 +22,7 @@ def events(when: str, method: Any = "adaptive", **more: Any) -> dict[str, Any]:
     return found | found["events"][0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("below", [1e-2, 1e-4, 1e-6])
 def test_two_zeros_within_a_step_are_both_found(method: Any, below: float) -> None:
@@ -51,6 +52,7 @@ def test_to_touch_zero_is_no_event_and_is_said(when: str, time: float) -> None:
     assert float(found["note"].split(" = ")[1].split(" the")[0]) == pytest.approx(time, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.0, 1e-17, -1e-17])
 @pytest.mark.parametrize("method", ["adaptive", "stormer-verlet"])
 def test_a_hop_that_is_shorter_than_the_step_ends_on_the_ground(method: str, height: float) -> None:
@@ -81,6 +83,7 @@ def test_a_formula_that_jumps_has_an_event_at_every_jump() -> None:
     assert events("1/x")["count"] == events("tan(x)")["count"] - 3 == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [1000, 2 * np.pi * 16 / 0.3, 350])
 def test_a_formula_that_is_too_fast_for_the_places_says_so(rate: float) -> None:
     assert "events may be missing" in events(f"sin({rate!r}*t + 1/2)")["note"]

@@ -30,6 +30,7 @@ def test_eight_methods_differ_in_line_and_marker() -> None:
     assert len({one.color for one in looks}) == 8
 
 
+@pytest.mark.slow
 def test_paths_have_equal_axes_and_the_true_motion(disk: dict[str, Any]) -> None:
     figure, caption = path_figure(disk["result"], disk["tables"], disk["truth"])
     panels = [axes for axes in figure.axes if axes.get_visible()]
@@ -46,6 +47,7 @@ def test_paths_have_equal_axes_and_the_true_motion(disk: dict[str, Any]) -> None
     assert "most by nonholonomic-1 (a factor 531)" in caption
 
 
+@pytest.mark.slow
 def test_series_keep_every_peak_and_name_best_and_worst(disk: dict[str, Any]) -> None:
     drawn = series_figure("energy", disk["result"], disk["tables"])
     assert drawn is not None
@@ -61,6 +63,7 @@ def test_series_keep_every_peak_and_name_best_and_worst(disk: dict[str, Any]) ->
     assert series_figure("energy", disk["result"], {}) is None
 
 
+@pytest.mark.slow
 def test_systems_without_a_round_path_are_drawn_by_coordinate(tmp_path: Path) -> None:
     scene = {
         "system": {"coordinates": ["u"], "lagrangian": "u'^2/2 - u^2/2"}, "step": 0.1, "steps": 30,
@@ -87,6 +90,7 @@ def test_numbers_of_captions_are_short(value: float, text: str) -> None:
     assert shown(value) == text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["$x^$", "$\\frac{$", "$\\notacommand$", "costs $5 and $6"])
 def test_a_label_is_no_formula_of_the_drawing_program(label: str, disk: dict[str, Any], tmp_path: Path) -> None:
     methods = [method | {"label": label} for method in disk["result"]["methods"][:1]]
@@ -143,6 +147,7 @@ def test_a_gap_of_values_stays_a_gap() -> None:
     assert low[0] == high[0] == 1
 
 
+@pytest.mark.slow
 def test_phase_portraits_and_units(tmp_path: Path) -> None:
     scene = {
         "system": {"coordinates": ["u"], "lagrangian": "u'^2/2 - u^2/2"}, "step": 0.1, "steps": 30,

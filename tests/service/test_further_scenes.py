@@ -24,6 +24,7 @@ def labelled(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {method["label"]: method for method in simulate(document)["methods"]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", [{"forces": {"x": "-c*x'"}}, {"rayleigh": "c*x'^2/2"}], ids=["forces", "rayleigh"])
 def test_friction_acts_in_every_method(force: dict[str, Any]) -> None:
     """x'' = -x - c x' has x = exp(-ct/2)(cos wt + c/2w sin wt)."""
@@ -90,6 +91,7 @@ def test_observables_by_formula() -> None:
         simulate(scene(OSCILLATOR, ["adaptive"], observe=[{"energy": "x"}]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["adaptive", "reference", "heyoka", EIGHTH, {"method": "nonholonomic", "order": 8}])
 def test_events_are_located_to_round_off(method: Any) -> None:
     if method == "heyoka":
@@ -109,6 +111,7 @@ def test_an_event_of_a_method_is_where_its_own_motion_is() -> None:
     assert np.abs(np.array(found["events"][0]["columns"]["t"]) * slow - np.pi * np.array([0.5, 2.5, 4.5])).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_projectile_stops_at_the_ground() -> None:
     """Without drag it lands at t = 2 v/g; with quadratic drag earlier."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - 10*y", "parameters": ["k"]}
@@ -142,6 +145,7 @@ def test_a_ball_bounces_by_beginning_again_where_it_stopped() -> None:
     assert (again["t"], again["velocities"]["y"]) == pytest.approx((2, -1))
 
 
+@pytest.mark.slow
 def test_a_section_of_henon_and_heiles_keeps_its_energy() -> None:
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
     start = {"positions": {"x": 0, "y": 0.1}, "velocities": {"x": 0.3, "y": 0.1}}
@@ -207,6 +211,7 @@ def test_members_of_an_ensemble_end_by_themselves() -> None:
     assert found["outcome"] == "singular"
 
 
+@pytest.mark.slow
 def test_members_are_put_on_the_constraints() -> None:
     disk = {"catalogue": "vertically-rolling-disk"}
     start = {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}}
@@ -232,6 +237,7 @@ DISK: dict[str, Any] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_each_member_is_on_the_constraints_of_its_own_parameters() -> None:
     """R is in the constraints: with R = 2 the disk rolls twice as far."""
     single = labelled(DISK | {"parameters": DISK["parameters"] | {"R": 2}})
@@ -271,6 +277,7 @@ def test_many_starts_are_put_on_constraints_at_once() -> None:
     assert found["outcomes"] == {"completed": 30_000}
 
 
+@pytest.mark.slow
 def test_lyapunov_exponents_come_from_the_variational_equations() -> None:
     """x'' = x has the exponent 1; an oscillator none; friction c divides by two."""
     for equation, expected in (("x'' = x", 1.0), ("x'' = -x", 0.0), ("x'' = -x - x'/5", -0.1)):
@@ -332,6 +339,7 @@ def test_the_velocities_of_a_row_are_those_of_its_time(method: Any) -> None:
     )
 
 
+@pytest.mark.slow
 def test_motions_that_break_the_constraints_have_no_exponent() -> None:
     """x stays and y runs with 1: nothing parts. Where exp(-y) x' is another constant, x' grows as exp(t)."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2", "constraints": ["exp(-y)*x'"]}

@@ -24,6 +24,7 @@ def test_parameters_that_leave_a_lagrangian_are_found() -> None:
     assert "where e = 0" in text_page(result, False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "forged", [{"conditions": ["e = 1"]}, {"conditions": []}, {"conditions": ["x = 0"]}, {"equations": {"x": "0"}}]
 )
@@ -52,6 +53,7 @@ def test_the_first_of_them_is_friction() -> None:
     assert solve_document(asked, SolveOptions(time_limit=200))["instead"]["kind"] == "rayleigh"
 
 
+@pytest.mark.slow
 def test_a_parameter_is_not_made_a_coordinate() -> None:
     """x'' = a y + y^2, y'' = x^2/2 + 2 x y has an L with x for a, and none for any constant a."""
     result = solve_document(

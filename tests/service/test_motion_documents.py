@@ -31,6 +31,7 @@ def test_the_accelerations_of_all_coordinates_are_understood() -> None:
     assert understand_document(INCLINED)["given"] == INCLINED
 
 
+@pytest.mark.slow
 def test_the_answer_is_about_the_motion_alone() -> None:
     found = solve_document(INCLINED, SolveOptions(time_limit=300))
     assert found["verdict"] == "undetermined"
@@ -74,6 +75,7 @@ def changed(result: dict[str, Any], part: str, name: str, text: str) -> dict[str
     return other
 
 
+@pytest.mark.slow
 def test_a_result_about_another_motion_is_refused_by_the_check() -> None:
     found = solve_document(KNIFE, SolveOptions(time_limit=300))
     assert found["any_associated"]["verdict"] == "variational"
@@ -92,6 +94,7 @@ def test_a_result_about_another_motion_is_refused_by_the_check() -> None:
         assert check_plain(other)["verdict"] == "invalid"
 
 
+@pytest.mark.slow
 def test_a_coordinate_that_depends_on_others_may_stand_before_them() -> None:
     """The potential contains z, so y is taken for the dependent one."""
     made = {
@@ -105,6 +108,7 @@ def test_a_coordinate_that_depends_on_others_may_stand_before_them() -> None:
     assert (found["verdict"], found["checked"]) == ("not_variational", "valid")
 
 
+@pytest.mark.slow
 def test_both_kinds_of_document_about_one_motion_have_one_answer() -> None:
     given = {
         "coordinates": ["x", "y", "z"],
@@ -122,6 +126,7 @@ def test_both_kinds_of_document_about_one_motion_have_one_answer() -> None:
     assert answers[0]["freedom"] == answers[1]["freedom"] == "2 functions of 3 variables"
 
 
+@pytest.mark.slow
 def test_a_sleigh_cannot_be_given_a_hamiltonian_and_says_so_first() -> None:
     sleigh = {
         "coordinates": ["phi", "x", "y"],
@@ -137,6 +142,7 @@ def test_a_sleigh_cannot_be_given_a_hamiltonian_and_says_so_first() -> None:
     assert any("2-form that does has a vertical vector" in step["text"] for step in found["explanation"])
 
 
+@pytest.mark.slow
 def test_the_sleigh_is_settled_in_whatever_order_its_coordinates_are_named() -> None:
     """Chaplygin's sleigh with a moment of inertia about its mass has no Lagrangian among all associated systems."""
     document = {
@@ -152,6 +158,7 @@ def test_the_sleigh_is_settled_in_whatever_order_its_coordinates_are_named() -> 
         assert (found["verdict"], found["checked"]) == ("not_variational", "valid")
 
 
+@pytest.mark.slow
 def test_a_document_that_asks_for_a_search_gets_what_decides_all_at_once() -> None:
     asked = {key: KNIFE[key] for key in ("coordinates", "lagrangian", "constraints")}
     asked |= {"associated": "search", "search": {"families": ["products"]}, "time_dependent_lagrangian": False}
@@ -160,6 +167,7 @@ def test_a_document_that_asks_for_a_search_gets_what_decides_all_at_once() -> No
     assert found["any_associated"]["verdict"] == "variational"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("potential", ["sqrt(x)", "x^(4/3)"])
 def test_where_a_motion_is_defined_is_part_of_its_proof(potential: str) -> None:
     free = f"(x'^2 + y'^2 + z'^2)/2 - {potential}"

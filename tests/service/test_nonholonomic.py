@@ -32,6 +32,7 @@ def part_of(result: dict[str, Any], kind: str) -> dict[str, Any]:
     return next(one for one in result["nonholonomic"]["associated"] if one["kind"] == kind)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIVE)
 def test_bare_lagrangian_and_constraints_give_the_whole_answer(name: str) -> None:
     result = solved(name)
@@ -55,6 +56,7 @@ def test_bare_lagrangian_and_constraints_give_the_whole_answer(name: str) -> Non
     assert all(one["trajectory"]["difference"] < 1e-7 for one in part["hamiltonisation"])
 
 
+@pytest.mark.slow
 def test_roots_of_positive_sums_are_one_root_in_all_that_is_shown() -> None:
     document = {
         "coordinates": ["x", "y", "z"],
@@ -69,6 +71,7 @@ def test_roots_of_positive_sums_are_one_root_in_all_that_is_shown() -> None:
     assert all("sqrt(y^4 + 4)" in text and "2*y + 2" not in text for text in shown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIVE[:2])
 def test_the_latex_page_has_what_the_page_of_text_has(name: str) -> None:
     result = solved(name)
@@ -83,6 +86,7 @@ def test_the_latex_page_has_what_the_page_of_text_has(name: str) -> None:
     assert all(part[each]["statement"][:26] in latex for each in ("paper_class", "integrable"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIVE[:3])
 def test_the_checker_accepts_the_result_and_no_other_lagrangian(name: str) -> None:
     result = solved(name)
@@ -92,6 +96,7 @@ def test_the_checker_accepts_the_result_and_no_other_lagrangian(name: str) -> No
     assert check_text(json.dumps(forged)).verdict == "invalid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_POTENTIAL)
 @pytest.mark.parametrize("kind", ["first", "second"])
 def test_with_a_potential_first_and_second_have_negative_certificates(name: str, kind: str) -> None:
@@ -103,6 +108,7 @@ def test_with_a_potential_first_and_second_have_negative_certificates(name: str,
     assert check_certificate(broken, time_limit=20).verdict != "valid"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["first", "second", "third"])
 def test_the_main_fields_answer_the_system_asked_for(kind: str) -> None:
     result = solved("knife-edge", kind)
@@ -116,6 +122,7 @@ def test_the_main_fields_answer_the_system_asked_for(kind: str) -> None:
 DISK = catalogue.document("vertically-rolling-disk")
 
 
+@pytest.mark.slow
 def test_multiples_of_the_constraints_are_added() -> None:
     turn = {"x": "-phi'*(y' - R*sin(phi)*theta')", "y": "phi'*(x' - R*cos(phi)*theta')"}
     result = solve_document(DISK | {"multiples": turn}, SolveOptions(time_limit=300))
@@ -126,6 +133,7 @@ def test_multiples_of_the_constraints_are_added() -> None:
     assert third["verdict"] == "variational"
 
 
+@pytest.mark.slow
 def test_a_list_of_multiples_is_a_list_of_systems_with_their_own_parameters() -> None:
     turn = {"x": "-phi'*(y' - R*sin(phi)*theta')", "y": "phi'*(x' - R*cos(phi)*theta')"}
     families = [{"x": "mu*(x' - R*cos(phi)*theta')"}, turn]
@@ -145,6 +153,7 @@ SPHERE = {
 }
 
 
+@pytest.mark.slow
 def test_integrable_constraints_are_said_to_be_so() -> None:
     part = solve_document(SPHERE, SolveOptions(time_limit=300))["nonholonomic"]
     assert part["integrable"]["holonomic"]
@@ -173,6 +182,7 @@ REFUSALS: dict[str, tuple[dict[str, Any], str, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REFUSALS)
 def test_a_bad_document_gets_one_clear_sentence_with_its_place(name: str) -> None:
     document, pointer, word = REFUSALS[name]
@@ -195,6 +205,7 @@ def test_what_was_understood_shows_lagrangian_constraints_and_motion() -> None:
         look({"constraints": ["x'"]})
 
 
+@pytest.mark.slow
 def test_pages_show_the_motion_and_the_hamiltonisation() -> None:
     page = text_page(solved("nonholonomic-particle"), explain=False)
     assert "  z' = -x*y'" in page
@@ -236,6 +247,7 @@ def test_a_sleigh_without_this_associated_system_is_told_what_to_ask(kind: str) 
     assert caught.value.pointer == "/associated"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["lagrangian", "constraints", "multiples"])
 def test_bad_formulas_are_refused_or_understood_and_never_a_fault(key: str) -> None:
     refused = 0

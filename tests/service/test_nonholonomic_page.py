@@ -20,6 +20,7 @@ LONG = ("generic-class-two", "generic-class-three")
 WORDS = {"v": "variational", "nv": "not_variational"}
 
 
+@pytest.mark.slow
 def test_the_example_prints_what_the_page_shows() -> None:
     (document,) = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
     (shown,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)

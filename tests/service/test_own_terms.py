@@ -25,6 +25,7 @@ def ansatz(*terms: Any, **changes: Any) -> dict[str, Any]:
     return {**PARTICLE, "ansatz": list(terms), **changes}
 
 
+@pytest.mark.slow
 def test_own_terms_are_tried_first_and_shown_with_the_system() -> None:
     found = solve_system(PARTICLE, SolveOptions())
     assert found["lagrangian"]["family"] == "the given terms"
@@ -33,6 +34,7 @@ def test_own_terms_are_tried_first_and_shown_with_the_system() -> None:
     assert any("'the given terms' (2 candidate terms)" in step["text"] for step in found["explanation"])
 
 
+@pytest.mark.slow
 def test_a_result_with_own_terms_is_confirmed_by_the_checker() -> None:
     found = solve_system(PARTICLE, SolveOptions())
     assert check_document(json.dumps(found))["verdict"] == "valid"
@@ -82,6 +84,7 @@ def test_a_list_of_another_shape_is_refused(changes: dict[str, Any], pointer: st
     assert caught.value.pointer == pointer
 
 
+@pytest.mark.slow
 def test_the_order_of_the_series_reaches_the_certificate() -> None:
     document = {"coordinates": ["x"], "equations": {"x": "-x+(1-x^2)*x'"}, "time_dependent_lagrangian": False}
     found = solve_system({**document, "series_order": 4}, SolveOptions())

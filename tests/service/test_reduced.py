@@ -181,6 +181,7 @@ def test_what_contains_the_others_does_not_reduce(why: str, asked: dict[str, Any
     assert reduced(asked) is None, why
 
 
+@pytest.mark.slow
 def test_a_result_holds_the_reduced_system_and_no_forged_one() -> None:
     asked = {**KNOWN[-2][1], "associated": "first"}
     result = solve_document(asked, SolveOptions(time_limit=20))

@@ -34,6 +34,7 @@ def outcomes(document: dict[str, Any]) -> dict[str, str]:
     return {label: method["outcome"] for label, method in methods(document).items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll", [1, 0])
 def test_a_disk_that_does_not_turn_keeps_the_methods_that_can_run(roll: int) -> None:
     """The class of the paper excludes r1' = 0: L~ says so, and the others run."""
@@ -44,6 +45,7 @@ def test_a_disk_that_does_not_turn_keeps_the_methods_that_can_run(roll: int) -> 
     assert found["nonholonomic-0.5"]["outcome"] == found["exact"]["outcome"] == "completed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "positions", "velocities", "kept"),
     [
@@ -78,6 +80,7 @@ def test_one_method_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch
     assert found["variational-0.5"]["outcome"] == "completed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 8])
 @pytest.mark.parametrize("step", [0.02, 0.01])
 def test_a_run_ends_where_the_free_hamiltonian_ends(order: int, step: float) -> None:
@@ -91,6 +94,7 @@ def test_a_run_ends_where_the_free_hamiltonian_ends(order: int, step: float) -> 
     assert found["max_error"] < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", ["0", "1/4", "1/3", "1"])
 @pytest.mark.parametrize(("order", "bound"), [(4, 2e-6), (6, 1e-8), (8, 1e-12)])
 def test_symmetrised_steps_are_composed(alpha: str, order: int, bound: float) -> None:
@@ -101,6 +105,7 @@ def test_symmetrised_steps_are_composed(alpha: str, order: int, bound: float) ->
     assert found["max_error"] < bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", ["0", "1/4", "1"])
 def test_symmetrised_steps_are_composed_with_constraints(alpha: str) -> None:
     initial = {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}}
@@ -112,6 +117,7 @@ def test_symmetrised_steps_are_composed_with_constraints(alpha: str) -> None:
     assert found["max_error"] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.01])
 def test_what_falls_into_a_pole_ends_there(step: float) -> None:
     """L = x'^2/2 - log(x) from rest at x = 1: x = 0 at t = sqrt(pi/2), where E and the motion end."""
@@ -130,6 +136,7 @@ def test_what_falls_into_a_pole_ends_there(step: float) -> None:
         assert min(method["points"]["columns"]["x"]) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("coordinates", "constraints"),
     [
@@ -160,6 +167,7 @@ def test_a_loss_of_rank_ends_the_run(coordinates: str, constraints: list[str]) -
         assert method["max_energy_error"] < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [1e4, 1e6, 1e8])
 @pytest.mark.parametrize("resolution", [0.1, 0.5, 1, 1.9])
 def test_stiff_steps_converge_to_their_own_noise(k: float, resolution: float) -> None:
@@ -239,6 +247,7 @@ def test_heyoka_is_compiled_once() -> None:
 EVERY = ["variational", "stormer-verlet", "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "heyoka"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lagrangian", ["x'^2/2 - x^2/2", "x'^2/2 - (x - 1)^2", "x'^2/2", "x'^2/2 - x^2/2 + log(x)"])
 def test_what_is_at_rest_stays_at_rest(lagrangian: str) -> None:
     place = 0 if lagrangian.endswith("x^2/2") else 1
@@ -249,6 +258,7 @@ def test_what_is_at_rest_stays_at_rest(lagrangian: str) -> None:
         assert method["final"]["positions"]["x"] == pytest.approx(place, abs=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", ["abs(x')", "sqrt(x'^2 + y'^2)"])
 def test_a_fall_with_quadratic_drag_begins_at_rest(size: str) -> None:
     """v = -u tanh(g t/u), u = sqrt(m g/k), while y stays at rest."""
@@ -263,6 +273,7 @@ def test_a_fall_with_quadratic_drag_begins_at_rest(size: str) -> None:
         assert method["final"]["positions"]["y"] == 0
 
 
+@pytest.mark.slow
 def test_a_barrier_that_a_step_jumps_over_ends_the_run() -> None:
     """V rises from -1 to 1 at x = 1 within 0.002; a mass of energy 1/2 - 1 comes back."""
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - tanh(1000*(x - 1))"}
@@ -275,6 +286,7 @@ def test_a_barrier_that_a_step_jumps_over_ends_the_run() -> None:
             assert method["outcome"] in ("unresolved", "no_convergence", "guard"), label
 
 
+@pytest.mark.slow
 def test_a_narrow_barrier_that_no_step_lands_in_ends_the_run() -> None:
     """V = 10 within 0.002 of x = 1.03, before and behind it 0: a mass of energy 1/2 comes back. Nothing is observed."""
     start = {"positions": {"x": 0}, "velocities": {"x": 1}}
@@ -298,6 +310,7 @@ def test_a_narrow_barrier_that_is_low_is_passed() -> None:
 FIXED = ["variational", "stormer-verlet", "runge-kutta", "adaptive"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("observe", [[], ["error"]])
 def test_a_force_far_faster_than_the_step_is_unresolved(observe: list[str]) -> None:
     """Its mean is 0; at the steps it is that of a slow force, which throws the motion elsewhere."""
@@ -309,6 +322,7 @@ def test_a_force_far_faster_than_the_step_is_unresolved(observe: list[str]) -> N
     assert set(found.values()) == {"unresolved"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("force", "step", "steps"),
     [("-x + cos(t)/2", 0.3, 3000), ("-x + sin(1000*t)/10000", 0.05, 2000), ("-sin(x) + sin(t)/2", 0.05, 4000),
@@ -321,6 +335,7 @@ def test_coarse_runs_with_a_force_that_they_see_go_to_the_end(force: str, step: 
     assert set(outcomes(scene | {"methods": FIXED[2:]}).values()) == {"completed"}
 
 
+@pytest.mark.slow
 def test_a_pole_written_as_a_square_is_not_jumped_over() -> None:
     """(x - y)^2, multiplied out or not, shows no change of sign."""
     start = {"positions": {"x": 0, "y": 1}, "velocities": {"x": 3, "y": 0}}
@@ -330,6 +345,7 @@ def test_a_pole_written_as_a_square_is_not_jumped_over() -> None:
         assert "completed" not in outcomes(scene).values()
 
 
+@pytest.mark.slow
 def test_a_pole_in_the_first_step_is_not_jumped_over() -> None:
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 + 1/(100*(x - 1)^2)"}
     start = {"positions": {"x": 0}, "velocities": {"x": 5}}
@@ -434,6 +450,7 @@ def test_a_kink_or_a_weaker_root_has_one_motion(force: str) -> None:
     assert begun_at_zero(force, 0, "adaptive")["final"]["positions"] == {"x": 0.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["adaptive", "stiff", "reference", "runge-kutta", "heyoka"])
 @pytest.mark.parametrize(
     ("force", "velocity", "end"), [("x'^2", 1, 1), ("x'^2", 2, 0.5), ("2*x'^2/(1 + x)", 1, 1), ("2*x^3", 1, 1)]
@@ -455,6 +472,7 @@ def test_no_run_begins_where_its_formula_has_no_value(force: str, method: str) -
     assert begun_at_zero(force, -1, method)["outcome"] == "off_domain"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0, "1/2", 1])
 def test_steps_of_one_length_all_end_at_a_kink_of_the_potential(alpha: Any) -> None:
     """Without constraints both methods have the same discrete equations; past the kink both lose an order."""
@@ -465,6 +483,7 @@ def test_steps_of_one_length_all_end_at_a_kink_of_the_potential(alpha: Any) -> N
     assert [(stop["time"], stop["quantity"]) for stop in stops] == [(stops[0]["time"], "x")] * 2
 
 
+@pytest.mark.slow
 def test_a_constrained_motion_ends_at_a_kink_of_the_potential() -> None:
     """A step of 0.05 went by two kinks here and ended 0.09 from the motion, which is at y = 0.324."""
     system = {

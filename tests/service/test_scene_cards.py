@@ -19,6 +19,7 @@ LONG = ("a charged particle with drag, by its equations", "a snakeboard with fee
 QUICK = [pytest.param(card, marks=pytest.mark.slow if card.name in LONG else (), id=card.name) for card in CARDS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("card", QUICK)
 def test_a_scene_is_answered_as_its_card_says(card: Card) -> None:
     if isinstance(card.answer, str):

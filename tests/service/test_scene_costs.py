@@ -48,6 +48,7 @@ def test_the_time_of_a_step_is_not_that_of_a_call() -> None:
     assert 0 < few["cost"]["step_ns"] < 5 * many["cost"]["step_ns"]
 
 
+@pytest.mark.slow
 def test_every_effect_and_observed_quantity_has_its_price() -> None:
     for method in simulate(FALLING)["methods"]:
         found = parts(method)
@@ -144,6 +145,7 @@ def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None
     assert (len(kernels[1]) < len(kernels[0])) == (observed != "momenta")  # momenta are the state itself
 
 
+@pytest.mark.slow
 def test_the_effects_of_a_free_lagrangian_are_not_taken_apart() -> None:
     scene = DISK | {"methods": [{"method": "variational", "alpha": 0}, {"method": "nonholonomic", "alpha": 0}, "exact"]}
     variational, nonholonomic, exact = simulate(scene | {"observe": ["constraints", "cost"]})["methods"]

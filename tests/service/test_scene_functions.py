@@ -53,6 +53,7 @@ def test_a_function_without_a_formula_in_the_free_lagrangian_is_named() -> None:
         simulate(SCENE | {"free_lagrangian": "x'^2/2 - k*B(x)"})
 
 
+@pytest.mark.slow
 def test_the_lagrangian_of_a_catalogue_system_takes_the_functions_of_the_scene() -> None:
     generic = SCENE | {
         "system": {"catalogue": "generic-class-one-second"},

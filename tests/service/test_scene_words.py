@@ -27,6 +27,7 @@ def end(scene: dict[str, Any]) -> dict[str, float]:
     return positions
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "system",
     [
@@ -52,6 +53,7 @@ def test_the_name_of_the_time_holds_in_the_formulas_of_the_scene_too() -> None:
     assert end(ours) != end({**ours, "forces": {"x": "0"}})
 
 
+@pytest.mark.slow
 def test_a_result_in_which_the_time_is_named_can_be_simulated() -> None:
     document = {"equations": {"x": "-x + cos(s)"}, "time": "s"}
     result = solve_document(document, SolveOptions(time_limit=20))

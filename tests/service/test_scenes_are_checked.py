@@ -36,6 +36,7 @@ def test_constraints_that_cannot_be_meant_are_named(constraints: list[str], sent
         simulate(scene(PLANE | {"constraints": constraints}, ["nonholonomic"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["friction", "Drag", "damping", "dissipation"])
 def test_a_term_of_the_lagrangian_is_no_friction(name: str) -> None:
     document = scene(PLANE, ["variational"], terms={name: "-x'^2/8"})
@@ -51,6 +52,7 @@ def test_a_degenerate_lagrangian_is_refused_by_every_method() -> None:
         assert "singular" in method["reason"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turning", [0, 1])
 def test_parameters_that_leave_no_motion_are_said_as_such(turning: float) -> None:
     """I + M R^2 = 0: no method may complete, wherever it starts, and each says that parameters are to be changed."""
@@ -65,6 +67,7 @@ def test_parameters_that_leave_no_motion_are_said_as_such(turning: float) -> Non
         assert "other parameters" in method["reason"]
 
 
+@pytest.mark.slow
 def test_a_ball_on_a_turntable_is_run_geometrically() -> None:
     """Constraints with a part without velocities: the ball moves on a circle at 2/7 of the table's rate (Routh)."""
     rate = 0.5
@@ -96,6 +99,7 @@ def test_a_time_off_the_grid_is_noted() -> None:
     assert any("The run takes 6.3" in note for note in simulate(document)["notes"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["adaptive", "variational", "heyoka"])
 def test_a_motion_of_any_size_is_as_accurate(method: str) -> None:
     if method == "heyoka":
@@ -107,6 +111,7 @@ def test_a_motion_of_any_size_is_as_accurate(method: str) -> None:
     assert found["max_error"] < 1e-32
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["heyoka", "adaptive", {"method": "stormer-verlet", "order": 8}])
 def test_an_atom_in_seconds_is_as_accurate(method: Any) -> None:
     """Times of 1e-17 s: of a series of order 20 in seconds the coefficients are no numbers any more."""
@@ -131,6 +136,7 @@ def test_a_part_that_costs_no_measurable_time_has_none() -> None:
         assert part["step_ns"] is None or part["step_ns"] >= 0
 
 
+@pytest.mark.slow
 def test_twelve_masses_on_a_chain_are_simulated() -> None:
     """Fermi, Pasta, Ulam and Tsingou: the harmonic chain has frequencies 2 sin(k pi/2(n+1))."""
     n = 12

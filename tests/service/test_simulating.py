@@ -54,6 +54,7 @@ KNOWN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", KNOWN)
 def test_the_disk_gives_the_known_figures(label: str, table: dict[str, dict[str, Any]]) -> None:
     found = table[label]
@@ -76,6 +77,7 @@ def test_drift_phase_and_trajectory_are_told_apart(table: dict[str, dict[str, An
     assert table["variational-0"]["max_momentum_drift"] < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("alpha", "ratio"), [
     (0, 0.996669443519), ("1/3", 0.998888991766), ("1/2", 1.0), (1, 1.003341686156),
 ])  # fmt: skip
@@ -103,6 +105,7 @@ def test_every_scene_of_the_docs_is_read(path: Path) -> None:
     read_scene(scene_schema(read_json(path.read_bytes())))
 
 
+@pytest.mark.slow
 def test_the_scene_of_the_contract_runs() -> None:
     found = by_label(simulate(scene("disk", steps=400)))
     assert list(found) == ["variational-0", "nonholonomic-0", "modified-0", "exact", "reference"]
@@ -162,6 +165,7 @@ def test_what_no_method_and_no_observable_needs_is_not_derived() -> None:
     assert set(method["seconds"]) == {"compile", "run", "half the step", "energy"}
 
 
+@pytest.mark.slow
 def test_results_are_plain_json_whatever_happens() -> None:
     document = scene("disk-table", step=3, steps=50, time=None)
     document["methods"] += ["modified", "exact", "reference", {"method": "variational", "form": "raw"}]
@@ -174,6 +178,7 @@ def test_results_are_plain_json_whatever_happens() -> None:
     assert all(m["stopped"]["remedy"] or m.get("reason") for m in stopped)
 
 
+@pytest.mark.slow
 def test_a_start_on_the_zero_of_a_constraint_is_no_hindrance() -> None:
     """sin(phi) = 0 at the start: the momenta are limits of 0/0."""
     document = scene("disk", steps=200, observe=["error", "constraints"])
@@ -185,6 +190,7 @@ def test_a_start_on_the_zero_of_a_constraint_is_no_hindrance() -> None:
         assert method["max_error"] < 0.1
 
 
+@pytest.mark.slow
 def test_a_system_that_is_not_variational_says_so_and_the_rest_runs() -> None:
     document = scene("disk", steps=50, methods=["variational", "nonholonomic"], observe=["error"])
     document["terms"], document["effects"] = {"spring": "-x^2/2"}, ["constraints", "spring"]
@@ -196,6 +202,7 @@ def test_a_system_that_is_not_variational_says_so_and_the_rest_runs() -> None:
     assert found["nonholonomic-0.5"]["error_uncertainty"] < 1e-11
 
 
+@pytest.mark.slow
 def test_a_free_lagrangian_of_another_motion_is_refused() -> None:
     wrong = "phi'^2/2 + theta'^2/2 + (x'^2/sin(phi) + y'^2/cos(phi))/(2*phi')"
     with pytest.raises(InputError, match="no solution of this Lagrangian") as refused:
@@ -209,6 +216,7 @@ def test_a_free_lagrangian_of_another_motion_is_refused() -> None:
         simulate(scene("disk", methods=["variational"], constants={"C_z": 1}, steps=10))
 
 
+@pytest.mark.slow
 def test_the_third_lagrangian_keeps_the_constraint_through_zero() -> None:
     document = scene("particle", steps=400, free_lagrangian="third", methods=["variational"])
     document["initial"] = {"positions": {"x": -1, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}}
@@ -249,6 +257,7 @@ def test_the_last_step_counts_whatever_the_rhythm_of_records() -> None:
     assert errors["exact"]["max_error"] == 0
 
 
+@pytest.mark.slow
 def test_methods_whose_turn_comes_after_the_time_limit_are_not_compiled_and_say_so() -> None:
     """Of 24 methods that each take long, the first ones have points and all have an outcome."""
     methods = [{"method": "variational", "alpha": k / 23} for k in range(24)]
@@ -265,6 +274,7 @@ def test_methods_whose_turn_comes_after_the_time_limit_are_not_compiled_and_say_
     assert "before its turn" in found[-1]["reason"]
 
 
+@pytest.mark.slow
 def test_a_run_near_its_time_limit_stops_and_says_so() -> None:
     document = scene("disk", methods=["nonholonomic"], observe=["trajectory"], steps=100_000_000)
     method = simulate(document, time_limit=0.5)["methods"][0]
@@ -287,6 +297,7 @@ def test_one_coordinate_has_no_circle() -> None:
 DAMPED = "((x + 4*x')*atan((x + 4*x')/(x*sqrt(15)))/(x*sqrt(15)) - log(2*x^2 + 2*x'^2 + x*x')/2)/2"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["hamiltonian", "raw"])
 def test_a_pole_of_the_free_lagrangian_on_the_way_is_named(form: str) -> None:
     """The damped oscillator passes x = 0, by which this Lagrangian divides; the guard alone would not say why."""

@@ -18,6 +18,7 @@ PAGE = (ROOT / "docs" / "simulation.md").read_text(encoding="utf-8")
 ROUND_OFF = 2e-12
 
 
+@pytest.mark.slow
 def test_the_example_runs() -> None:
     examples = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
     assert len(examples) == 2

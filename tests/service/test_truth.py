@@ -32,6 +32,7 @@ def kepler_position(eccentricity: float, time: float) -> tuple[float, float]:
         return float(axis * (mp.cos(anomaly) - e)), float(axis * mp.sqrt(1 - e**2) * mp.sin(anomaly))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("eccentricity", [0.5, 0.9, 0.999])
 def test_near_collisions_end_right_or_typed(eccentricity: float) -> None:
     found = kepler(eccentricity, 0.01, ["adaptive", "variational", {"method": "runge-kutta", "order": 8}, "reference"])
@@ -48,6 +49,7 @@ def test_near_collisions_end_right_or_typed(eccentricity: float) -> None:
     assert found["truth"]["uncertainty"] < 1e-7
 
 
+@pytest.mark.slow
 def test_errors_and_their_uncertainty_have_one_unit() -> None:
     """The earth about the sun in metres: both are metres."""
     scene = {
@@ -62,6 +64,7 @@ def test_errors_and_their_uncertainty_have_one_unit() -> None:
         assert method["max_error"] < 1
 
 
+@pytest.mark.slow
 def test_a_chaotic_motion_is_known_for_a_while() -> None:
     scene = {
         "system": {"coordinates": ["a", "b"], "parameters": {"g": 9.81},
@@ -78,6 +81,7 @@ def test_a_chaotic_motion_is_known_for_a_while() -> None:
     assert method["error_until"]["max_error"] < 0.1
 
 
+@pytest.mark.slow
 def test_more_than_a_million_steps_have_an_error() -> None:
     scene = {
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
@@ -90,6 +94,7 @@ def test_more_than_a_million_steps_have_an_error() -> None:
     assert method["error_uncertainty"] < 1e-11
 
 
+@pytest.mark.slow
 def test_a_truth_that_ends_early_ends_the_errors_too() -> None:
     scene = {
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - log(x)"},
@@ -103,6 +108,7 @@ def test_a_truth_that_ends_early_ends_the_errors_too() -> None:
         assert method["stopped"]["time"] == pytest.approx(1.2533, abs=0.03)
 
 
+@pytest.mark.slow
 def test_without_heyoka_our_own_two_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     from inverse_service.errors import InputError
     from inverse_service.simulation import peers

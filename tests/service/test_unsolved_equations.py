@@ -56,6 +56,7 @@ def test_pendulums_on_a_cart_with_letters_have_their_own_lagrangian(n: int) -> N
     assert check_plain(found)["verdict"] == "valid"
 
 
+@pytest.mark.slow
 def test_the_equations_are_shown_as_they_were_given(four: dict[str, Any]) -> None:
     assert four["system"]["equations"]["x"].startswith("(m0 + m1 + m2 + m3 + m4)*x'' + ")
     assert four["system"]["latex"]["x"].endswith(" = 0")
@@ -87,6 +88,7 @@ FORGED: dict[str, Callable[[dict[str, Any]], None]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORGED)
 def test_a_forged_certificate_about_unsolved_equations_is_refused(four: dict[str, Any], name: str) -> None:
     certificate = copy.deepcopy(four["certificate"])
@@ -102,6 +104,7 @@ def test_the_negative_of_an_equation_says_the_same(four: dict[str, Any]) -> None
     assert check_certificate(certificate).verdict == "valid"
 
 
+@pytest.mark.slow
 def test_unsolved_equations_are_compared_with_the_document(four: dict[str, Any]) -> None:
     other = pendulums_on_a_cart(4)
     other["equations"][2] = other["equations"][2].replace("g*", "2*g*")
@@ -115,6 +118,7 @@ def test_equations_that_are_too_long_and_not_self_adjoint_are_refused_as_before(
         solved(document)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["", "-", "g*l1 + "])
 def test_an_own_lagrangian_of_unsolved_equations_is_confirmed(four: dict[str, Any], change: str) -> None:
     found = check_lagrangian(pendulums_on_a_cart(4), f"{change}({four['lagrangian']['text']})")
@@ -122,6 +126,7 @@ def test_an_own_lagrangian_of_unsolved_equations_is_confirmed(four: dict[str, An
     assert {part["text"] for part in found["residual"].values()} == {"0"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["3*", "x'^2 + "])
 def test_other_lagrangians_of_unsolved_equations_are_left_open(four: dict[str, Any], change: str) -> None:
     found = check_lagrangian(pendulums_on_a_cart(4), f"{change}({four['lagrangian']['text']})")

@@ -28,6 +28,7 @@ def found() -> dict[str, Any]:
     return work_precision(scene)
 
 
+@pytest.mark.slow
 def test_measured_orders_are_those_of_the_methods(found: dict[str, Any]) -> None:
     orders = {method["label"]: method["measured_order"] for method in found["methods"]}
     for kind in ("variational", "nonholonomic"):
@@ -37,6 +38,7 @@ def test_measured_orders_are_those_of_the_methods(found: dict[str, Any]) -> None
     assert orders["runge-kutta-order4"] == pytest.approx(4, abs=0.1)
 
 
+@pytest.mark.slow
 def test_runs_go_from_coarse_to_fine_with_all_columns(found: dict[str, Any]) -> None:
     for method in found["methods"]:
         settings = method["settings"]
@@ -79,6 +81,7 @@ def test_a_long_run_shows_what_drifts() -> None:
     assert "Over 100 times the time" in found["sentences"][1]
 
 
+@pytest.mark.slow
 def test_heyoka_is_measured_by_tolerance() -> None:
     pytest.importorskip("heyoka")
     scene = read_json((SCENES / "particle-work-precision.json").read_bytes())
@@ -94,6 +97,7 @@ def test_heyoka_is_measured_by_tolerance() -> None:
     assert all(setting["tolerance"] is None for setting in found["methods"][1]["settings"])
 
 
+@pytest.mark.slow
 def test_what_failed_is_listed_and_not_drawn(found: dict[str, Any]) -> None:
     failed = [line for line in found["failed"] if line["label"] == "modified-0"]
     settings = next(method for method in found["methods"] if method["label"] == "modified-0")["settings"]
@@ -109,6 +113,7 @@ def test_what_failed_is_listed_and_not_drawn(found: dict[str, Any]) -> None:
     assert len(precision_figure(found, evaluations=True)[0].axes) == 2
 
 
+@pytest.mark.slow
 def test_the_machine_and_the_truth_are_told(found: dict[str, Any]) -> None:
     assert found["truth"]["against"] == "exact"
     assert found["truth"]["uncertainty"] < 1e-13

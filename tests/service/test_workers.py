@@ -96,6 +96,7 @@ def test_a_loop_in_c_that_holds_the_interpreter_is_killed_at_its_deadline(worker
     assert workers.run(tasks.load_engine, (), 30.0).status == "done"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="the system does not tell who waits")
 def test_a_task_is_not_killed_while_others_have_the_processor() -> None:
     """Of 1 s by the clock it has some 0.3 s for itself."""
@@ -205,6 +206,7 @@ def test_stopped_workers_refuse() -> None:
     assert pool.run(tasks.load_engine, (), 1.0).status == "crash"
 
 
+@pytest.mark.slow
 def test_alone_a_task_answers_is_killed_and_is_bounded() -> None:
     assert run_alone(os.getppid, (), 30.0, MEMORY).value == os.getpid()
     assert run_alone(pow, (3, 10**9), 0.3, MEMORY).status == "deadline"

@@ -23,6 +23,7 @@ def together(what: Problem, choice: MethodChoice, starts: list[Start], grid: Gri
     return run_ensemble(what, choice, positions, velocities, grid, values)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 20])
 def test_many_starts(count: int) -> None:
     starts = [disk_start(0.1 * k, 1.0 + 0.01 * k) for k in range(count)]
@@ -38,6 +39,7 @@ def test_many_starts(count: int) -> None:
         assert np.all(found.times == alone.times)
 
 
+@pytest.mark.slow
 def test_many_steps_and_constants() -> None:
     steps, constants = np.linspace(0.02, 0.065, 10), 10.0 ** -np.arange(10)
     start = disk_start()
@@ -49,6 +51,7 @@ def test_many_steps_and_constants() -> None:
         assert np.abs(one - alone.positions).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["nonholonomic", "runge_kutta", "reference", "adaptive", "stiff"])
 def test_other_methods(method: str) -> None:
     starts = [particle_start(-0.5 + 0.1 * k) for k in range(10)]
@@ -86,6 +89,7 @@ def test_methods_without_kernels_are_refused() -> None:
         run_ensemble(DISK, MethodChoice("variational"), positions, velocities, Grid(0.1, 10), {})
 
 
+@pytest.mark.slow
 def test_starts_with_momenta_of_their_own_are_those_of_single_runs() -> None:
     """L~ of the disk is 0/0 where sin(phi) = 0: all starts are taken at once, and each is the start of a single run."""
     angles = ["0", "pi/2", "0.3", "1"]

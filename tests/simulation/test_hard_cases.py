@@ -38,6 +38,7 @@ def complaint(case: HardCase) -> str:
     return "" if judged.right else f"{judged.trajectory.outcome}, error {judged.error}, bound {case.bound}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", FAST, ids=lambda case: f"{case.group}: {case.name}")
 def test_hard_case(case: HardCase) -> None:
     assert complaint(case) == ""
@@ -56,6 +57,7 @@ def test_the_groups_are_whole() -> None:
     assert counts["crossing cos phi = 0 and sin phi = 0, raw form"] == 36
 
 
+@pytest.mark.slow
 def test_singular_quantity_is_named() -> None:
     raw = [judge(case).trajectory.outcome for case in crossings() if "raw" in case.group and case.grid.step == 0.1]
     assert {outcome.quantity for outcome in raw} <= {"cos(phi)", "sin(phi)", "x"}
@@ -74,6 +76,7 @@ def test_the_modified_methods_own_singular_set_is_said_as_a_formula() -> None:
         assert "smaller free constants" in (outcome.remedy or "")
 
 
+@pytest.mark.slow
 def test_what_fails_between_the_places_of_a_mean_is_the_factor_that_passes_zero() -> None:
     cases = [case for case in crossings_of_others() if case.allowed == ("singular",)]
     assert len(cases) == 6
@@ -83,6 +86,7 @@ def test_what_fails_between_the_places_of_a_mean_is_the_factor_that_passes_zero(
         assert "alpha = 1/2" in (outcome.remedy or "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 1 / 3, 0.5, 1.0])
 def test_on_the_knife_edge_the_modified_method_is_the_variational_one(alpha: float) -> None:
     """Its momenta keep the discrete constraint, so both solve the same equations; across cos phi = 0 too."""
@@ -94,6 +98,7 @@ def test_on_the_knife_edge_the_modified_method_is_the_variational_one(alpha: flo
     np.testing.assert_allclose(found[0].positions, found[1].positions, rtol=0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_start_on_the_singular_set_is_an_ordinary_start() -> None:
     assert {judge(case).trajectory.outcome.kind for case in starts() if case.choice.form != "raw"} == {"completed"}
 
@@ -123,6 +128,7 @@ def test_the_judge_finds_wrong_answers() -> None:
     assert not Judged(raw, nameless, None).right
 
 
+@pytest.mark.slow
 def test_completed_runs_are_on_the_branch_of_small_steps() -> None:
     """Roots found at growing h are those that continuation from small h leads to, up to the guard."""
     for constant in (1.0, 4.0, 10.0):
@@ -154,6 +160,7 @@ def continued_step(step: float, constant: float) -> float:
     return float(move)
 
 
+@pytest.mark.slow
 def test_stiff_potentials_beyond_the_step_are_refused() -> None:
     kinds = {case.name: judge(case).trajectory.outcome.kind for case in stiff()}
     assert set(kinds.values()) == {"completed", "guard"}

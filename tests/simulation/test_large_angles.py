@@ -9,6 +9,7 @@ from inverse_service.simulation.methods import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [1.3e5, 1e7])
 @pytest.mark.parametrize("alpha", [0.0, 0.5, 1.0])
 def test_newton_is_content_with_round_off(angle: float, alpha: float) -> None:

@@ -28,6 +28,7 @@ from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable
 C = {"c": 1.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 0.2, 1 / 3, 0.5, 0.8, 1.0])
 @pytest.mark.parametrize(
     ("what", "start"), [(DISK, disk_start()), (PARTICLE, particle_start()), (DISK_THIRD, disk_start()),
@@ -47,6 +48,7 @@ def test_raw_form_and_hamiltonian_form_agree(what: Problem, start: Start, alpha:
     assert np.abs(one.momenta - other.momenta).max() < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
 @pytest.mark.parametrize("symmetrised", [False, True])
 @pytest.mark.parametrize(
@@ -66,6 +68,7 @@ def test_without_constraints_all_methods_are_one(what: Problem, start: Start, al
     assert all(np.abs(one.positions - found[0].positions).max() < 1e-11 for one in found)
 
 
+@pytest.mark.slow
 def test_symmetrised_forms_agree() -> None:
     for alpha in (0.0, 0.3, 1.0):
         found = [
@@ -76,6 +79,7 @@ def test_symmetrised_forms_agree() -> None:
         assert np.abs(found[0].positions - found[1].positions).max() < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
 @pytest.mark.parametrize("symmetrised", [False, True])
 def test_raw_trajectories_solve_the_discrete_euler_lagrange_equations(alpha: float, symmetrised: bool) -> None:
@@ -101,6 +105,7 @@ def test_raw_trajectories_solve_the_discrete_euler_lagrange_equations(alpha: flo
             assert abs(slope) * 1e30 < 2e-11 / h
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
 @pytest.mark.parametrize("symmetrised", [False, True])
 @pytest.mark.parametrize("method", ["nonholonomic", "modified"])

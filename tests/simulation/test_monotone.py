@@ -56,6 +56,7 @@ def test_a_sign_is_claimed_only_where_the_formula_shows_it(text: str, expected: 
     assert sign_of(formula, {"c0": 2.0, "c1": -1.0}) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("choice", CHOICES, ids=str)
 def test_convex_potentials_run_at_any_step(choice: MethodChoice) -> None:
     # At alpha other than 1/2 the scheme itself grows without bound at such a step: five steps are enough there.

@@ -51,6 +51,7 @@ def measured_order(problem: str, choice: MethodChoice, order: int) -> float:
     return math.log2(errors[-2] / errors[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "problem"), IMPLICIT)
 @pytest.mark.parametrize("order", [2, 4, 6, 8])
 def test_one_half_and_its_compositions(method: str, problem: str, order: int) -> None:
@@ -58,12 +59,14 @@ def test_one_half_and_its_compositions(method: str, problem: str, order: int) ->
     assert measured_order(problem, choice, order) == pytest.approx(order, abs=COARSE[order][2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "problem"), IMPLICIT)
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 1.0])
 def test_other_alphas_have_order_one(method: str, problem: str, alpha: float) -> None:
     assert measured_order(problem, MethodChoice(method, alpha), 1) == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "problem"), [("nonholonomic", "robot"), ("nonholonomic", "contact")])
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 1.0])
 def test_symmetrised_has_order_two(method: str, problem: str, alpha: float) -> None:
@@ -71,6 +74,7 @@ def test_symmetrised_has_order_two(method: str, problem: str, alpha: float) -> N
     assert measured_order(problem, choice, 2) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["hamiltonian", "raw"])
 @pytest.mark.parametrize("alpha", [0.0, 0.3])
 def test_symmetrised_variational_has_order_two(form: str, alpha: float) -> None:
@@ -78,6 +82,7 @@ def test_symmetrised_variational_has_order_two(form: str, alpha: float) -> None:
     assert measured_order("pendulum", choice, 2) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("problem", ["disk", "robot", "contact", "pendulum"])
 @pytest.mark.parametrize("order", [4, 5, 8])
 def test_runge_kutta(problem: str, order: int) -> None:

@@ -19,6 +19,7 @@ def run(system: dict[str, Any], methods: list[Any], start: tuple[float, float], 
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), [("adaptive", 8), ("stiff", 4)])
 def test_errors_fall_with_the_tolerance_as_the_order_says(method: str, order: int) -> None:
     """t enters the equation, and at the start x' and x'' are both 0."""
@@ -38,6 +39,7 @@ def test_no_unit_enters_the_choice_of_steps(scale: float) -> None:
         assert one["max_error"] < 1e-4 * scale
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "error"), [("adaptive", 1e-10), ("stiff", 1e-6)])
 def test_a_chain_begins_with_one_mass_displaced(method: str, error: float) -> None:
     """The eighth mass moves like t^16 at first; Fermi, Pasta, Ulam and Tsingou began their chains alike."""
@@ -55,6 +57,7 @@ def test_a_chain_begins_with_one_mass_displaced(method: str, error: float) -> No
     assert found["max_error"] < error
 
 
+@pytest.mark.slow
 def test_van_der_pol_with_a_stiffness_of_a_thousand() -> None:
     """Against the same motion by an explicit method, which needs 300 times the evaluations."""
     found = run(
@@ -65,6 +68,7 @@ def test_van_der_pol_with_a_stiffness_of_a_thousand() -> None:
     assert found[0]["force_evaluations"] < 100_000 < found[1]["force_evaluations"] / 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["adaptive", "stiff"])
 def test_a_pole_ends_the_run(method: str) -> None:
     (found,) = run({"coordinates": ["x"], "equations": ["x'' = -1/x^2"]}, [method], (1, 0), 4)
@@ -73,6 +77,7 @@ def test_a_pole_ends_the_run(method: str) -> None:
     assert found["stopped"]["time"] == pytest.approx(1.0, abs=0.21)  # the fall takes pi/(2 sqrt 2) = 1.11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", ["-x^3", "-40*x^39", "-sin(x)^3", "-sin(x)^4*x - sin(x)^7"])
 def test_heyoka_takes_powers_of_zero(force: str) -> None:
     """The series of its power divides by the base; a sleigh that begins at an angle of 0 is such a motion."""

@@ -16,6 +16,7 @@ def complaints(seed: int, patch: pytest.MonkeyPatch) -> tuple[list[Verdict], int
     return [one for one in found if one.complaint], sum(one.pair == ("completed", "completed") for one in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SAMPLE)
 def test_a_random_scene_is_right_or_typed(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     assert complaints(seed, monkeypatch)[0] == []

@@ -50,11 +50,13 @@ def test_velocities_turned_round_are_a_reversor_of_one_and_no_reflection_is_of_t
     assert reversors(CONTACT) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("problem", [CONTACT, CONTACT_REVERSIBLE])
 def test_the_true_motion_keeps_the_energy(problem: Problem) -> None:
     assert abs(drift(problem, MethodChoice("reference"), 0.1, 1000)) < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.1, 0.05])
 def test_the_energy_drifts_only_where_the_motion_is_not_reversible(step: float) -> None:
     method = MethodChoice("nonholonomic", 0.5)

@@ -28,6 +28,7 @@ START = Start(
 OBSERVED = Observation(observables=(DISK_ENERGY, *DISK_CONSTRAINTS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "alpha", "radial", "growth", "energy", "constraint"), TABLE)
 def test_disk_table(
     method: str, alpha: float, radial: float, growth: float | None, energy: float | None, constraint: float | None
@@ -60,6 +61,7 @@ def test_disk_radius_ratio_is_exact(alpha: float, ratio: float) -> None:
     assert abs(expected - ratio) < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 0.2, 1 / 3, 0.5, 1.0])
 def test_knife_edge_radius_ratio_is_exact(alpha: float) -> None:
     start = Start((0.3, 0.0, 0.0), (1.0, 0.5 * math.cos(0.3), 0.5 * math.sin(0.3)))
@@ -92,6 +94,7 @@ def test_free_constants_set_the_accuracy(constant: float, misfit: float) -> None
     assert np.abs(found.positions[:, 0] - 0.3 - found.times).max() == pytest.approx(misfit, rel=0.05)
 
 
+@pytest.mark.slow
 def test_starting_from_momenta_makes_one_half_the_best() -> None:
     start, grid = particle_start(0.3), Grid(0.1, 100)
     truth = run(PARTICLE, MethodChoice("reference"), start, grid, {"c": 1.0}).positions[:, 2]

@@ -53,6 +53,7 @@ METHODS: list[tuple[dict[str, Any], float]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "true"), [(FORCED, forced), (GIVEN, damped)], ids=["forced", "damped"])
 @pytest.mark.parametrize(("method", "order"), METHODS, ids=[str(method) for method, _ in METHODS])
 def test_methods_have_their_order(scene: dict[str, Any], true: Any, method: dict[str, Any], order: float) -> None:
@@ -60,6 +61,7 @@ def test_methods_have_their_order(scene: dict[str, Any], true: Any, method: dict
     assert np.log2(coarse / fine) == pytest.approx(order, abs=0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "true"), [(FORCED, forced), (DAMPED, damped)], ids=["forced", "damped"])
 @pytest.mark.parametrize("method", ["reference", "heyoka"])
 def test_references_meet_the_known_solution(scene: dict[str, Any], true: Any, method: str) -> None:
@@ -72,11 +74,13 @@ def test_a_lagrangian_method_with_nonholonomic_name_takes_t_too() -> None:
     assert errors(FORCED, {"method": "nonholonomic"}, forced, 800) < 1e-3
 
 
+@pytest.mark.slow
 def test_the_lagrangian_of_a_damped_system_is_found_with_t() -> None:
     found = simulate(DAMPED | {"step": 0.1, "steps": 5, "methods": ["variational"]})["methods"][0]
     assert "t" in found["free_lagrangian"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), [({"method": "nonholonomic"}, 2), ({"method": "runge-kutta"}, 4),
                                                ({"method": "nonholonomic", "order": 4}, 4)])  # fmt: skip
 def test_a_driven_constrained_system_keeps_constraint_and_order(method: dict[str, Any], order: int) -> None:

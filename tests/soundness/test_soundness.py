@@ -71,6 +71,7 @@ def test_a_spoilt_certificate_that_is_right_after_all_is_told() -> None:
     assert [name for name, _ in wrong] == ["nothing"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_what_is_written_otherwise_has_the_same_values(seed: int) -> None:
     given, names = read_system(["x", "y"], EQUATIONS), ("x", "y")
@@ -88,6 +89,7 @@ def test_what_is_written_otherwise_has_the_same_values(seed: int) -> None:
 SMALL = ("--random", "3", "--generated", "2", "--rewritten", "1", "--corrupted", "1", "--disguised", "1")
 
 
+@pytest.mark.slow
 def test_a_campaign_goes_on_where_it_was_and_writes_its_page(tmp_path: Path) -> None:
     arguments = [*SMALL, "--processes", "1", "--output", str(tmp_path), "--seed", "4"]
     assert main(arguments) == 0

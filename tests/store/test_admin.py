@@ -54,6 +54,7 @@ def until(holds: Callable[[], bool], seconds: float = 60.0) -> None:
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_an_operator_drains_resumes_cancels_and_erases_while_the_service_runs(
     service: tuple[httpx.Client, Admin],
 ) -> None:
@@ -84,6 +85,7 @@ def test_an_operator_drains_resumes_cancels_and_erases_while_the_service_runs(
     assert len(client.get("/v1/jobs", headers=BOB).json()["jobs"]) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "says"),
     [

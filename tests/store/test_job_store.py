@@ -39,6 +39,7 @@ def run(store: JobStore, id: str, body: bytes = b"{}") -> None:
     assert store.finish(id, job.attempt, body, USAGE)
 
 
+@pytest.mark.slow
 def test_an_empty_store_has_nothing(store: JobStore) -> None:
     assert store.job("a") is None
     assert store.jobs() == ([], None)
@@ -56,6 +57,7 @@ def test_an_empty_store_has_nothing(store: JobStore) -> None:
     assert store.submit([]) == []
 
 
+@pytest.mark.slow
 def test_the_life_of_a_job(store: JobStore) -> None:
     (job,) = store.submit([request("a", client="c", options='{"seed":1}')])
     assert (job.status, job.attempt, job.body, job.client) == ("accepted", 0, None, "c")
@@ -76,6 +78,7 @@ def test_the_life_of_a_job(store: JobStore) -> None:
     assert without.body is None
 
 
+@pytest.mark.slow
 def test_the_same_question_is_answered_from_the_store_until_it_is_asked_anew(store: JobStore) -> None:
     run(store, "a", b"1")
     (job,) = store.submit([request("a")])
@@ -91,6 +94,7 @@ def test_the_same_question_is_answered_from_the_store_until_it_is_asked_anew(sto
     assert (found.body, found.revision) == (b"2", 2)
 
 
+@pytest.mark.slow
 def test_failures_are_kept_and_a_dismissed_job_is_accepted_again(store: JobStore) -> None:
     store.submit([request("a"), request("b")])
     a, b = store.claim("o", 2)
@@ -341,6 +345,7 @@ def test_pruning_forgets_what_is_old_and_never_what_is_open(store: JobStore) -> 
     assert store.batch("B") is not None
 
 
+@pytest.mark.slow
 def test_pruning_by_size_forgets_the_oldest_first(store: JobStore) -> None:
     noise = random.Random(1)
     store.submit([request(f"j{k}") for k in range(120)])
@@ -374,6 +379,7 @@ def test_what_is_stored_is_there_after_closing(stores: Stores) -> None:
     assert len(again.batch_answers("B")) == 1
 
 
+@pytest.mark.slow
 def test_threads_claim_and_finish_each_job_once(store: JobStore) -> None:
     total = 120
     store.create_batch("B", "solve", "", [BatchLine(k, str(k), request(f"j{k}")) for k in range(total)])

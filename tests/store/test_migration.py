@@ -47,6 +47,7 @@ def old(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[],
         store.close()
 
 
+@pytest.mark.slow
 def test_everything_of_0_1_0_is_there_and_goes_on(old: Callable[[], JobStore]) -> None:
     store = old()
     assert dict(store.counts()) == {"successful": 1, "failed": 1, "dismissed": 2, "running": 1, "accepted": 2}
@@ -69,6 +70,7 @@ def test_everything_of_0_1_0_is_there_and_goes_on(old: Callable[[], JobStore]) -
     assert store.dismiss_batch("new") == ["x"]
 
 
+@pytest.mark.slow
 def test_a_second_opening_changes_nothing(old: Callable[[], JobStore]) -> None:
     first = old()
     before = (dict(first.counts()), first.jobs())

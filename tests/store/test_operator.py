@@ -21,6 +21,7 @@ def batch(store: JobStore, id: str, client: str, names: str) -> None:
     store.create_batch(id, "solve", client, lines)
 
 
+@pytest.mark.slow
 def test_no_client_starves_another_by_single_questions_which_go_before_its_own_batches_only(store: JobStore) -> None:
     batch(store, "b", "bob", "b1 b2 b3")
     store.submit([request(f"a{k}", client="alice") for k in range(50)])

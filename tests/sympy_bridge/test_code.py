@@ -53,6 +53,7 @@ def sizes(found: Result) -> dict[str, int]:
 ARGUMENTS = ", ".join(map(str, VALUES))
 
 
+@pytest.mark.slow
 def test_python_code_gives_the_numbers(kepler: Result, tmp_path: Path) -> None:
     show = "print(*(value if isinstance(value, list) else [value]))"
     lines = [f"value = {what}({ARGUMENTS})\n{show}" for what in QUANTITIES]
@@ -60,6 +61,7 @@ def test_python_code_gives_the_numbers(kepler: Result, tmp_path: Path) -> None:
     assert run([sys.executable, "system.py"], tmp_path) == pytest.approx(expected(kepler))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("language", "ending"), [("c", "c"), ("cpp", "cpp")])
 def test_c_code_gives_the_numbers(kepler: Result, tmp_path: Path, language: str, ending: str) -> None:
     compiler = shutil.which("gcc" if language == "c" else "g++")
@@ -95,6 +97,7 @@ def test_rust_gives_the_numbers(kepler: Result, tmp_path: Path) -> None:
     assert run(["./system"], tmp_path) == pytest.approx(expected(kepler))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sho", "knife-edge-second", "free-particle-linear-drag", "generic-class-one-second"])
 def test_the_sympy_program_shows_that_the_euler_lagrange_equations_hold(name: str, tmp_path: Path) -> None:
     import inverse_service
@@ -152,6 +155,7 @@ def test_maxima_reads_what_is_written_for_it() -> None:
     assert "accelerations(t, x, x_dot) := block([dummy],\n  -%e^x*%pi*x_dot^2/3\n)$" in text
 
 
+@pytest.mark.slow
 def test_fortran_has_short_lines_and_pi_is_a_number_in_it() -> None:
     equations = [f"spring_number_{k}'' = -pi*stiffness_number_{k}*spring_number_{k}" for k in range(8)]
     text = inverse_service.solve({"equations": equations, "parameters": "guess"}).to_code("fortran")
@@ -160,6 +164,7 @@ def test_fortran_has_short_lines_and_pi_is_a_number_in_it() -> None:
     assert "3.14159" in text
 
 
+@pytest.mark.slow
 def test_an_integral_without_a_formula_has_no_code_in_other_languages() -> None:
     found = inverse_service.solve("x'' = -exp(-x^2)*x^x")
     with pytest.raises(InputError, match="holds the integral"):

@@ -115,6 +115,7 @@ def count(number: int, seed: int) -> tuple[Counter[tuple[str, str]], list[str]]:
     return seen, wrong
 
 
+@pytest.mark.slow
 def test_what_others_print_is_read_as_it_was_meant_or_refused() -> None:
     seen, wrong = count(80, 1)
     assert wrong == []

@@ -53,6 +53,7 @@ def double_pendulum() -> tuple[sp.Expr, list[sp.Expr]]:
     return kinetic + m * g * length * (2 * sp.cos(q1) + sp.cos(q2)), [q1, q2]
 
 
+@pytest.mark.slow
 def test_5_lagranges_method_gives_its_lagrangian_back_up_to_a_factor() -> None:
     lagrangian, q = double_pendulum()
     ratio = sp.simplify(solve(LagrangesMethod(lagrangian, q)).lagrangian / lagrangian)
@@ -60,6 +61,7 @@ def test_5_lagranges_method_gives_its_lagrangian_back_up_to_a_factor() -> None:
     assert ratio != 0
 
 
+@pytest.mark.slow
 def test_6_kanes_method_of_a_damped_mass() -> None:
     q, u = dynamicsymbols("q u")
     frame, point = ReferenceFrame("N"), Point("P")
@@ -103,6 +105,7 @@ def test_9_numbers_from_the_answer() -> None:
     assert found.multiplier == sp.ImmutableMatrix([[1, 0], [0, r**2]])
 
 
+@pytest.mark.slow
 def test_10_a_proof_that_there_is_none_in_a_notebook() -> None:
     found = solve([sp.Eq(x.diff(t, 2), x**2 + y**2), sp.Eq(y.diff(t, 2), 0)])
     assert found.is_variational is False
@@ -113,6 +116,7 @@ def test_10_a_proof_that_there_is_none_in_a_notebook() -> None:
         found.verify()
 
 
+@pytest.mark.slow
 def test_11_a_rolling_disk() -> None:
     R, inertia, other = sp.symbols("R I J")
     kinetic = (
@@ -148,6 +152,7 @@ def test_the_tensors_alone() -> None:
     assert sp.ImmutableMatrix([[0, sp.Rational(1, 2)], [0, 0]]) == found.N
 
 
+@pytest.mark.slow
 def test_many_systems_and_their_table() -> None:
     systems = [sp.Eq(x.diff(t, 2), -x), "x'' = -x - x'", "x'' = -kx", {"equations": {"x": "x^2 + y^2", "y": "0"}}]
     systems += ["x'' = -Heaviside(x)"]
@@ -209,6 +214,7 @@ def test_equations_of_matrices_and_derivatives_of_products_are_carried_out() -> 
     assert list(solve(sp.Eq(sp.Derivative(m * x.diff(t), t), -k * x)).equations.values()) == [-k * x / m]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", [sp.exp(-(x**2)), x**x, sp.Function("f")(x), sp.sin(x) / x])
 def test_a_lagrangian_with_an_integral_is_an_expression_that_sympy_differentiates(force: sp.Expr) -> None:
     found = solve(sp.Eq(x.diff(t, 2), -force))
@@ -260,6 +266,7 @@ def test_names_of_a_result_may_be_given() -> None:
     } or document(sp.Eq(x.diff(t, 2), -k * x))["parameters"] == ["k"]
 
 
+@pytest.mark.slow
 def test_with_time_and_conditions_are_objects() -> None:
     found = solve([x.diff(t, 2) + x.diff(t) - x**2 - y**2, y.diff(t, 2) + y.diff(t) - 2 * x * y])
     assert found.conditions.Phi.shape == (2, 2)
@@ -280,6 +287,7 @@ print(GROUND_TYPES)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("types", ["python", "flint"])
 def test_the_bridge_works_under_both_ground_types(types: str) -> None:
     environment = {**os.environ, "SYMPY_GROUND_TYPES": types}
@@ -297,6 +305,7 @@ assert "sympy" in sys.modules
 """
 
 
+@pytest.mark.slow
 def test_sympy_is_imported_by_the_first_expression_only() -> None:
     run = subprocess.run([sys.executable, "-c", LAZY], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr

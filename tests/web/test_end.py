@@ -36,6 +36,7 @@ def processes(session: int) -> list[int]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "busy"), [(signal.SIGKILL, True), (signal.SIGTERM, False)])
 def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool, tmp_path: Path) -> None:
     environment = os.environ | {"TMPDIR": str(tmp_path)}
@@ -73,6 +74,7 @@ def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool, tmp_
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_signal_that_comes_before_the_service_serves_ends_it() -> None:
     with subprocess.Popen(COMMAND, stdout=subprocess.PIPE, text=True) as process:
         try:

@@ -162,10 +162,12 @@ def kill_workers(service: Service, count: int, kills: int) -> None:
     assert service.kill() == []
 
 
+@pytest.mark.slow
 def test_a_killed_service_loses_and_doubles_nothing_and_leaves_no_process(service: Service) -> None:
     kill_services(service, *FAST)
 
 
+@pytest.mark.slow
 def test_killed_workers_lose_and_double_nothing(service: Service) -> None:
     kill_workers(service, *FAST)
 

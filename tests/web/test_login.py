@@ -62,6 +62,7 @@ def test_the_cookie_counts_like_the_header_until_it_is_taken_back() -> None:
     assert [answer.status_code for answer in (before, during, after)] == [401, 200, 401]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["", "wrong", hash_of_key(KEY), KEY + "x", "x" * (LARGEST_KEY + 1)])
 def test_another_key_is_refused_and_sets_no_cookie(key: str) -> None:
     entered, page = ask(login(key), get("/gallery"))
@@ -78,6 +79,7 @@ def test_a_made_up_cookie_is_no_key(value: str) -> None:
     assert answer.status_code == 401
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["//evil.example", "https://evil.example", "/\\evil.example", "", "javascript:f()"])
 def test_the_way_back_never_leads_elsewhere(place: str) -> None:
     [entered] = ask(login(place=place))

@@ -64,6 +64,7 @@ def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_siz
     assert ask(service, made(200, seed, made_up.scene), "simulate").total() == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "document",
     [

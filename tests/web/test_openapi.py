@@ -90,7 +90,7 @@ def test_references_lead_somewhere(description: dict[str, Any]) -> None:
 def documents() -> list[dict[str, Any]]:
     """Those of the catalogue, of the literature, and of every JSON block of the pages."""
     found = [catalogue.document(name) for name in catalogue.names()]
-    lines = (ROOT / "tests" / "systems" / "literature.ndjson").read_text().splitlines()
+    lines = (ROOT / "tests" / "corpus" / "literature.ndjson").read_text().splitlines()
     found += [json.loads(line).get("document", {}) for line in lines if line.strip()]
     for page in PAGES:
         for block in blocks(page):

@@ -183,6 +183,7 @@ def test_a_head_of_thousands_of_lines_is_refused(service: str, lines: int, statu
         assert answer.startswith(b"HTTP/1.1 " + status), answer[:80]
 
 
+@pytest.mark.slow
 def test_a_second_service_on_the_same_database_says_so(guarded: Guarded) -> None:
     run = subprocess.run(COMMAND, capture_output=True, text=True, env=guarded.environment, timeout=60)
     assert run.returncode == 2
@@ -235,12 +236,14 @@ def test_another_host_name_is_not_answered_to(client: httpx.Client) -> None:
         assert client.get("/livez", headers={"Host": host}).status_code == 200
 
 
+@pytest.mark.slow
 def test_who_says_to_come_from_elsewhere_is_not_believed(client: httpx.Client, guarded: Guarded) -> None:
     client.get("/v1/limits", headers={"X-API-Key": "guess", "X-Forwarded-For": "8.8.8.8"})
     records = [json.loads(line) for line in guarded.log.read_text().splitlines()]
     assert "8.8.8.8" not in {record.get("client") for record in records}
 
 
+@pytest.mark.slow
 def test_a_cookie_of_another_program_may_hold_any_bytes(client: httpx.Client) -> None:
     for name in (b"Cookie", b"Authorization", b"X-API-Key"):
         answer = client.get("/", headers=[(name, b"name=J\xe9r\xf4me")])  # type: ignore[list-item]
@@ -253,6 +256,7 @@ def open_jobs(client: httpx.Client) -> int:
     return sum(job["status"] in ("accepted", "running") for job in jobs)
 
 
+@pytest.mark.slow
 def test_a_stopped_service_ends_its_streams_and_keeps_its_jobs(client: httpx.Client, guarded: Guarded) -> None:
     place = client.post("/v1/solve", json=HARD | {"name": "open"}, headers=BOB | ASYNC).headers["location"]
     found: list[Any] = []

@@ -141,11 +141,13 @@ def test_another_client_gets_the_same_as_for_what_is_not_there_on_all_routes(cli
     assert seen.count(404) <= 4 * 3, "the paths of this test are wrong"  # figures, data and code of what has none
 
 
+@pytest.mark.slow
 def test_the_lists_of_another_client_are_empty(client: httpx.Client, ids: Ids) -> None:
     for query in ("", "?status=successful", "?kind=solve", "?cursor=999999"):
         assert client.get(f"/v1/jobs{query}", headers=BOB).json() == {"jobs": [], "next": None}
 
 
+@pytest.mark.slow
 def test_the_same_question_of_another_client_tells_nothing_and_changes_nothing(client: httpx.Client, ids: Ids) -> None:
     before, began = state(client, ids), time.time()
     for more in ({}, {"Cache-Control": "no-cache"}):
@@ -161,6 +163,7 @@ def test_the_same_question_of_another_client_tells_nothing_and_changes_nothing(c
     assert state(client, ids) == before
 
 
+@pytest.mark.slow
 def test_alice_cancels_her_work_and_bob_keeps_his(client: httpx.Client, ids: Ids) -> None:
     bobs = ask(client, "/v1/solve", HARD, BOB | ASYNC)
     assert client.delete(f"/v1/jobs/{ids.open}", headers=ALICE).json()["status"] == "dismissed"

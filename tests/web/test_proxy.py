@@ -89,6 +89,7 @@ def proxied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxied]:
             proxy.terminate()
 
 
+@pytest.mark.slow
 def test_a_question_is_answered_through_the_proxy(proxied: Proxied) -> None:
     with proxied.client() as client:
         answer = client.post("/v1/solve", json=EASY, headers={"Prefer": "wait=20"})
@@ -100,6 +101,7 @@ def test_a_question_is_answered_through_the_proxy(proxied: Proxied) -> None:
             assert len([line for line in stream.iter_lines() if line]) == 3
 
 
+@pytest.mark.slow
 def test_the_service_knows_who_asks_and_nobody_is_somebody_else(proxied: Proxied) -> None:
     with proxied.client("127.0.0.7") as client:
         sent = {"X-Forwarded-For": "8.8.8.8", "X-Request-Id": "made-up"}
@@ -114,6 +116,7 @@ def test_the_service_knows_who_asks_and_nobody_is_somebody_else(proxied: Proxied
     assert found == ["127.0.0.7"]
 
 
+@pytest.mark.slow
 def test_what_is_too_large_or_too_much_is_refused_by_the_proxy(proxied: Proxied) -> None:
     with proxied.client("127.0.0.8") as client:
         assert client.get("/metrics").status_code == 403

@@ -382,6 +382,7 @@ def test_a_refusal_names_the_fields_that_the_form_has(client: httpx.Client) -> N
     assert "\u201cParameters\u201d under \u201cNames and questions\u201d" in page
 
 
+@pytest.mark.slow
 def test_a_refusal_of_a_form_that_declares_nothing_asks_for_no_declaration() -> None:
     with pytest.raises(InputError) as refused:
         read_formula("x + w(x)", Names(("x",)))

@@ -78,6 +78,7 @@ async def answered(settings: Settings, trace: Trace) -> Any:
         return (await client.post("/v1/solve", json={"equations": {"x": "-x"}}, headers=preference)).json()
 
 
+@pytest.mark.slow
 def test_a_question_passes_the_files_that_are_drawn(
     trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

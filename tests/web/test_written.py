@@ -36,6 +36,7 @@ def test_a_solved_system_is_written_as_accept_asks(service: str, media_type: str
         assert job.headers["etag"] != again.headers["etag"]
 
 
+@pytest.mark.slow
 def test_the_program_runs_and_its_residual_is_zero(service: str) -> None:
     headers = {"Accept": "text/x-python", "Prefer": "wait=20"}
     program = httpx.post(f"{service}/v1/solve", json=OSCILLATOR, headers=headers, timeout=60).text
@@ -43,6 +44,7 @@ def test_the_program_runs_and_its_residual_is_zero(service: str) -> None:
     assert done.stdout.strip() == "[0]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "document",
     [
@@ -65,6 +67,7 @@ def test_a_refusal_stays_a_problem_document(service: str) -> None:
     assert answer.headers["content-type"].startswith("application/problem+json")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("accept", "found"),
     [

@@ -210,6 +210,7 @@ def test_old_answers_are_forgotten_and_open_jobs_stay(store: SqliteStore) -> Non
     assert store.counts() == {"accepted": 1}
 
 
+@pytest.mark.slow
 def test_a_store_that_is_too_large_forgets_the_oldest(store: SqliteStore) -> None:
     for k in range(300):
         store.finish(str(k), claimed(store, str(k)).attempt, b"x" * 10_000, USAGE)
@@ -240,6 +241,7 @@ for k in range(10**6):
 """
 
 
+@pytest.mark.slow
 def test_nothing_acknowledged_is_lost_by_kill_nine(tmp_path: Path) -> None:
     path, told = tmp_path / "jobs.sqlite", []
     for name in range(3):

@@ -49,6 +49,7 @@ def test_the_folder_is_gone_at_the_end(folder: Path) -> None:
     assert left(folder) == set()
 
 
+@pytest.mark.slow
 def test_what_a_killed_process_left_is_removed_at_the_next_start_and_what_is_in_use_is_not(folder: Path) -> None:
     command = [sys.executable, "-c", HOLD]
     with (

@@ -47,6 +47,7 @@ def is_too_wide(visit: Visit) -> bool:
     return too_wide
 
 
+@pytest.mark.slow
 def test_axe_finds_nothing_on_any_page(colored: Visit, scheme: Scheme) -> None:
     for path in LOOKED_AT[scheme]:
         colored.go(path)
@@ -56,6 +57,7 @@ def test_axe_finds_nothing_on_any_page(colored: Visit, scheme: Scheme) -> None:
         assert (path, is_too_wide(colored)) == (path, False)
 
 
+@pytest.mark.slow
 def test_axe_finds_nothing_on_a_result(colored: Visit, scheme: Scheme) -> None:
     colored.go(f"/?example={RESULTS[scheme]}")
     colored.page.get_by_role("button", name="Find out").click()
@@ -66,6 +68,7 @@ def test_axe_finds_nothing_on_a_result(colored: Visit, scheme: Scheme) -> None:
     assert not is_too_wide(colored)
 
 
+@pytest.mark.slow
 def test_axe_finds_nothing_where_a_fault_is_shown(colored: Visit) -> None:
     colored.go("/")
     colored.page.get_by_label("Equations", exact=True).fill("x'' = (y")
@@ -95,6 +98,7 @@ def weight(visit: Visit, path: str) -> int:
     return sum(max(0, request.sizes()["responseBodySize"]) for request in loaded)
 
 
+@pytest.mark.slow
 def test_a_page_weighs_less_than_100_kilobytes(fresh: Visit) -> None:
     # A screen of the gallery with everything it needs, the pictures in sight included.
     assert 10_000 < weight(fresh, "/gallery") < 60_000
@@ -102,6 +106,7 @@ def test_a_page_weighs_less_than_100_kilobytes(fresh: Visit) -> None:
     assert {path: found for path, found in weights.items() if found >= HEAVIEST} == {}
 
 
+@pytest.mark.slow
 def test_the_policy_forbids_scripts_and_styles_inside_the_page(visit: Visit) -> None:
     answer = visit.page.goto(visit.address + "/")
     assert answer is not None

@@ -47,6 +47,7 @@ def test_without_scripts_the_circle_is_a_picture(plain: Visit) -> None:
     assert plain.page.request.get(plain.address + str(picture.get_attribute("src"))).status == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scripts", [True, False])
 def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain: Visit, scripts: bool) -> None:
     at = visit if scripts else plain
@@ -56,6 +57,7 @@ def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain
     expect(at.page.locator("#picture-title")).to_have_text("Knife edge on a horizontal plane")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scripts", [True, False])
 def test_the_colors_are_chosen_and_remembered(visit: Visit, plain: Visit, scripts: bool) -> None:
     at = visit if scripts else plain

@@ -45,6 +45,7 @@ def test_the_script_finds_the_values_of_the_formulas(visit: Visit) -> None:
         assert found == pytest.approx(expected(x, v), rel=1e-14)
 
 
+@pytest.mark.slow
 def test_the_oscillator_of_the_script_has_the_orders_of_its_methods(visit: Visit) -> None:
     visit.go("/simulate")
     tree = listed(read_formula("-k*x", Names(("x",), ("k",))))
@@ -56,6 +57,7 @@ def test_the_oscillator_of_the_script_has_the_orders_of_its_methods(visit: Visit
         assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25)
 
 
+@pytest.mark.slow
 def test_a_slider_and_a_drag_move_the_start_and_what_is_drawn(visit: Visit) -> None:
     visit.go("/simulate?system=inclined-knife-edge")
     page = visit.page
@@ -81,6 +83,7 @@ def test_a_slider_and_a_drag_move_the_start_and_what_is_drawn(visit: Visit) -> N
     assert not is_too_wide(visit)
 
 
+@pytest.mark.slow
 def test_a_solved_pendulum_is_played_with_as_a_pendulum_and_run(visit: Visit) -> None:
     visit.go("/?equations=theta''+%3D+-sin(theta)")
     visit.page.get_by_role("button", name="Find out").click()

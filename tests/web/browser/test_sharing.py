@@ -29,6 +29,7 @@ def light(visit: Visit) -> Iterator[Visit]:
     visit.page.unroute("**/gallery/**.svg")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scripts", [True, False])
 def test_an_exercise_hides_its_answer_and_judges_the_students_lagrangian(
     visit: Visit, plain: Visit, scripts: bool
@@ -63,6 +64,7 @@ def test_what_is_no_lagrangian_is_told_in_an_exercise(plain: Visit) -> None:
     expect(plain.page.locator("#exercise .hint").last).to_contain_text("not accepted")
 
 
+@pytest.mark.slow
 def test_two_results_are_compared_side_by_side(light: Visit) -> None:
     paths = []
     for equation in ("x'' = -2*x", "x'' = -2*x - x'"):
@@ -165,6 +167,7 @@ def test_plain_equations_are_a_batch_and_its_table_is_csv(visit: Visit) -> None:
     assert "failed" in table[3]
 
 
+@pytest.mark.slow
 def test_a_reading_that_was_meant_is_put_into_the_field(visit: Visit) -> None:
     visit.go("/")
     typed = visit.page.get_by_label("Equations", exact=True)
@@ -175,6 +178,7 @@ def test_a_reading_that_was_meant_is_put_into_the_field(visit: Visit) -> None:
     assert visit.page.url == visit.address + "/"
 
 
+@pytest.mark.slow
 def test_a_copied_formula_says_so(visit: Visit) -> None:
     visit.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     visit.go("/?equations=x''+%3D+-F(x)")
@@ -186,6 +190,7 @@ def test_a_copied_formula_says_so(visit: Visit) -> None:
     assert visit.page.evaluate("navigator.clipboard.readText()") == "L = x'^2/2 - G(x)"
 
 
+@pytest.mark.slow
 def test_an_own_lagrangian_survives_a_reload_and_what_is_printed_fits_the_paper(visit: Visit) -> None:
     visit.go("/?equations=x''+%3D+-x-c*x'")
     visit.page.get_by_role("button", name="Find out").click()

@@ -152,6 +152,7 @@ def test_a_constrained_result_is_simulated_with_the_lagrangian_that_was_found(vi
     expect(visit.page.locator("tbody tr", has_text="variational").first).to_contain_text("completed")
 
 
+@pytest.mark.slow
 def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     """Five methods at many steps take 4 s alone, and beside other work more than the 10 s of the other service."""
     page = browser.new_page()
@@ -163,6 +164,7 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     page.close()
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_a_scene_is_told_on_the_form(visit: Visit) -> None:
     visit.go("/simulate")
     visit.page.get_by_label("Steps").fill("many")
@@ -175,6 +177,7 @@ def test_what_is_wrong_with_a_scene_is_told_on_the_form(visit: Visit) -> None:
     expect(visit.page.locator(".problem")).to_be_visible()
 
 
+@pytest.mark.slow
 def test_the_gallery_draws_the_paths_of_the_systems(visit: Visit) -> None:
     visit.go("/gallery")
     picture = visit.page.locator("img.thumbnail[src*='generic-class-one']")

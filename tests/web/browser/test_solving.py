@@ -351,6 +351,7 @@ def test_the_answer_appears_beside_the_form_and_nothing_is_stored(visit: Visit) 
     assert visit.page.request.get(visit.address + "/v1/jobs").json() == before
 
 
+@pytest.mark.slow
 def test_a_screen_reader_hears_one_end_state_and_no_half_equation(visit: Visit) -> None:
     visit.go("/")
     visit.page.evaluate(
@@ -369,6 +370,7 @@ def test_a_screen_reader_hears_one_end_state_and_no_half_equation(visit: Visit) 
     expect(visit.page.locator("#glance")).to_be_hidden()
 
 
+@pytest.mark.slow
 def test_formulas_are_set_in_the_font_that_is_sent_with_the_page(visit: Visit) -> None:
     visit.go("/")
     visit.page.wait_for_function("document.fonts.ready.then(() => document.fonts.check('16px Formulas'))")
@@ -382,6 +384,7 @@ STREAM = """window.EventSource = class extends EventTarget {
 }"""
 
 
+@pytest.mark.slow
 def test_a_page_that_waits_says_that_the_service_is_away_and_that_it_is_back(browser: Browser, service: str) -> None:
     page = new_page(browser, Look())
     page.add_init_script(STREAM)

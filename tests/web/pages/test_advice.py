@@ -46,6 +46,7 @@ def test_terms_are_asked_for_where_a_lagrangian_exists_and_was_not_found() -> No
     assert "Terms to try first" in found[0].text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coordinates", [["u"], ["u", "v"], ["u", "v", "w"]])
 def test_terms_that_are_advised_are_of_the_system(coordinates: list[str]) -> None:
     existence = OPEN | {"verdict": "variational", "reason": "", "system": {"coordinates": coordinates}}

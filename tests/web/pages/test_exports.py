@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import shlex
 
+import pytest
+
 from inverse_service import __version__, catalogue
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents import documents
@@ -18,6 +20,7 @@ def test_calls_hold_the_document() -> None:
     compile(python_call(document, "http://h"), "call", "exec")
 
 
+@pytest.mark.slow
 def test_the_latex_of_a_motion_with_constraints_has_all_that_the_page_shows() -> None:
     document = {**catalogue.document("nonholonomic-particle"), "associated": "second"}
     latex = next(

@@ -8,6 +8,7 @@ from inverse_service import solve
 from inverse_service.web.pages.shown_results import answer_of, proof_of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("form", "shown"), [("1", "old"), ("2", "valid")])
 def test_an_older_proof_has_no_badge(form: str, shown: str) -> None:
     result = solve({"equations": "x'' = -x"})

@@ -55,11 +55,13 @@ def not_completed(name: str) -> list[Any]:
     return [(m["label"], m["outcome"], m.get("stopped")) for m in result["methods"] if m["outcome"] != "completed"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["knife-edge", *HARD])
 def test_the_start_that_the_form_offers_can_be_run(name: str) -> None:
     assert not_completed(name) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("coordinates", "lagrangian", "constraints"),
     [
@@ -87,6 +89,7 @@ def test_every_system_of_the_catalogue_runs_from_the_start_that_the_form_offers(
     assert [one for one in not_completed(name) if one[1] != "unavailable"] == []
 
 
+@pytest.mark.slow
 def test_a_solved_system_is_run_with_the_energy_of_the_lagrangian_that_was_found() -> None:
     solved = solve_document({"coordinates": ["x"], "equations": {"x": "-sin(x)"}}, SolveOptions(time_limit=600))
     found = _form_of_result(solved, "job")
@@ -101,6 +104,7 @@ def test_a_solved_system_is_run_with_the_energy_of_the_lagrangian_that_was_found
         assert 0 < method["max_energy_error"] < 1e-2
 
 
+@pytest.mark.slow
 def test_a_slow_machine_does_not_shorten_what_the_form_offers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(starts, "LONGEST_TRIAL", 0.0)
     found = _form_of_result(solve_document(catalogue.document("double-pendulum"), SolveOptions(time_limit=60)), "job")

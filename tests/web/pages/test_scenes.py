@@ -47,6 +47,7 @@ def test_a_scene_comes_back_as_it_was() -> None:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_constrained_system_whose_names_were_found_in_the_text_can_be_simulated() -> None:
     lagrangian = "m*(x'^2 + y'^2 + z'^2)/2"
     result = solve({"parameters": "guess", "lagrangian": lagrangian, "constraints": ["z' = y*x'"]})
@@ -60,6 +61,7 @@ def test_a_constrained_system_whose_names_were_found_in_the_text_can_be_simulate
     assert {method["outcome"] for method in found["methods"]} == {"completed"}
 
 
+@pytest.mark.slow
 def test_a_lagrangian_alone_is_simulated_from_its_equations() -> None:
     made = _form_of_result(solve({"parameters": "guess", "lagrangian": "m*x'^2/2 - k*x^2/2"}), "job")
     assert made is not None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.web.pages.figures import figure_data, figure_names, motion_of, picture
 
@@ -14,6 +16,7 @@ SCENE: dict[str, Any] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_poincare_section_is_drawn_point_by_point() -> None:
     """Henon and Heiles at x = 0, rising: the plane of y and y'."""
     result = simulate(SCENE | {"events": [{"when": "x", "direction": 1}]})

@@ -44,6 +44,7 @@ def test_a_circle_drawn_to_scale_is_a_circle_and_the_true_one_lies_below() -> No
     assert len(svg) < 16_000
 
 
+@pytest.mark.slow
 def test_what_is_zero_or_has_no_value_is_left_out_on_a_logarithmic_axis() -> None:
     energy = [1.0, 1.0, 1.0 + 1e-6, None, 1.0 + 1e-4, 1.0 + 1e-5]
     svg = small_picture(result({"variational": {"t": T[:6], "energy": energy}}), "energy", ("x", "y"), False)
@@ -60,6 +61,7 @@ def test_labels_are_escaped_and_without_points_there_is_no_picture() -> None:
     assert small_picture(result({"variational": {}}), "", ("x", "y"), True) is None
 
 
+@pytest.mark.slow
 def test_the_sketch_of_an_oscillator_is_a_circle_and_that_of_a_pair_has_two_coordinates() -> None:
     """x'^2 + x^2 is constant; the anisotropic oscillator draws a figure of Lissajous in the same square."""
     for name in ("sho", "anisotropic-oscillator-2d"):

@@ -69,6 +69,7 @@ def test_a_step_of_an_older_result_keeps_its_words() -> None:
     )
 
 
+@pytest.mark.slow
 def test_every_step_of_a_proof_and_of_a_search_is_typeset() -> None:
     for name in ("vertically-rolling-disk-first", "knife-edge-second"):
         result = solve_system(catalogue.document(name), SolveOptions(time_limit=60.0))
@@ -147,6 +148,7 @@ def test_matrices_too_long_for_a_page_are_named_with_their_length() -> None:
     assert sum(len(shown.math) for shown in (phi, nabla, curvature)) < 300_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("equations", "kept"),
     [

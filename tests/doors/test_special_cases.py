@@ -1,0 +1,73 @@
+"""For which parameters there is a Lagrangian: the conditions of a result against those by hand, on a grid of values."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from inverse_service import solve
+from tests.doors import calls
+from tests.doors.formulas import Point
+
+Values = dict[str, int]
+# Equations, whether L may contain t, where a Lagrangian exists (by hand).
+FAMILIES: dict[str, tuple[dict[str, str], bool, Callable[[Values], bool]]] = {
+    "damped coupled oscillators": (
+        {"x": "-a*x' + b*y", "y": "-c*y' + d*x"}, True,
+        lambda p: p["a"] in (p["c"], -p["c"]) or p["b"] == p["d"] == 0,
+    ),
+    "potentials of degree three (Henon, Heiles)": (
+        {"x": "-x - 2*a*x*y", "y": "-y - b*x^2 + c*y^2"}, False,
+        lambda p: p["a"] * p["b"] != 0 or (p["a"] == 0 and p["b"] * p["c"] == 0) or (p["b"] == 0 and p["a"] == -p["c"]),
+    ),
+    "coupled van der Pol oscillators": (
+        {"x": "-x + m*(1 - x^2)*x' + a*y", "y": "-y + m*(1 - y^2)*y' + b*x"}, False,
+        lambda p: p["m"] == 0 or p["a"] == p["b"] == 0,
+    ),
+    "gyroscopic forces and a potential": (
+        {"x": "w*y' - k*x", "y": "-u*x' - m*y"}, True,
+        lambda p: p["w"] * p["u"] != 0 or p["k"] == p["m"] or p["w"] == p["u"] == 0,
+    ),
+    "a force quadratic in one velocity": (
+        {"x": "-a*y", "y": "-b*x'^2"}, False, lambda p: p["a"] * p["b"] == 0,
+    ),
+    "a magnetic field exponential in x": (
+        {"x": "-a*exp(k*x)*y'", "y": "b*x'"}, True, lambda p: p["a"] * p["b"] * p["k"] == 0,
+    ),
+}  # fmt: skip
+
+
+def document(equations: dict[str, str], timed: bool, **more: Any) -> dict[str, Any]:
+    return {"equations": equations, "parameters": "guess", "time_dependent_lagrangian": timed, **more}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_lagrangian_exists_exactly_where_the_conditions_hold(name: str) -> None:
+    equations, timed, exists = FAMILIES[name]
+    result = solve(document(equations, timed, special_cases=True))
+    part, names = result["special_cases"], result["system"]["parameters"]
+    generic = result["verdict_with_time" if timed else "verdict"] == "variational"
+    for numbers in itertools.product((-1, 0, 1, 2), repeat=len(names)):
+        values = dict(zip(names, numbers, strict=True))
+        point = Point(dict.fromkeys(names, 0) | values)
+        cases = [[point.holds(each["text"].replace(" = ", " == ")) for each in case["conditions"]]
+                 for case in part["variational_when"]]  # fmt: skip
+        assert generic or any(map(all, cases)) == exists(values), values
+
+
+def test_the_question_for_which_parameters_is_answered_at_the_command_line() -> None:
+    given = document({"x": "-a*x' + b*y", "y": "-c*y' + d*x"}, True)
+    code, out, err = calls.command("solve", "-", "--special-cases", given=json.dumps(given))
+    assert code == 0, err
+    result = json.loads(out)
+    found = [
+        [condition["text"] for condition in case["conditions"]] for case in result["special_cases"]["variational_when"]
+    ]
+    assert sorted(found) == [["a = -c"], ["a = c"], ["b = 0", "d = 0"]]
+    assert result["special_cases"]["complete"]
+    assert solve(given)["special_cases"] is None
