@@ -18,8 +18,13 @@ from inverse_service.web.problems import Refusal
 
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
 FONT = "stix-two-math.woff2"
-NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "icon.svg")
-LOADED = {"style.css": (FONT,), "play.js": ("motion.js",), "figures.js": ("motion.js", "play.js")}
+NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "system.js", "icon.svg")
+LOADED = {
+    "style.css": (FONT,),
+    "motion.js": ("system.js",),
+    "play.js": ("motion.js",),
+    "figures.js": ("motion.js", "play.js"),
+}
 # A changed file has another address, so an address never changes its content.
 FOREVER = "public, max-age=31536000, immutable"
 

@@ -21,7 +21,7 @@ from inverse_service.web.clients import viewer_of
 from inverse_service.web.pages.own_calls import SMALL_FORM, call, read_form
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_pages import IDENTIFIER, missing
-from inverse_service.web.pages.shown_results import proof_of
+from inverse_service.web.pages.sheets import proof_of
 from inverse_service.web.routes_jobs import engine_of
 
 router = APIRouter()

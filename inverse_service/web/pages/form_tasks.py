@@ -10,12 +10,13 @@ from inverse_service import catalogue
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.reading.names import Names
 from inverse_service.service.jobs.model import split_options, write_json
 from inverse_service.service.jobs.tasks import check_task, solve_task, understand_task
-from inverse_service.web.pages import reading_back
+from inverse_service.web.pages import reading_back, sheets
 from inverse_service.web.pages.form_documents import document_of, document_of_fields, fields_from, fields_of, right_side
 from inverse_service.web.pages.forms import Form, form_of
-from inverse_service.web.pages.shown_results import OWN, OwnLagrangian, glance_of, own_of
+from inverse_service.web.pages.preview import motion_of_result
 from inverse_service.web.pages.typesetting import names_of
 
 Fields = dict[str, str]
@@ -35,7 +36,7 @@ class Sent:
     problem: reading_back.Problem | None = None
 
 
-def own_task(fields: Fields, text: str) -> OwnLagrangian:
+def own_task(fields: Fields, text: str) -> sheets.Judged:
     """The fields of the solve form and an L of the visitor to what is said of that L."""
     try:
         document = split_options(document_of_fields(fields))[0]
@@ -43,16 +44,21 @@ def own_task(fields: Fields, text: str) -> OwnLagrangian:
         names = names_of(understand_task(document))
     except InputError as error:
         reasons = [reading_back.sentence(one) for one in error.places]
-        return OwnLagrangian(text, OWN["unread"], [], reasons)
-    return own_of({**found, "lagrangian": text}, names)
+        return sheets.judged_of({"verdict": "unread", "lagrangian": text, "reasons": reasons}, Names())
+    return sheets.judged_of({**found, "lagrangian": text}, names)
 
 
 def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:
     """The sent solve form to a short answer, which nobody stores; None where it takes longer than a glance."""
     document = sent_task(body, content_type).document
-    if document is None:
-        return None
-    return glance_of(solve_task(split_options(document)[0], SolveOptions(time_limit=GLANCE)))
+    return None if document is None else glance_of(document)
+
+
+def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The sheet of a document without its proofs, and its motion; None where nothing was settled."""
+    found = solve_task(split_options(document)[0], SolveOptions(time_limit=GLANCE))
+    sheet = sheets.sheet_of(found, brief=True)
+    return None if sheet.verdict == sheets.OPEN else {"sheet": sheet, "motion": motion_of_result(found)}
 
 
 def sent_task(body: bytes, content_type: str) -> Sent:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import tree as trees
+from inverse_service.expressions.derivative import define_functions
+from inverse_service.expressions.letters import greek_letter
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_formula
+from inverse_service.reading.reader import has_acceleration, read_condition, read_formula
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene_data import Scene
@@ -42,10 +45,57 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
         return {"reason": LONG}
     return {
         "coordinates": list(scene.coordinates),
+        "labels": {name: greek_letter(name) or name for name in (*scene.coordinates, *scene.values)},
         "values": dict(scene.values),
         "equations": [listed(formula) for formula in found],
         "constraints": [listed(formula) for formula in scene.constraints],
         "angles": angles_of(scene.coordinates, formulas),
+    }
+
+
+def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> dict[str, Any] | None:
+    """What the script needs to move a result: trees, names, and the conditions that the start keeps; None without.
+
+    Arbitrary functions get a formula of their own, as on the form of a simulation.
+    """
+    system = result["system"]
+    constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
+    if system is None or any(has_acceleration(text) for text in system["equations"].values()):
+        return None
+    parameters, functions = tuple(system["parameters"]), system.get("functions") or {}
+    time = system.get("time", "t")
+    names = Names(tuple(system["coordinates"]), (*parameters, *((time,) if time != "t" else ())), functions)
+    equations = {name: f["text"] for name, f in constrained["accelerations"].items()} if constrained else {}
+    lines = [equations.get(name) or system["equations"][name] for name in system["coordinates"]]
+    constraints = [one["text"] for one in (result.get("nonholonomic") or {}).get("constraints") or ()]
+    try:
+        formulas = [read_formula(text, names) for text in (*lines, *constraints)]
+        sides = [(read_condition(text, names), " > " in text or " < " in text) for text in domain]
+    except (InputError, ValueError):
+        return None
+    definitions = {name: (tuple(of), read_formula(f"1 + {of[0]}^2/4", names)) for name, of in functions.items()}
+    formulas = [define_functions(tree, definitions) for tree in formulas] if definitions else formulas
+    if sum(map(trees.node_count, formulas)) > MOST_NODES:
+        return None
+    split = len(lines)
+    try:
+        listed_formulas = [listed(formula) for formula in formulas]
+        listed_sides = [(listed(define_functions(side, definitions)), sign) for side, sign in sides]
+    except InputError:
+        return None
+    given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
+    values = given if isinstance(given, Mapping) else {}
+    return {
+        "coordinates": list(system["coordinates"]),
+        "labels": {name: greek_letter(name) or name for name in (*system["coordinates"], *parameters)},
+        "time": time,
+        "values": {name: float(Fraction(values[name])) if values.get(name) else 1 for name in parameters},
+        "equations": listed_formulas[:split],
+        "constraints": listed_formulas[split:],
+        "free": constrained["free"] if constrained else None,
+        "domain": [side for side, _ in listed_sides],
+        "signs": [sign for _, sign in listed_sides],
+        "angles": angles_of(system["coordinates"], formulas),
     }
 
 

@@ -99,7 +99,7 @@ def _equations(answer: Mapping[str, Any]) -> list[Line]:
     lines = []
     for coordinate, found in answer["equations"].items():
         left = to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
-        right = str(typesetting.parsed(found["mathml"])).partition(">")[2].removesuffix("</math>")
+        right = str(typesetting.spaced(found["mathml"])).partition(">")[2].removesuffix("</math>")
         solved = not has_acceleration(found["text"])
         line = f"{left}<mo>=</mo>{right}" if solved else f"{right}<mo>=</mo><mn>0</mn>"
         lines.append(Line(equation_line(coordinate, found["text"]), typesetting.math(f"<mrow>{line}</mrow>")))
@@ -114,7 +114,7 @@ def _formulas(found: Any, heading: str) -> list[Line]:
     zero = "<mo>=</mo><mn>0</mn>" if heading == "Constraints" else ""
     lines = []
     for formula in formulas:
-        inner = str(typesetting.parsed(formula["mathml"])).partition(">")[2].removesuffix("</math>")
+        inner = str(typesetting.spaced(formula["mathml"])).partition(">")[2].removesuffix("</math>")
         ending = " = 0" if zero else ""
         lines.append(Line(formula["text"] + ending, typesetting.math(f"<mrow>{inner}{zero}</mrow>")))
     return lines

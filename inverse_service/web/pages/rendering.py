@@ -28,7 +28,6 @@ from inverse_service.service.jobs.tasks import KINDS
 from inverse_service.web.clients import client_of, require_client
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.assets import address, style, style_hash
-from inverse_service.web.pages.steps import sentence_of
 from inverse_service.web.problems import Refusal
 
 THEMES = ("light", "dark")
@@ -99,7 +98,6 @@ NAVIGATION = (
     ("/", "Solve"),
     ("/simulate", "Simulate"),
     ("/gallery", "Gallery"),
-    ("/batch", "Batch"),
     ("/learn", "Learn"),
     ("/docs", "API"),
 )
@@ -142,9 +140,10 @@ def environment() -> Environment:
         undefined=StrictUndefined,
         **OPTIONS,
     )
+    found.policies["json.dumps_kwargs"] = {"sort_keys": False}  # sliders stand in the order of the parameters
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
     found.globals |= {"address": address, "style": style, "navigation": shown}
-    for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory, sentence_of):
+    for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
     found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: greek_letter(word[0]) or word[0], name)
     found.filters["guessed_words"] = guessed_words

@@ -19,7 +19,6 @@ from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, store
 from inverse_service.web.pages import figures, reading_back, result_tasks, simulations
 from inverse_service.web.pages.own_calls import SMALL_FORM, Answer, call, read_form
 from inverse_service.web.pages.rendering import POLICY, VISITOR, packed, page
-from inverse_service.web.problems import Refusal
 
 T = TypeVar("T")
 router = APIRouter()
@@ -34,7 +33,7 @@ OPEN = frozenset(("accepted", "running"))
 
 @router.get("/results/{identifier}")
 async def result(request: Request, identifier: str) -> Response:
-    """The result, or how far it is; with `check` checked again, with `lagrangian` a visitor's own L judged."""
+    """The result, or how far it is; with `lagrangian` a visitor's own L judged."""
     answer = await finished(request, identifier, PATIENCE)
     if answer is None:
         return missing()
@@ -45,13 +44,8 @@ async def result(request: Request, identifier: str) -> Response:
 
 
 async def _judged(request: Request, identifier: str) -> dict[str, Any] | None:
-    query = request.query_params
-    if query.get("lagrangian"):
-        return await made(request, identifier, result_tasks.own_lagrangian_task, query["lagrangian"])
-    try:
-        return await made(request, identifier, result_tasks.check_stored_task) if "check" in query else None
-    except Refusal as refusal:
-        return {"verdict": "incomplete", "reasons": [refusal.detail]}
+    own = request.query_params.get("lagrangian")
+    return await made(request, identifier, result_tasks.own_lagrangian_task, own) if own else None
 
 
 @router.get("/results/{identifier}/embed")
@@ -65,16 +59,6 @@ async def embedded(request: Request, identifier: str) -> Response:
     found.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {origins}")
     # The older header knows no list; whoever reads the policy does not read it.
     found.headers["X-Frame-Options"] = "SAMEORIGIN"
-    return found
-
-
-@router.get("/compare")
-async def compare(request: Request) -> Response:
-    """Two results side by side."""
-    wanted = [request.query_params.get(name, "").rstrip("/").rpartition("/")[2] for name in ("a", "b")]
-    known = [identifier if await successful(request, identifier) else "" for identifier in wanted]
-    found = page("compare.html", active="", wanted=wanted, known=known)
-    found.headers["Content-Security-Policy"] = f"{POLICY}; frame-src 'self'"
     return found
 
 
@@ -152,13 +136,23 @@ async def data_file(request: Request, identifier: str, file: str) -> Response:
 async def code(request: Request, identifier: str, language: str) -> Response:
     """The accelerations, L, H, momenta and multiplier as a program."""
     answer = await successful(request, identifier)
-    if answer is None or answer.value["kind"] != "solve" or language not in result_tasks.LANGUAGES:
+    endings = {**result_tasks.LANGUAGES, "latex": "tex", "client": "py", "curl": "sh", "embed": "html"}
+    if answer is None or answer.value["kind"] != "solve" or language not in endings:
         return missing()
-    text = await made(request, identifier, result_tasks.code_task, language)
-    headers = kept(answer, language) | {
-        "Content-Disposition": f'inline; filename="system.{result_tasks.LANGUAGES[language]}"'
-    }
+    text = await made(request, identifier, result_tasks.code_task, language, str(request.base_url).rstrip("/"))
+    headers = kept(answer, language) | {"Content-Disposition": f'inline; filename="system.{endings[language]}"'}
     return Response(text, headers=headers, media_type="text/plain")
+
+
+@router.get("/results/{identifier}/certificate.json")
+async def certificate(request: Request, identifier: str) -> Response:
+    """The certificates alone, as a file."""
+    answer = await successful(request, identifier)
+    if answer is None or answer.value["kind"] != "solve":
+        return missing()
+    text = await made(request, identifier, result_tasks.certificate_task)
+    headers = {"Content-Disposition": f'attachment; filename="certificate-{identifier[:12]}.json"'}
+    return Response(text, headers=headers | kept(answer, "certificate"), media_type="application/json")
 
 
 async def _file(
@@ -256,8 +250,8 @@ def asked_of(document: Any) -> list[str]:
 async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
     """The page of a job by its status."""
     if job["status"] in OPEN and "so_far" in (job["progress"] or {}):
-        about = (job, VISITOR.get(), int(time.time() - job["created"]))
         engine: Engine = request.app.state.engine
+        about = (job, _look(request), int(time.time() - job["created"]))
         told = await engine.run_quick(client_of(request), result_tasks.so_far_task, *about, seconds=LONG_DEADLINE)
         if told.status == "done":
             return cast(HTMLResponse, told.value)
@@ -268,6 +262,9 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
     if job["status"] != "successful":
         problem = reading_back.problem_of(job["problem"], {}) if job["problem"] else None
         return page("ended.html", 200, active="", job=job, problem=problem)
-    engine = request.app.state.engine
-    look = result_tasks.Look(VISITOR.get(), str(request.base_url).rstrip("/"), engine.settings.time_limit)
-    return await made(request, job["id"], result_tasks.page_task, job, look, check)
+    return await made(request, job["id"], result_tasks.page_task, job, _look(request), check)
+
+
+def _look(request: Request) -> result_tasks.Look:
+    settings = request.app.state.engine.settings
+    return result_tasks.Look(VISITOR.get(), str(request.base_url).rstrip("/"), settings.time_limit)

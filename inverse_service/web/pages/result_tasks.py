@@ -15,15 +15,14 @@ from typing import Any, TypeVar
 from starlette.responses import HTMLResponse
 
 from inverse_service.errors import InputError
-from inverse_service.reading.reader import equation_line
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.text_page import branches_of, common_verdict, motions_of
+from inverse_service.service.documents.text_page import branches_of, conditions_of
 from inverse_service.service.jobs.model import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.tasks import check_task
-from inverse_service.web.pages import figures, reading_back, shown_results, simulations, steps, typesetting
+from inverse_service.web.pages import figures, reading_back, sheets, simulations, typesetting
 from inverse_service.web.pages.form_documents import lean_fields, question_address, right_side
-from inverse_service.web.pages.glossary import TERMS
+from inverse_service.web.pages.preview import motion_of_result
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
 
 T = TypeVar("T")
@@ -117,21 +116,16 @@ def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Ma
     return page("plain.html", active="", job=whole, text=simulations.pretty(body))
 
 
-def so_far_task(job: Mapping[str, Any], visitor: Visitor, waited: int) -> HTMLResponse:
+def so_far_task(job: Mapping[str, Any], look: Look, waited: int) -> HTMLResponse:
     """The page of a job that has a confirmed answer while more is sought."""
-    VISITOR.set(visitor)
-    found = job["progress"]["so_far"]
-    lines, (answer, _) = shown_results.equations_of(found["system"]), shown_results.shown_of(found, found)
-    return page("working.html", active="", job=job, asked=[], waited=waited, equations=lines, main=answer)
+    VISITOR.set(look.visitor)
+    return solve_result(look, {**job, "result": job["progress"]["so_far"], "waited": waited}, None)
 
 
 def embed_task(store: str, id: str, visitor: Visitor) -> HTMLResponse:
     """The short page of a solved system that other pages show in a frame."""
     VISITOR.set(visitor)
-    found = _result(store, id)
-    lines = shown_results.equations_of(found["system"]) if found.get("system") else []
-    title = shown_results.title_of(found) if "verdict" in found else "Equations of motion"
-    return page("embed.html", active="", equations=lines, glance=shown_results.glance_of(found), title=title, id=id)
+    return page("embed.html", active="", sheet=sheets.sheet_of(_result(store, id), brief=True), id=id)
 
 
 def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
@@ -180,16 +174,27 @@ def file_task(store: str, id: str, label: str, ending: str) -> bytes | None:
     return csv_bytes(columns) if ending == "csv" else npz_bytes(columns, document, label, found["provenance"])[0]
 
 
-def code_task(store: str, id: str, language: str) -> str:
-    """A result as a program; SymPy is imported by the first one in a worker, never in the web process."""
+def code_task(store: str, id: str, language: str, address: str) -> str:
+    """A result as a text to take along; SymPy is imported by the first program in a worker, never in the web process."""
+    found = _result(store, id)
+    if language == "latex":
+        return latex_page(dict(found), True, f"{address}/results/{id}")
+    if language == "embed":
+        title = sheets.title_of(found).replace('"', "&quot;")
+        return f'<iframe src="{address}/results/{id}/embed" title="{title}" width="640" height="320"></iframe>'
+    if language in ("client", "curl"):
+        return (python_call if language == "client" else curl_of)(found["system"]["given"], address)
     from inverse_service.sympy import from_result
 
-    return from_result(_result(store, id)).to_code(language)
+    return from_result(found).to_code(language)
 
 
-def check_stored_task(store: str, id: str) -> dict[str, Any]:
-    """The checker's verdict on a stored result."""
-    return check_task(stored_answer(store, id)[1].decode())
+def certificate_task(store: str, id: str) -> str:
+    """The certificates of a result alone, as JSON."""
+    found = _result(store, id)
+    parts = {"certificate": found, "with_time": found.get("with_time"), "any_associated": found.get("any_associated")}
+    kept = {name: part["certificate"] for name, part in parts.items() if part and part.get("certificate")}
+    return json.dumps(kept, ensure_ascii=False, indent=1)
 
 
 def fields_task(store: str, id: str) -> dict[str, str] | None:
@@ -208,46 +213,42 @@ def _result(store: str, id: str) -> Any:
 
 
 def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None) -> HTMLResponse:
-    """The page of a solved system."""
-    found, address = job["result"], look.address
-    system, names = found["system"], typesetting.names_of(found["system"])
-    if "verdict" not in found:
-        lines = shown_results.equations_of(system)
-        return page("forward.html", active="", job=job, result=found, names=names, equations=lines)
-    motions = motions_of(found)
-    main, other = shown_results.shown_of(found, found)
+    """The page of a solved system, or of one that is confirmed in part while more is looked for (`open`)."""
+    found, system = job["result"], job["result"]["system"]
+    sheet, is_open = sheets.sheet_of(found), job["status"] != "successful"
+    judged = sheets.judged_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None
     return page(
-        "result.html",
+        "sheet.html",
         active="",
-        title=shown_results.title_of(found),
-        question=question_address(system["given"]) if system else "",
-        glossary=TERMS,
-        address_of_result=f"{address}/results/{job['id']}",
+        sheet=sheet,
         job=job,
-        result=found,
-        check=check,
-        own=shown_results.own_of(check, names) if check and "lagrangian" in check else None,
-        equations=[] if system is None else shown_results.equations_of(system),
-        texts=[equation_line(*pair) for pair in (system or {"equations": {}})["equations"].items()],
-        main=main,
-        other=other,
-        branches=[shown_results.shown_of(branch, found) for branch in found.get("branches", ())[1:]],
-        further=shown_results.further_of(found),
-        names=names,
-        cases=found.get("special_cases"),
-        motion=motions[0] if motions else None,
-        motions=motions,
-        motion_steps=[[steps.step_of(step, names, []) for step in one["explanation"]] for one in motions],
-        differ=common_verdict(motions or branches_of(found)) == "mixed",
-        constrained=found.get("nonholonomic"),
-        also=shown_results.other_question(found, main),
-        advice=advice_for(found, look.time_limit),
-        matrices=steps.matrices_of(found["conditions"], names),
-        languages=["sympy"] if system and system["functions"] else LANGUAGES,
-        exports=exports(found, address, job["id"]),
-        timing=shown_results.timing(found["provenance"]),
+        open=is_open,
+        waited=int(job.get("waited", 0)),
+        question=question_address(system["given"]) if system and not is_open else "",
+        address_of_result=f"{look.address}/results/{job['id']}",
+        motion=motion_of_result(found, _conditions_shown(found)),
+        own=judged,
+        can_judge=bool(system) and "verdict" in found and not sheets.is_constrained(found) and not is_open,
+        advice=advice_for(found, look.time_limit) if "verdict" in found and not is_open else [],
+        more_words=_words_of_more(sheet),
+        exports=[(key, LABELS.get(key, key)) for key in exported(found)],
+        certified=bool(found.get("certificate") or (found.get("any_associated") or {}).get("certificate")),
         can_simulate=can_simulate() and system is not None,
     )
+
+
+def _conditions_shown(result: Mapping[str, Any]) -> tuple[str, ...]:
+    """Where the formulas that are shown hold; the picture begins there."""
+    if "verdict" not in result or sheets.is_constrained(result):
+        return ()
+    return conditions_of(sheets.answers_of(branches_of(result)[0], result)[0])
+
+
+def _words_of_more(sheet: sheets.Sheet) -> str:
+    """What "More" holds, in one line."""
+    names = [row.name for case in sheet.cases for row in case.more] + [row.name for row in sheet.more]
+    told = [name for name in dict.fromkeys(names) if name != "Time"]
+    return ", ".join(name.lower() if k else name for k, name in enumerate(told[:5])) or "Check your own L"
 
 
 # Languages of inverse_service.sympy.code, and the endings of their files.
@@ -257,23 +258,23 @@ LANGUAGES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Export:
-    """A text to copy; `key` names it in addresses."""
+LABELS = {
+    "sympy": "SymPy", "julia": "Julia", "matlab": "MATLAB", "c": "C", "latex": "LaTeX", "python": "Python",
+    "octave": "Octave", "mathematica": "Mathematica", "maple": "Maple", "maxima": "Maxima", "cpp": "C++",
+    "fortran": "Fortran", "rust": "Rust", "javascript": "JavaScript", "client": "Python client", "curl": "curl",
+    "embed": "HTML to embed",
+}  # fmt: skip
+FIRST = ("sympy", "julia", "matlab", "c", "latex")
+TEXTS = ("latex", "client", "curl", "embed")
 
-    key: str
-    label: str
-    text: str
 
-
-def exports(result: Mapping[str, Any], address: str, identifier: str) -> list[Export]:
-    """Every form that this result has; the JSON is a link of its own, being long. `address`: of this service."""
-    found = [Export("latex", "LaTeX", latex_page(dict(result), True, f"{address}/results/{identifier}"))]
-    if result["system"] is not None:
-        given = result["system"]["given"]
-        found.append(Export("python", "Python", python_call(given, address)))
-        found.append(Export("curl", "curl", curl_of(given, address)))
-    return found
+def exported(result: Mapping[str, Any]) -> list[str]:
+    """The forms that a result has, the most wanted first; functions without formulas are symbols of SymPy alone."""
+    if result["system"] is None:
+        return ["latex", "embed"]
+    coded = ["sympy"] if result["system"]["functions"] else list(LANGUAGES)
+    keys = [*(key for key in FIRST if key in (*coded, *TEXTS)), *coded, *TEXTS]
+    return list(dict.fromkeys(keys))
 
 
 def python_call(document: Mapping[str, Any], address: str) -> str:

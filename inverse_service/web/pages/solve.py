@@ -21,7 +21,7 @@ from inverse_service.web.pages.own_calls import call, read_form, read_sent
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.pages.result_pages import made, result_address, successful
 from inverse_service.web.pages.result_tasks import fields_task
-from inverse_service.web.pages.shown_results import OwnLagrangian
+from inverse_service.web.pages.sheets import Judged
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -96,7 +96,7 @@ async def own(request: Request) -> Response:
     return RedirectResponse(form_documents.link_of_fields(fields | {"lagrangian": ""}, **kept), 303)
 
 
-async def own_judged(request: Request, fields: dict[str, str], text: str) -> OwnLagrangian:
+async def own_judged(request: Request, fields: dict[str, str], text: str) -> Judged:
     """What is said of a student's L for the equations of the form."""
     engine: Engine = request.app.state.engine
     late = "Judging this L takes longer than a page may; find the answer, and check it there."

@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.inequalities import needed
+from inverse_service.expressions.letters import greek_letter
 from inverse_service.expressions.notation import theory
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import TIME, Symbol, walk
@@ -25,6 +26,10 @@ UNBROKEN = 48
 SIGNS = {"-": "\u2212", "!=": "≠", ">=": "≥", "<=": "≤"}
 RELATIONS = {"!=": "≠", ">": ">", "<": "<", ">=": "≥", "<=": "≤", "=": "="}
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
+# Relations and commas between the sides of a proposition, outside brackets.
+_SIDES = re.compile(r"((?: (?:!=|>=|<=|=|>|<) )|(?:, ))(?![^\[(]*[\])])")
+_SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDT])/d([A-Za-z]\w*)('{0,2})")
+_BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 
@@ -188,14 +193,81 @@ def _relation(text: str, names: Names) -> str | None:
     return f"<mrow>{''.join(parts)}</mrow>"
 
 
-def parsed(mathml: str) -> Markup:
-    """A formula that the service wrote as MathML."""
-    return Markup(spaced(mathml))
-
-
 def of_theory(text: str) -> Markup:
     """A formula of the theory, in its own notation."""
-    return math(spaced(theory(text).mathml))
+    return math(spaced(_theory(text)))
+
+
+def sentence(step: Mapping[str, Any] | str, names: Names) -> Markup:
+    """A sentence with its formulas typeset, on the page; what is to be shown below it comes last.
+
+    `parts` of a step are texts, words and formulas alternately; older results have {kind, text} for each.
+    """
+    if isinstance(step, str):
+        return escape(step)
+    parts = step.get("parts") or [step.get("text") or step.get("statement") or ""]
+    pairs = [
+        (("text", "formula")[k % 2], part) if isinstance(part, str) else (part["kind"], part["text"])
+        for k, part in enumerate(parts)
+    ]
+    shown = [_said(kind, text, names) for kind, text in pairs if kind in ("text", "formula", "display") and text]
+    return Markup("").join(shown)
+
+
+def _said(kind: str, text: str, names: Names) -> Markup:
+    if kind == "text":
+        return escape(text)
+    found = proposition(text, names)
+    return Markup('<span class="display">{}</span>').format(found) if kind == "display" else found
+
+
+def proposition(text: str, names: Names) -> Markup:
+    """A formula of a proof: relations between formulas of the system, matrices, and terms of the theory."""
+    if len(text) > MAX_CHARACTERS:
+        return code(text)
+    pieces = []
+    for k, side in enumerate(_SIDES.split(text)):
+        if k % 2:
+            sign = side.strip()
+            pieces.append(f"<mo>{escape(RELATIONS.get(sign, sign))}</mo>")
+        elif side.strip():
+            pieces.append(_side_mathml(side.strip(), names))
+    return math(f"<mrow>{''.join(pieces)}</mrow>")
+
+
+def _side_mathml(side: str, names: Names) -> str:
+    if side.startswith("[[") and side.endswith("]]"):
+        found = matrix_inner([_split(row[1:-1], ",") for row in _split(side[1:-1], ",")], names)
+        if found is not None:
+            return found
+    return inner_mathml(side, names) or spaced(_theory(side))
+
+
+def _theory(text: str) -> str:
+    """The notation of the theory; dL/dx' is a fraction."""
+    text = _BRACKETED.sub(r"\1", text)
+    found, place = [], 0
+    for match in _SLOPE.finditer(text):
+        found.append(theory(text[place : match.start()]).mathml if text[place : match.start()].strip() else "")
+        dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[3])]}</mo>"
+        below = f"<mi>{escape(greek_letter(match[2]) or match[2])}</mi>"
+        below = f'<mover accent="true">{below}{dots}</mover>' if match[3] else below
+        found.append(f"<mfrac><mrow><mi>∂</mi><mi>{match[1]}</mi></mrow><mrow><mi>∂</mi>{below}</mrow></mfrac>")
+        place = match.end()
+    rest = text[place:]
+    return "".join([*found, theory(rest).mathml if rest.strip() else ""])
+
+
+def _split(text: str, mark: str) -> list[str]:
+    """The parts of a text between the marks outside brackets."""
+    found, depth = [""], 0
+    for letter in text:
+        depth += (letter in "([") - (letter in ")]")
+        if letter == mark and not depth:
+            found.append("")
+        else:
+            found[-1] += letter
+    return [part.strip() for part in found]
 
 
 def matrix(rows: Sequence[Sequence[str]], names: Names) -> Markup:

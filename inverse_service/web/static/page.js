@@ -256,35 +256,44 @@ function tell(button, word) {
   }, 1600);
 }
 
+// Copies a text: that of an element, or LaTeX that a button carries.
 function copying() {
-  for (const button of document.querySelectorAll("[data-copy]")) {
+  for (const button of document.querySelectorAll("[data-copy], [data-tex]")) {
     button.addEventListener("click", async () => {
-      const place = document.getElementById(button.dataset.copy);
+      const place = document.getElementById(button.dataset.copy ?? "");
       try {
-        await navigator.clipboard.writeText(place.textContent);
+        await navigator.clipboard.writeText(button.dataset.tex ?? place.textContent);
         tell(button, "Copied");
       } catch {
-        getSelection().selectAllChildren(place);
-        tell(button, "Selected");
+        if (place) getSelection().selectAllChildren(place);
+        tell(button, place ? "Selected" : "Not allowed");
       }
     });
   }
 }
 
-// A formula that says its text is copied with one press.
-function copyingFormulas() {
-  for (const formula of document.querySelectorAll("main:not(.embed) .formula")) {
-    const label = formula.getAttribute("aria-label") ?? "";
-    const text = formula.querySelector("[data-text]")?.dataset.text ?? (label.includes(" = ") ? label : "");
-    if (!text || formula.closest(".gallery, .popover")) continue;
-    const button = Object.assign(document.createElement("button"), { type: "button", className: "quiet copy-formula", textContent: "Copy" });
-    button.setAttribute("aria-label", `Copy ${text.slice(0, 60)}`);
-    button.addEventListener("click", async () => {
-      await navigator.clipboard?.writeText(text);
-      tell(button, "Copied");
+// Rows and programs that are shown on demand; without scripts rows are open, and programs are links.
+function unfolding() {
+  for (const button of document.querySelectorAll("[data-toggle]")) {
+    const row = document.getElementById(button.dataset.toggle);
+    row.hidden = true;
+    button.addEventListener("click", () => {
+      row.hidden = !row.hidden;
+      button.setAttribute("aria-expanded", String(!row.hidden));
+      button.textContent = row.hidden ? "Show" : "Hide";
+      focusWide(row);
     });
-    if (formula.tagName === "DD") formula.append(button); // a list of definitions holds nothing else
-    else formula.after(button);
+  }
+  const shown = document.querySelector("[data-code-shown]");
+  for (const link of document.querySelectorAll("[data-code]")) {
+    link.addEventListener("click", async (event) => {
+      if (event.metaKey || event.ctrlKey || event.shiftKey) return;
+      event.preventDefault();
+      const answer = await fetch(link.href);
+      shown.hidden = false;
+      shown.querySelector("pre").textContent = answer.ok ? await answer.text() : "This program could not be written.";
+      for (const other of document.querySelectorAll("[data-code]")) (other === link ? other.setAttribute("aria-current", "true") : other.removeAttribute("aria-current"));
+    });
   }
 }
 
@@ -416,7 +425,7 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
 }
 for (const box of document.querySelectorAll("#own textarea")) keeping(box);
 copying();
-copyingFormulas();
+unfolding();
 for (const form of document.querySelectorAll("[data-try]")) trying(form);
 remembering();
 sharing();

@@ -1,0 +1,717 @@
+"""One answer as a page shows it: the verdict in a sentence, L and H, a table for a motion on constraints, the proofs.
+
+The verdict of a result is formed here alone: a yes with t is a yes. Title, history, atlas and badges take it from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from markupsafe import Markup
+
+from inverse_service.certificate.formulas import FORMAT
+from inverse_service.errors import InputError
+from inverse_service.expressions.printing import to_text
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import equation_line, read_equations
+from inverse_service.service.documents import text_page
+from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.rendering import duration
+
+YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
+VERDICTS = {"variational": YES, "not_variational": NO}
+BADGES = {YES: "a Lagrangian", NO: "no Lagrangian", OPEN: "not settled", DIFFERS: "differs by case"}
+OF_MOTION = {YES: "has a Hamiltonian", NO: "has no Hamiltonian", OPEN: "not settled", DIFFERS: "differs by case"}
+MAX_STEPS = 200  # on a page; the whole is in the JSON
+LONGEST_MATRICES = 6_000  # characters of all matrices on a page: typeset they weigh 25 times that
+TENSORS = (("Phi", "<mi>Φ</mi>"), ("nabla_Phi", "<mi>∇</mi><mi>Φ</mi>"))
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """A formula after its letter, what is copied, and lines of small print below it."""
+
+    letter: str
+    math: Markup
+    text: str
+    latex: str = ""
+    notes: tuple[Markup, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of the table of a motion on constraints, or of "More": what it is about, a word, formulas, the proof."""
+
+    name: str
+    hint: Markup | str = ""
+    verdict: str = ""
+    word: str = ""
+    formulas: tuple[Formula, ...] = ()
+    steps: tuple[Markup, ...] = ()
+    is_main: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """The answer on one domain."""
+
+    verdict: str
+    sentence: Markup
+    notes: tuple[Markup, ...]
+    formulas: tuple[Formula, ...]
+    proofs: tuple[tuple[str, tuple[Markup, ...]], ...]
+    more: tuple[Row, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """All that a page says of a result."""
+
+    title: str
+    verdict: str
+    badge: str
+    sentence: Markup
+    notes: tuple[Markup, ...]
+    asked: tuple[Formula, ...]
+    about: tuple[Markup, ...]
+    cases: tuple[Case, ...]
+    table: tuple[Row, ...] = ()
+    more: tuple[Row, ...] = ()
+    matrices: tuple[Markup, ...] = ()
+    missing: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> Case | None:
+        """The case that is shown large."""
+        return self.cases[0] if self.cases else None
+
+    @property
+    def proofs(self) -> list[tuple[str, tuple[Markup, ...]]]:
+        """Every proof with its heading."""
+        return [proof for case in self.cases for proof in case.proofs]
+
+
+# The rule.
+
+
+def verdict_of(result: Mapping[str, Any]) -> str:
+    """One of yes, no, open, differs. A yes with t is a yes; a motion on constraints is asked for a Hamiltonian."""
+    found = {_verdict_of_branch(branch, result) for branch in text_page.branches_of(result)}
+    found |= {OPEN} if result.get("not_answered") else set()
+    return found.pop() if len(found) == 1 else DIFFERS
+
+
+def is_constrained(result: Mapping[str, Any]) -> bool:
+    """Whether the result is about a motion on constraints."""
+    return bool(result.get("nonholonomic") or result.get("any_associated"))
+
+
+def _verdict_of_branch(branch: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    if not is_constrained(result):
+        return _common(answer["verdict"] for answer in answers_of(branch, result))
+    motion = branch.get("any_associated") or result.get("any_associated") or {}
+    verdicts = [motion.get("verdict"), motion.get("verdict_with_time")]
+    systems = (result.get("nonholonomic") or {}).get("associated", ())
+    if any(one.get(key) == "variational" for one in systems for key in ("verdict", "verdict_with_time")):
+        return YES
+    return _common(verdicts)
+
+
+def _common(verdicts: Iterable[str | None]) -> str:
+    """Yes where one is; no where all are; open otherwise."""
+    found = [VERDICTS.get(one, OPEN) for one in verdicts if one is not None]
+    return YES if YES in found else NO if found and set(found) == {NO} else OPEN
+
+
+def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The answers to both questions, those with a Lagrangian first, each with `timed`."""
+    pairs = text_page.answers_of({"with_time": None, **branch}, result)
+    found = [{**answer, "timed": timed} for answer, timed in pairs]
+    verdict = branch.get("verdict_with_time")
+    if len(found) == 1 and verdict is not None and not found[0]["timed"]:
+        found.append({"verdict": verdict, "timed": True})  # the same proof answers both
+    return sorted(found, key=lambda one: (one["verdict"] != "variational", not one.get("lagrangian")))
+
+
+# Sentences.
+
+
+def title_of(result: Mapping[str, Any]) -> str:
+    """What tells this result from others in tabs, bookmarks and the history: its first line, and the verdict."""
+    system = result["system"] or {}
+    lines = list((system.get("equations") or {}).items())
+    first = equation_line(*lines[0]) if lines else "A system"
+    given = (system.get("given") or {}).get("lagrangian")
+    named = system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")
+    if given:
+        named = f"L = {given}" + (" with constraints" if is_constrained(result) else "")
+    if "verdict" not in result:
+        return f"{named[:60]}: equations of motion"
+    return f"{named[:60]}: {badge_of(result)}"
+
+
+def badge_of(result: Mapping[str, Any]) -> str:
+    """The verdict in two or three words."""
+    return (OF_MOTION if is_constrained(result) else BADGES)[verdict_of(result)]
+
+
+def _colored(verdict: str, word: str) -> Markup:
+    return Markup('<span class="{}">{}</span>').format(verdict, word)
+
+
+def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int) -> Markup:
+    """The verdict about equations."""
+    these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
+    if verdict == YES:
+        shown = answers[0]
+        time = " that contains the time" if shown["timed"] and not shown["asked"] else ""
+        if shown.get("lagrangian") is None:
+            found = "" if shown.get("searching") else "; none was found in closed form"
+            return Markup("{} a Lagrangian{} exists{}.").format(_colored(YES, "Yes,"), time, found)
+        return Markup("{} {} {} from a Lagrangian{}.").format(_colored(YES, "Yes,"), these, come, time)
+    if verdict == NO:
+        time = "" if len(answers) > 1 or answers[0]["timed"] else " without the time"
+        do = _colored(NO, "does not" if count == 1 else "do not")
+        return Markup("{} {} come from any regular Lagrangian{}.").format(these.capitalize(), do, time)
+    none = any(one["verdict"] == "not_variational" for one in answers)
+    if none:
+        return Markup("No Lagrangian without the time exists; one with the time was {}.").format(
+            _colored(OPEN, "not settled")
+        )
+    return Markup("Whether {} {} from a Lagrangian was {}.").format(these, come, _colored(OPEN, "not settled"))
+
+
+def _motion_sentence(verdict: str, motion: Mapping[str, Any], where: Markup | str) -> Markup:
+    """The verdict about a motion on constraints."""
+    if verdict == YES:
+        return Markup("{} this motion can be given a Hamiltonian{}.").format(_colored(YES, "Yes,"), where)
+    if verdict == NO:
+        return Markup("This motion {} be given a Hamiltonian, by any associated system{}.").format(
+            _colored(NO, "cannot"), where
+        )
+    if motion.get("verdict") == "not_variational":
+        return Markup("No Hamiltonian without the time exists; one with the time was {}.").format(
+            _colored(OPEN, "not settled")
+        )
+    return Markup("Whether this motion can be given a Hamiltonian was {}.").format(_colored(OPEN, "not settled"))
+
+
+CHECKED = "A second program checked the proof."
+DOUBTED = {
+    "incomplete": "The second program could not follow the proof.",
+    "invalid": "The second program rejects the proof: this is an error of ours.",
+    "old": "The proof is of an older version and proves too little: ask again.",
+}
+
+
+def proof_of(part: Mapping[str, Any]) -> str | None:
+    """What the checker said of a stored answer; "old" where its certificate has a format that proved too little."""
+    certificate = part.get("certificate") or {}
+    return "old" if certificate.get("format", FORMAT) != FORMAT else part.get("checked")
+
+
+def _checked(parts: Sequence[Mapping[str, Any]]) -> list[Markup]:
+    """One sentence about the proofs of several answers: the worst of them."""
+    found = {proof for part in parts if (proof := proof_of(part))}
+    worst = next((one for one in ("invalid", "old", "incomplete") if one in found), None)
+    if worst:
+        return [Markup(DOUBTED[worst])]
+    return [Markup("A second program checked the proofs." if len(parts) > 1 else CHECKED)] if found else []
+
+
+# The sheet.
+
+
+def sheet_of(result: Mapping[str, Any], brief: bool = False) -> Sheet:
+    """The page of a solved system, of a motion on constraints, or of a Lagrangian; `brief` leaves out proofs."""
+    system = result["system"] or {"coordinates": (), "equations": {}, "parameters": (), "functions": {}}
+    names = typesetting.names_of(system, result.get("integrals"))
+    if "verdict" not in result:
+        return _forward(result, names)
+    verdict, branches = verdict_of(result), text_page.branches_of(result)
+    if is_constrained(result):
+        return _constrained(result, names, verdict, brief)
+    cases = tuple(_case(branch, result, names, brief) for branch in branches)
+    sentence, notes = cases[0].sentence, cases[0].notes
+    if len(cases) > 1:
+        unanswered = result.get("not_answered") or ()
+        count = len(cases) + len(unanswered)
+        word = "is not the same everywhere" if verdict == DIFFERS else "is the same, with its own formula in each"
+        sentence = Markup("The answer {}: {} cases.").format(_colored(verdict, word), count)
+        notes = tuple(
+            Markup("Not answered where {}: {}").format(_listed(one["domain"], names), one["reason"])
+            for one in unanswered
+        )
+    return Sheet(
+        title_of(result),
+        verdict,
+        badge_of(result),
+        sentence,
+        notes,
+        tuple(_typed(system, names)),
+        tuple(_about(result)),
+        cases,
+        more=() if brief else tuple(_more(result, names)),
+        matrices=() if brief else tuple(_matrices(result.get("conditions"), names)),
+        missing=_missing(result),
+    )
+
+
+def _case(branch: Mapping[str, Any], result: Mapping[str, Any], names: Names, brief: bool) -> Case:
+    answers = answers_of(branch, result)
+    answers[0]["asked"] = answers[0]["timed"] == text_page.asks_for_time(result)
+    verdict, (shown, *others) = _verdict_of_branch(branch, result), answers
+    notes: list[Markup] = []
+    domain = (*(shown.get("domain") or ()), *((shown.get("lagrangian") or {}).get("domain") or ()))
+    where = _listed(dict.fromkeys(domain), names)
+    exceptions = shown.get("exceptions") or branch.get("exceptions") or ()
+    if where:
+        notes.append(Markup("Where {}.").format(where))
+    if exceptions:
+        notes.append(Markup("In general; not decided here: {}.").format(_listed(exceptions, names)))
+    if shown.get("reason") and verdict == OPEN:
+        notes.append(Markup("{}.").format(shown["reason"][:1].upper() + shown["reason"][1:].rstrip(".")))
+    notes += _checked([shown])
+    notes += [_other_note(shown, other) for other in others if verdict == YES]
+    more = [_other_row(other, result, names) for other in others if other.get("lagrangian")]
+    if not brief:
+        more += _answer_rows(shown, result, names)
+    proofs = [] if brief else [("", _steps(shown, names))] + [
+        ("Without the time" if not other["timed"] else "With the time", _steps(other, names)) for other in others
+    ]  # fmt: skip
+    return Case(
+        verdict,
+        _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ()))),
+        tuple(notes),
+        tuple(_formulas(shown, result, names)),
+        tuple(proof for proof in proofs if proof[1]),
+        tuple(more),
+    )
+
+
+def _other_note(shown: Mapping[str, Any], other: Mapping[str, Any]) -> Markup:
+    """What is said of the question that is not shown large."""
+    kind = "containing" if other["timed"] else "without"
+    if other["verdict"] == "variational":
+        if other.get("lagrangian") is None:
+            return Markup("")
+        return Markup('<a href="#more">One {} the time</a> exists, too.').format(kind)
+    if other["verdict"] == "not_variational":
+        return Markup("None {} the time exists.").format(kind)
+    return Markup("Whether one {} the time exists was not settled.").format(kind)
+
+
+def _other_row(other: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
+    name = "With the time" if other["timed"] else "Without the time"
+    where = _listed((other.get("lagrangian") or {}).get("domain") or (), names)
+    return Row(name, Markup("where {}").format(where) if where else "", formulas=tuple(_formulas(other, result, names)))
+
+
+def _formulas(part: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Formula]:
+    """L with its integrals, D, and H with its momenta and constraints."""
+    integrals = part.get("integrals") or {}
+    names = typesetting.names_of(result["system"], integrals) if integrals else names
+    found = []
+    if lagrangian := part.get("lagrangian"):
+        notes = [Markup("with {}").format(line) for line in typesetting.integrals(integrals, names)]
+        found.append(formula_of("L", lagrangian, names, notes))
+    if part.get("dissipation"):
+        found.append(formula_of("D", part["dissipation"], names))
+    if hamiltonian := part.get("hamiltonian"):
+        momenta = [f"{name} = {text}" for name, text in hamiltonian["momenta"].items()]
+        notes = [Markup("with {}").format(_listed(momenta, names))] if momenta else []
+        if hamiltonian.get("implicit"):
+            notes.append(Markup(hamiltonian.get("reason") and "{}").format(_capital(hamiltonian["reason"])))
+        if hamiltonian.get("constraints"):
+            zero = _listed([f"{text} = 0" for text in hamiltonian["constraints"]], names)
+            notes.append(Markup("on {}").format(zero))
+        found.append(formula_of("H", hamiltonian, names, notes))
+    return found
+
+
+def formula_of(letter: str, part: Mapping[str, Any], names: Names, notes: Sequence[Markup] = ()) -> Formula:
+    """A formula of a result."""
+    math = typesetting.equation(letter, part["text"], names)
+    return Formula(letter, math, f"{letter} = {part['text']}", f"{letter} = {part.get('latex', '')}", tuple(notes))
+
+
+def _steps(part: Mapping[str, Any], names: Names) -> tuple[Markup, ...]:
+    steps = [*(part.get("explanation") or ()), *(part.get("details") or ())]
+    found = [typesetting.sentence(step, names) for step in steps[:MAX_STEPS]]
+    left = len(steps) - MAX_STEPS
+    return (*found, Markup("{} more steps are in the JSON.").format(left)) if left > 0 else tuple(found)
+
+
+def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
+    """The equations as they were typed, in the reading of the service; solved ones where these cannot be shown."""
+    given = (system.get("given") or {}).get("equations")
+    if not isinstance(given, str) or len(given) > typesetting.MAX_CHARACTERS or "t" not in (system.get("time") or "t"):
+        return _equations(system, names)
+    try:
+        pairs = read_equations(given, names)
+        lines = [f"{to_text(left)} = {to_text(right)}" for left, right in pairs]
+    except InputError:
+        return _equations(system, names)
+    return [Formula("", typesetting.formula(line, names), line) for line in lines] or _equations(system, names)
+
+
+def _equations(system: Mapping[str, Any], names: Names) -> list[Formula]:
+    lines = [equation_line(*pair) for pair in system["equations"].items()]
+    return [Formula("", typesetting.formula(line, names), line) for line in lines]
+
+
+def _about(result: Mapping[str, Any]) -> list[Markup]:
+    """What the names stand for, said once."""
+    system = result["system"] or {}
+    names = typesetting.names_of(system)
+    guessed = [name for name in result.get("guessed") or () if name not in system.get("functions", {})]
+    parts = []
+    if guessed:
+        parts.append(Markup("with constants {}").format(_listed(guessed, names)))
+    elif system.get("parameters"):
+        parts.append(Markup("for any {}").format(_listed(system["parameters"], names)))
+    if system.get("functions"):
+        wanted = [f"{name}({', '.join(of)})" for name, of in system["functions"].items()]
+        parts.append(Markup("and any {}").format(_listed(wanted, names)))
+    for one in result.get("readings") or ():
+        parts.append(Markup("{} read as {}").format(one["text"], one["as"]))
+    return parts
+
+
+def _listed(texts: Iterable[str], names: Names) -> Markup:
+    kept = list(texts)
+    return Markup(", ").join(typesetting.conditions(kept, names)) if kept else Markup("")
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _missing(result: Mapping[str, Any]) -> tuple[str, ...]:
+    """Parts that were not reached, in words."""
+    return tuple(str(one["part"]).replace("_", " ") for one in result.get("incomplete") or ())
+
+
+# More.
+
+INSTEAD = {
+    "rayleigh": "With friction D",
+    "parameters": "Where",
+    "reduced": "For the reduced system",
+    "time": "With the time",
+}
+KIND_NAMES = {
+    "natural": "Kinetic minus potential energy",
+    "riemannian": "Geodesics of a metric",
+    "finsler": "Homogeneous of degree 2 in the velocities",
+    "positive_definite": "With a positive definite Hessian",
+    "rayleigh": "Natural, with Rayleigh friction",
+    "rayleigh_general": "With any friction D(q, q\u2032)",
+}
+WORDS = {YES: "Yes", NO: "No", OPEN: "Not settled"}
+
+
+def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Row]:
+    """Conserved quantities, other Lagrangians, the multiplier, how many there are."""
+    rows = []
+    kept = [(Markup("{}").format(line), ()) for line in typesetting.conserved(shown, result["system"], names)]
+    for one in shown.get("first_integrals") or ():
+        kept.append((one["name"], (formula_of("", one, names),)))
+    rows += [Row("Conserved", hint, formulas=formulas) for hint, formulas in kept]
+    for other in shown.get("other_lagrangians") or ():
+        hint = other.get("reason") or ""
+        rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))
+    if shown.get("multiplier"):
+        rows.append(Row("Multiplier", "the Hessian of L in the velocities", formulas=(
+            Formula("", typesetting.matrix(shown["multiplier"], names), str(shown["multiplier"])),)))  # fmt: skip
+    if space := shown.get("solution_space"):
+        rows.append(Row("How many", f"{_capital(space['statement'])}."))
+    return rows
+
+
+def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
+    """What was asked besides, and what there is instead of a no."""
+    part = result.get("instead")
+    if part and part["kind"] != "time":  # that with time is an answer of its own
+        conditions = [part["clock"]] if part.get("clock") else part.get("conditions") or ()
+        hint = Markup("{} {}").format(INSTEAD[part["kind"]], _listed(conditions, names))
+        yield Row("Instead", hint, formulas=tuple(_formulas(part, result, names)))
+    for name, part in (result.get("kinds") or {}).items():
+        verdict = VERDICTS.get(part["verdict"], OPEN)
+        found = tuple(_formulas(part, result, names))
+        yield Row(
+            KIND_NAMES.get(name, _capital(name)), _capital(part.get("reason") or ""), verdict, WORDS[verdict], found
+        )
+    if clock := result.get("with_clock"):
+        yield _clock_row(clock, result, names)
+    if cases := result.get("special_cases"):
+        yield Row("Special values", Markup("").join(_special(cases, names)))
+    for one in result.get("first_integrals") or ():
+        yield Row("Conserved", one["name"], formulas=(formula_of("", one, names),))
+    seconds = (result.get("provenance") or {}).get("seconds") or {}
+    spent = seconds.get("all", sum(value for value in seconds.values() if isinstance(value, int | float)))
+    if spent:
+        yield Row("Time", f"Computed in {duration(spent)}.")
+
+
+def _clock_row(clock: Mapping[str, Any], result: Mapping[str, Any], names: Names, name: str = "Another clock") -> Row:
+    verdict = VERDICTS.get(clock["verdict"], OPEN)
+    factor = typesetting.formula(clock["factor"], names)
+    equations = [typesetting.formula(equation_line(*pair), names) for pair in clock["equations"].items()]
+    steps = (Markup("With dτ = {} dt the equations become {}.").format(factor, Markup(", ").join(equations)),)
+    return Row(
+        name, Markup("dτ = {} dt").format(factor), verdict, WORDS[verdict],
+        tuple(_formulas(clock, result, names)), (*steps, *_checked([clock])),
+    )  # fmt: skip
+
+
+def _special(cases: Mapping[str, Any], names: Names) -> Iterable[Markup]:
+    """Where a Lagrangian exists, and the tree of what was decided."""
+
+    def node(case: Mapping[str, Any]) -> Markup:
+        texts = [one["text"] for one in case["conditions"]]
+        verdict = VERDICTS.get(case["verdict"], OPEN)
+        if case.get("verdict_with_time") == "variational":
+            verdict = YES
+        inner = Markup("").join(node(child) for child in case["children"])
+        return Markup("<li>{}: {}{}</li>").format(
+            _listed(texts, names) or "in general", _colored(verdict, BADGES[verdict]),
+            Markup("<ul>{}</ul>").format(inner) if inner else "",
+        )  # fmt: skip
+
+    yield Markup("<ul>{}</ul>").format(node(cases["tree"]))
+    told = "No other case has another verdict." if cases["complete"] else "Other cases may differ."
+    yield Markup("{} case{} decided. {}").format(cases["examined"], "s" * (cases["examined"] != 1), told)
+
+
+def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Markup]:
+    """Phi, nabla Phi, and each nonzero block of R; what would make the page too long is only named."""
+    if conditions is None:
+        return
+    wanted = [(left, conditions[key]) for key, left in TENSORS if conditions.get(key)]
+    for index, block in enumerate(conditions.get("R") or [], start=1):
+        if any(entry != "0" for row in block for entry in row):
+            wanted.append((f"<msup><mi>R</mi><mn>{index}</mn></msup>", block))
+    room = LONGEST_MATRICES
+    for left, rows in wanted:
+        room -= (length := sum(len(entry) for row in rows for entry in row))
+        inner = typesetting.matrix_inner(rows, names) if room >= 0 else None
+        if inner is not None:
+            yield typesetting.math(f"<mrow>{left}<mo>=</mo>{inner}</mrow>", display=True)
+        else:
+            room += length
+            yield Markup("{} has {:,} characters: it is in the JSON.").format(typesetting.math(left), length)
+
+
+# A motion on constraints.
+
+HINTS = {
+    "first": "constraint forces as they come",
+    "second": "in the dependent velocities",
+    "third": "velocities turn like an arrow",
+}
+
+
+def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: bool) -> Sheet:
+    part = result.get("nonholonomic") or {}
+    motions = text_page.motions_of(result) or [{}]
+    table = tuple(_rows(result, part, motions[0], names, verdict))
+    main = next((row for row in table if row.is_main), None)
+    asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
+    asked += [
+        Formula("", typesetting.formula(f"{one['text']} = 0", names), f"{one['text']} = 0")
+        for one in part.get("constraints") or ()
+    ]
+    if not asked:
+        asked = _equations(result["system"] or {"equations": {}}, names)
+    shown = next((row for row in table if row.formulas and row.verdict == YES), None) if verdict == YES else None
+    if main and main.formulas:
+        shown = main
+    notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
+    reason = motions[0].get("reason")
+    if verdict == OPEN and reason:
+        notes.insert(0, Markup("{}.").format(_capital(reason).rstrip(".")))
+    if shown and shown is not main:
+        notes.append(Markup("L and H are those of the {} associated system.").format(shown.name.lower()))
+    sentence = _motion_sentence(verdict, motions[0], "")
+    cases = (
+        Case(verdict, sentence, tuple(notes), shown.formulas if shown else (), (), ()),
+        *(
+            Case(own := _verdict_of_branch({"any_associated": one}, result), _motion_sentence(own, one, ""), (
+                Markup("Where {}.").format(_listed(branch.get("domain") or (), names)),), (), (), ())
+            for one, branch in zip(motions[1:], text_page.branches_of(result)[1:], strict=False)
+        ),
+    )  # fmt: skip
+    if len(cases) > 1:
+        sentence = Markup("The answer {}: {} cases.").format(_colored(verdict, "depends on the case"), len(cases))
+    return Sheet(
+        title_of(result), verdict, badge_of(result), sentence, tuple(notes), tuple(asked), tuple(_about(result)), cases,
+        table, () if brief else tuple(_motion_more(result, part, names)), (), _missing(result),
+    )  # fmt: skip
+
+
+def _rows(
+    result: Mapping[str, Any], part: Mapping[str, Any], motion: Mapping[str, Any], names: Names, verdict: str
+) -> Iterable[Row]:
+    """First, second, third, any, reduced, another clock."""
+    for one in part.get("associated") or ():
+        yield _associated_row(one, result, names)
+    if motion:
+        found = _common((motion.get("verdict"), motion.get("verdict_with_time")))
+        time = found == YES and motion.get("verdict") != "variational"
+        formulas = list(_formulas(motion, result, names))
+        word = "Yes, with t" if time else WORDS[found]
+        steps = [*_steps(motion, names)]
+        if lagrangian := motion.get("lagrangian"):
+            on = [formula_of("l", lagrangian["on_constraints"], names)]
+            on += [formula_of(f"\u03bb{k}", one, names) for k, one in enumerate(lagrangian["transverse_momenta"], 1)]
+            steps.append(Markup("On the constraints {}.").format(Markup(", ").join(one.math for one in on)))
+        if motion.get("freedom"):
+            steps.append(Markup("L along the constraints depends on {}.").format(motion["freedom"]))
+        steps += [Markup(_capital(motion["reason"]))] if motion.get("reason") else []
+        steps += _checked([motion])
+        yield Row("Any", "all associated systems at once", found, word, tuple(formulas), tuple(steps), is_main=True)
+    reduced = result.get("reduced")
+    if not reduced:
+        return
+    own = VERDICTS.get(reduced["verdict"], OPEN)
+    over = _listed(reduced["coordinates"], names)
+    equations = [typesetting.formula(equation_line(*pair), names) for pair in reduced["equations"].items()]
+    steps = [Markup("The equations {}.").format(Markup(", ").join(equations)), Markup(reduced.get("statement") or "")]
+    steps += [*_steps(reduced, names), *([Markup(_capital(reduced["reason"]))] if reduced.get("reason") else [])]
+    yield Row(
+        "Reduced", Markup("the equations of {} alone").format(over), own, WORDS[own],
+        tuple(_formulas(reduced, result, names)), tuple(step for step in (*steps, *_checked([reduced])) if step),
+    )  # fmt: skip
+    clock = result.get("with_clock") or reduced.get("with_clock")
+    if clock:
+        yield _clock_row(clock, result, names)
+    elif own == YES:
+        yield Row("Another clock", "time runs faster or slower", "", "Not needed")
+    else:
+        why = reduced.get("without_clock")
+        yield Row("Another clock", "time runs faster or slower", OPEN, "None found", (), (Markup(why),) if why else ())
+
+
+def _associated_row(one: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
+    hint = HINTS.get(one["kind"], "")
+    why = Markup(typesetting.sentence(one.get("explanation") or "", names))
+    if not one["defined"]:
+        return Row(_capital(one["kind"]), hint, "", "Not defined", (), (why,))
+    found = _common((one["verdict"], one["verdict_with_time"]))
+    time = found == YES and one["verdict"] != "variational"
+    equations = [typesetting.formula(equation_line(*pair), names) for pair in one["equations"].items()]
+    where = _listed(one.get("domain") or (), names)
+    steps = [Markup("The system {}{}.").format(
+        Markup(", ").join(equations), Markup(" where {}").format(where) if where else "")]  # fmt: skip
+    steps += [*_steps({"explanation": one.get("steps")}, names), *_checked([one])]
+    if one.get("reason"):
+        steps.append(Markup(_capital(one["reason"])))
+    word = "Yes, with t" if time else WORDS[found]
+    return Row(_capital(one["kind"]), hint, found, word, tuple(_formulas(one, result, names)), tuple(steps))
+
+
+def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Names) -> Iterable[Row]:
+    """The motion, what it conserves, the forces of the constraints, and what was asked besides."""
+    if not part:
+        return
+    motion = part["equations_of_motion"]
+    lines = [f"{name}'' = {f['text']}" for name, f in motion["second_order"].items()]
+    lines += [f"{name}' = {f['text']}" for name, f in motion["first_order"].items()]
+    yield Row("Motion", formulas=tuple(Formula("", typesetting.formula(line, names), line) for line in lines))
+    for k, one in enumerate(motion.get("multipliers") or (), 1):
+        yield Row("Force of the constraint", formulas=(formula_of(f"\u03bb{k}", one, names),))
+    for one in part.get("first_integrals") or ():
+        yield Row("Conserved", one["name"], formulas=(formula_of("", one, names),))
+    density = part["measure_density"].get("density")
+    told = typesetting.sentence(part["measure_density"], names)
+    yield Row("Invariant measure", told, formulas=(formula_of("N", density, names),) if density else ())
+    for key, name in (("integrable", "Integrability"), ("paper_class", "Class")):
+        if part[key].get("statement"):
+            yield Row(name, typesetting.sentence(part[key], names))
+    for entry in part.get("hamiltonisation") or ():
+        lines = [
+            Markup("{} {}").format(typesetting.sentence(one, names), one["verdict"]) for one in entry["statements"]
+        ]
+        zero = _listed([f"{one['text']} = 0" for one in entry["constraints"]], names)
+        word = "Confirmed" if entry["holds"] else "Not confirmed"
+        yield Row(
+            f"In phase space, {entry['associated']}", Markup("{} on {}").format(_capital(entry["label"]), zero) if zero
+            else _capital(entry["label"]), YES if entry["holds"] else OPEN, word,
+            (formula_of("H", entry["hamiltonian"], names),) if entry["hamiltonian"] else (), tuple(lines),
+        )  # fmt: skip
+    yield from _more(result, names)
+
+
+# A Lagrangian alone.
+
+
+def _forward(result: Mapping[str, Any], names: Names) -> Sheet:
+    system = result["system"]
+    given = (system.get("given") or {}).get("lagrangian")
+    latex = {"text": result["lagrangian"]["text"], "latex": result["lagrangian"].get("latex", "")}
+    momenta = Markup(", ").join(
+        typesetting.equation(f"p_{name}", part["text"], names) for name, part in result["momenta"].items()
+    )
+    energy = formula_of("H", result["hamiltonian"], names, [Markup("with {}").format(momenta)])
+    rows = [Row("Conserved", part["name"], formulas=(formula_of("", part, names),)) for part in result["conserved"]]
+    case = Case("", Markup("These are its equations of motion."), (), (*_equations(system, names), energy), (), ())
+    return Sheet(
+        title_of({**result, "system": {**system, "given": {"lagrangian": given}}}), "", "", case.sentence, (),
+        (formula_of("L", latex, names),), tuple(_about(result)), (case,), more=tuple(rows),
+    )  # fmt: skip
+
+
+# One's own Lagrangian.
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What is said of a visitor's own L: a word, a sentence, formulas, and reasons."""
+
+    lagrangian: str
+    verdict: str
+    headline: str
+    lines: list[Markup] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+
+
+OWN = {
+    "valid": (YES, "Yes. The Euler-Lagrange equations of this L are these equations."),
+    "invalid": (NO, "Not yet. This L has other equations."),
+    "differs": (NO, "Only in part. This L has these equations in some cells, and others elsewhere."),
+    "incomplete": (OPEN, "This could not be settled."),
+    "unread": (OPEN, "This L cannot be read."),
+}
+
+
+def judged_of(check: Mapping[str, Any], names: Names) -> Judged:
+    """The verdict on a visitor's L, with the accelerations that it gives along the motion, and where it fails."""
+    lines: list[Markup] = []
+    names = _with_own_names(check["lagrangian"], names)
+    for name, f in (check.get("equations") or {}).items():
+        if check["verdict"] != "valid":
+            lines.append(Markup("Your L gives {}").format(typesetting.formula(f"{name}'' = {f['text']}", names)))
+    for cell in check.get("cells") or ():
+        if cell["verdict"] != "valid":
+            lines.append(Markup("It fails where {}").format(_listed(cell["domain"], names)))
+    verdict, headline = OWN[check["verdict"]]
+    return Judged(check["lagrangian"], verdict, headline, lines, list(check.get("reasons") or ()))
+
+
+def _with_own_names(lagrangian: str, names: Names) -> Names:
+    """The names with the constants and functions that occur in a visitor's L alone."""
+    from dataclasses import replace
+
+    from inverse_service.reading.document_names import GUESS, Declared, known_names
+    from inverse_service.web.pages.form_documents import right_side
+
+    try:
+        declared = Declared(names.coordinates, GUESS, names.functions)
+        found = known_names(declared, {"": right_side(lagrangian)}, order=1).names
+    except InputError:
+        return names
+    parameters = tuple(dict.fromkeys((*names.parameters, *found.parameters)))
+    return replace(names, parameters=parameters, functions=found.functions)

@@ -1,0 +1,138 @@
+// A motion in the browser: the formulas that the service sends are interpreted here, never evaluated as text.
+
+const FUNCTIONS = {
+  ...Object.fromEntries(["exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"].map((name) => [name, Math[name]])),
+  cot: (u) => 1 / Math.tan(u), sec: (u) => 1 / Math.cos(u), csc: (u) => 1 / Math.sin(u),
+  coth: (u) => 1 / Math.tanh(u), sech: (u) => 1 / Math.cosh(u), csch: (u) => 1 / Math.sinh(u),
+};
+
+// A tree to a function of the state, which holds coordinates, velocities, the time and the parameters in `slots`.
+export function compiled(tree, slots) {
+  if (typeof tree === "number") return () => tree;
+  if (typeof tree === "string") {
+    if (tree === "pi") return () => Math.PI;
+    const place = slots.get(tree);
+    if (place === undefined) throw new Error(`${tree} has no value`);
+    return (state) => state[place];
+  }
+  const parts = tree.slice(1).map((part) => compiled(part, slots));
+  const [a, b] = parts;
+  switch (tree[0]) {
+    case "+": return parts.length === 2 ? (s) => a(s) + b(s) : (s) => { let sum = 0; for (const part of parts) sum += part(s); return sum; };
+    case "*": return parts.length === 2 ? (s) => a(s) * b(s) : (s) => { let found = 1; for (const part of parts) found *= part(s); return found; };
+    case "^": return tree[2] === 2 ? (s) => { const v = a(s); return v * v; } : tree[2] === -1 ? (s) => 1 / a(s) : (s) => a(s) ** b(s);
+    default: {
+      const f = FUNCTIONS[tree[0]];
+      if (!f) throw new Error(`${tree[0]} is not known here`);
+      return (s) => f(a(s));
+    }
+  }
+}
+
+// The system of a form: accelerations and constraints as functions of one state.
+export class System {
+  constructor(told) {
+    this.coordinates = told.coordinates;
+    this.n = told.coordinates.length;
+    const names = [...told.coordinates, ...told.coordinates.map((name) => `${name}'`), told.time ?? "t", ...Object.keys(told.values)];
+    this.slots = new Map(names.map((name, k) => [name, k]));
+    this.size = names.length;
+    this.f = told.equations.map((tree) => compiled(tree, this.slots));
+    this.w = told.constraints.map((tree) => compiled(tree, this.slots));
+    this.sides = (told.domain ?? []).map((tree) => compiled(tree, this.slots)); // that keep their sign
+  }
+
+  state(positions, velocities, values) {
+    const found = new Float64Array(this.size);
+    found.set(positions);
+    found.set(velocities, this.n);
+    for (const [name, value] of Object.entries(values)) if (this.slots.has(name)) found[this.slots.get(name)] = value;
+    return found;
+  }
+
+  // Velocities that are left open (NaN) follow from the constraints, which are linear in them; else they are zero.
+  completed(positions, velocities, values) {
+    const open = velocities.map((v, k) => (Number.isNaN(v) ? k : -1)).filter((k) => k >= 0);
+    const known = velocities.map((v) => (Number.isNaN(v) ? 0 : v));
+    if (!open.length || open.length !== this.w.length) return known;
+    const state = this.state(positions, known, values);
+    const rest = this.w.map((w) => w(state));
+    const rows = this.w.map((w, i) => [...open.map((k) => { state[this.n + k] += 1; const slope = w(state) - rest[i]; state[this.n + k] -= 1; return slope; }), -rest[i]]);
+    const solved = solve(rows);
+    open.forEach((k, i) => (known[k] = solved[i]));
+    return known;
+  }
+
+  rate(state, into) {
+    for (let k = 0; k < this.n; k += 1) { into[k] = state[this.n + k]; into[this.n + k] = this.f[k](state); }
+  }
+}
+
+function solve(rows) {
+  const n = rows.length;
+  for (let k = 0; k < n; k += 1) {
+    const best = rows.slice(k).reduce((at, row, i) => (Math.abs(row[k]) > Math.abs(rows[at][k]) ? k + i : at), k);
+    [rows[k], rows[best]] = [rows[best], rows[k]];
+    for (let i = 0; i < n; i += 1) if (i !== k) {
+      const factor = rows[i][k] / rows[k][k];
+      for (let j = k; j <= n; j += 1) rows[i][j] -= factor * rows[k][j];
+    }
+  }
+  return rows.map((row, k) => row[n] / row[k]);
+}
+
+const STEPS = {
+  euler(system, state, h, work) {
+    const [a] = work;
+    system.rate(state, a);
+    for (let k = 0; k < 2 * system.n; k += 1) state[k] += h * a[k];
+  },
+  symplectic(system, state, h, work) {
+    const [a] = work;
+    system.rate(state, a);
+    for (let k = 0; k < system.n; k += 1) state[system.n + k] += h * a[system.n + k];
+    for (let k = 0; k < system.n; k += 1) state[k] += h * state[system.n + k];
+  },
+  runge(system, state, h, work) {
+    const [a, b, c, d, mid] = work;
+    const m = 2 * system.n;
+    const t = m;
+    mid.set(state);
+    system.rate(state, a);
+    for (let k = 0; k < m; k += 1) mid[k] = state[k] + (h / 2) * a[k];
+    mid[t] = state[t] + h / 2;
+    system.rate(mid, b);
+    for (let k = 0; k < m; k += 1) mid[k] = state[k] + (h / 2) * b[k];
+    system.rate(mid, c);
+    for (let k = 0; k < m; k += 1) mid[k] = state[k] + h * c[k];
+    mid[t] = state[t] + h;
+    system.rate(mid, d);
+    for (let k = 0; k < m; k += 1) state[k] += (h / 6) * (a[k] + 2 * b[k] + 2 * c[k] + d[k]);
+  },
+};
+
+// The columns {t, q, v} of `steps` steps h, each made of `parts` steps of a method; ends where a number is not finite.
+export function run(system, start, h, steps, method, parts = 1, each = null) {
+  const state = Float64Array.from(start);
+  const work = Array.from({ length: 5 }, () => new Float64Array(system.size));
+  const found = { t: [], q: system.coordinates.map(() => []), v: system.coordinates.map(() => []) };
+  const zero = state[2 * system.n];
+  for (let step = 0; step <= steps; step += 1) {
+    if (step) for (let part = 0; part < parts; part += 1) {
+      STEPS[method](system, state, h / parts, work);
+      state[2 * system.n] = zero + (step - 1) * h + ((part + 1) * h) / parts;
+      each?.(state);
+    }
+    if (!state.every(Number.isFinite)) return { ...found, stopped: zero + step * h };
+    if (each) continue;
+    found.t.push(state[2 * system.n]);
+    for (let k = 0; k < system.n; k += 1) { found.q[k].push(state[k]); found.v[k].push(state[system.n + k]); }
+  }
+  return found;
+}
+
+// "1/2", "0.1", "1e-3"; NaN for what is no number.
+export function value(text) {
+  const [top, below, ...more] = text.trim().split("/").map((part) => (part.trim() === "" ? NaN : Number(part)));
+  return more.length ? NaN : below === undefined ? top : top / below;
+}
