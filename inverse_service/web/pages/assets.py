@@ -22,8 +22,8 @@ NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "sy
 LOADED = {
     "style.css": (FONT,),
     "motion.js": ("system.js",),
-    "play.js": ("motion.js",),
-    "figures.js": ("motion.js", "play.js"),
+    "page.js": ("motion.js",),
+    "play.js": ("figures.js", "motion.js", "system.js"),
 }
 # A changed file has another address, so an address never changes its content.
 FOREVER = "public, max-age=31536000, immutable"

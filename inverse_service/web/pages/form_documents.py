@@ -19,18 +19,11 @@ FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates
           "associated", "time", "special_cases", "ansatz", "kinds", "clock", "time_limit")  # fmt: skip
 # What a link may say; `kind` is the form's own.
 LINKED = FIELDS[1:]
-LAGRANGIANS = {
-    "natural": "T + A q' - V with a metric",
-    "riemannian": "geodesics of a metric",
-    "finsler": "homogeneous of degree 2 in the velocities",
-    "positive_definite": "a definite Hessian at a real point",
-    "rayleigh": "natural, with friction",
-}
+LAGRANGIANS = ("natural", "riemannian", "finsler", "positive_definite", "rayleigh")
 # What can only be chosen on the form, not typed.
 CHOSEN: dict[str, tuple[str, ...]] = {
-    "associated": ASSOCIATED, "time": ("no", "yes"), "special_cases": ("yes",), "kinds": tuple(LAGRANGIANS),
+    "associated": ASSOCIATED, "time": ("no", "yes"), "special_cases": ("yes",), "kinds": LAGRANGIANS,
 }  # fmt: skip
-REVEALED = ("hint", "answer")
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
 _CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
@@ -229,12 +222,6 @@ def is_whole(fields: Mapping[str, str]) -> bool:
     """Whether a link fills the form with all that these fields say."""
     link = link_of_fields(fields)
     return len(link) <= LONGEST_LINK and fields_of_link(dict(parse_qsl(link.partition("?")[2]))) == fields
-
-
-def revealed_of_link(query: Mapping[str, str]) -> tuple[str, ...]:
-    """What an exercise shows when it is asked for: "hint", "answer" or both; empty for a link that is no exercise."""
-    wanted = query.get("reveal", "").split(",")
-    return tuple(name for name in REVEALED if name in wanted)
 
 
 def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:

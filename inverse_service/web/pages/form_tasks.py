@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import catalogue
-from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.reading.names import Names
@@ -22,8 +21,6 @@ from inverse_service.web.pages.typesetting import names_of
 Fields = dict[str, str]
 # How long a person waits for an answer next to a form that they are still filling in, s.
 GLANCE = 1.5
-# What is read faster than this is shown with its associated system, s.
-QUICKLY = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +49,14 @@ def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:
     """The sent solve form to a short answer, which nobody stores; None where it takes longer than a glance."""
     document = sent_task(body, content_type).document
     return None if document is None else glance_of(document)
+
+
+def glance_of_fields(fields: Fields) -> dict[str, Any] | None:
+    """The same of the fields of a link; None where they cannot be read, too."""
+    try:
+        return glance_of(document_of_fields(fields))
+    except InputError:
+        return None
 
 
 def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -104,19 +109,8 @@ def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
         return {}
     from inverse_service.service.documents.documents import parse_document
 
-    began = now()
     try:
         answer = parse_document(split_options(document)[0])
     except InputError as error:
         return {"problem": reading_back.problem_of_error(error, fields)} if typed else {}
-    return {"understood": reading_back.understood(answer, _associated(document) if now() - began < QUICKLY else None)}
-
-
-def _associated(document: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The associated system of the form, which decides the verdict; None where there is none to be shown."""
-    from inverse_service.service.documents.documents import parse_associated
-
-    try:
-        return parse_associated(split_options(document)[0])
-    except InputError:
-        return None
+    return {"understood": reading_back.understood(answer)}

@@ -24,7 +24,6 @@ FIELD_NAMES = {
 }  # fmt: skip
 # Fields with a box for each name.
 NAMED = ("parameters", "initial")
-MOTION = "Motion, the same for every associated system"
 # Characters of a long line that are shown on either side of the place.
 AROUND = 40
 LONGEST_LABEL = 60
@@ -74,25 +73,20 @@ class Problem:
     places: list[ShownPlace]
 
 
-def understood(answer: Mapping[str, Any], associated: Mapping[str, Any] | None = None) -> Understood:
-    """The answer of /v1/parse, typeset, with the associated system that is asked about; what was guessed is said."""
+def understood(answer: Mapping[str, Any]) -> Understood:
+    """The answer of /v1/parse, typeset; what was guessed is said."""
     groups = [("", _equations(answer))] if answer.get("equations") else []
     for key, heading in (("lagrangian", "Lagrangian"), ("constraints", "Constraints")):
         lines = _formulas(answer.get(key), heading)
         if lines:
             groups.insert(len(groups) - 1 if key == "lagrangian" else len(groups), (heading, lines))
-    shown, names = _ordered(groups), _names(answer)
-    if associated and associated["equations"]:
-        shown.append((f"The {associated['kind']} associated system, which is decided", _equations(associated)))
-    elif associated:
-        names.append((f"The {associated['kind']} associated system", Markup(), associated["explanation"]))
-    return Understood(shown, names)
+    return Understood(_ordered(groups), _names(answer))
 
 
 def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]]]:
     order = {"Lagrangian": 0, "Constraints": 1, "": 2}
     found = sorted(groups, key=lambda group: order[group[0]])
-    return [(MOTION if not heading and len(found) > 1 else heading, lines) for heading, lines in found]
+    return [("Motion" if not heading and len(found) > 1 else heading, lines) for heading, lines in found]
 
 
 def _equations(answer: Mapping[str, Any]) -> list[Line]:

@@ -99,6 +99,7 @@ NAVIGATION = (
     ("/simulate", "Simulate"),
     ("/gallery", "Gallery"),
     ("/learn", "Learn"),
+    ("/teach", "Teach"),
     ("/docs", "API"),
 )
 # Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).

@@ -175,7 +175,7 @@ def file_task(store: str, id: str, label: str, ending: str) -> bytes | None:
 
 
 def code_task(store: str, id: str, language: str, address: str) -> str:
-    """A result as a text to take along; SymPy is imported by the first program in a worker, never in the web process."""
+    """A result as a text; SymPy is imported by the first program in a worker, never in the web process."""
     found = _result(store, id)
     if language == "latex":
         return latex_page(dict(found), True, f"{address}/results/{id}")

@@ -15,6 +15,7 @@ from inverse_service.web.pages import (
     assets,
     batch_pages,
     calls_page,
+    exercises,
     gallery,
     learn,
     paper_figures,
@@ -108,5 +109,5 @@ def _is_secure(request: Request) -> bool:
 router.get("/static/{mark}/{name}")(assets.static)
 for part in (account, calls_page.router, learn.open_router):
     router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
-for pages in (solve, result_pages, simulate, paper_figures, gallery, batch_pages, learn):
+for pages in (solve, exercises, result_pages, simulate, paper_figures, gallery, batch_pages, learn):
     router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

@@ -408,7 +408,6 @@ KIND_NAMES = {
     "finsler": "Homogeneous of degree 2 in the velocities",
     "positive_definite": "With a positive definite Hessian",
     "rayleigh": "Natural, with Rayleigh friction",
-    "rayleigh_general": "With any friction D(q, q\u2032)",
 }
 WORDS = {YES: "Yes", NO: "No", OPEN: "Not settled"}
 
@@ -416,7 +415,9 @@ WORDS = {YES: "Yes", NO: "No", OPEN: "Not settled"}
 def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Row]:
     """Conserved quantities, other Lagrangians, the multiplier, how many there are."""
     rows = []
-    kept = [(Markup("{}").format(line), ()) for line in typesetting.conserved(shown, result["system"], names)]
+    kept: list[tuple[Markup | str, tuple[Formula, ...]]] = [
+        (line, ()) for line in typesetting.conserved(shown, result["system"], names)
+    ]
     for one in shown.get("first_integrals") or ():
         kept.append((one["name"], (formula_of("", one, names),)))
     rows += [Row("Conserved", hint, formulas=formulas) for hint, formulas in kept]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import json
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -10,64 +12,51 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from api_schemas import system as system_schema
 from api_schemas.base import MAX_COORDINATES
 from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
 from inverse_service.web.pages import form_documents, form_tasks, reading_back
-from inverse_service.web.pages.own_calls import call, read_form, read_sent
-from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.web.pages.own_calls import call, read_sent
+from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_pages import made, result_address, successful
 from inverse_service.web.pages.result_tasks import fields_task
-from inverse_service.web.pages.sheets import Judged
+from inverse_service.web.pages.sheets import KIND_NAMES
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
-ASSOCIATED = (
-    ("first", "first", "the forces of constraint, written in the velocities that are left free"),
-    ("second", "second", "the same forces, written in the velocities that the constraints determine"),
+# (title, hint, drawing, document) of the tiles.
+EXAMPLES: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
+    ("Oscillator", "with damping", "spring", {"equations": "m x'' + c x' + k x = 0"}),
+    ("Pendulum", "large swings", "pendulum", {"equations": "theta'' = -(g/l)*sin(theta)"}),
+    ("Kepler", "planet and sun", "orbit", {"equations": "r'' = r*theta'^2 - k/r^2\ntheta'' = -2*r'*theta'/r"}),
+    ("Charge", "in a magnetic field", "charge", {"equations": "x'' = B*y'\ny'' = -B*x'"}),
     (
-        "third",
-        "third",
-        "the velocities turn like an arrow, as x\u2033 = \u2212\u03c6\u2032y\u2032, y\u2033 = \u03c6\u2032x\u2032 "
-        "of a knife edge; for some systems only",
+        "Rolling disk", "with constraints", "disk",
+        {
+            "lagrangian": "M/2*(x'^2 + y'^2) + I/2*theta'^2 + J/2*phi'^2",
+            "constraints": ["x' - R*cos(phi)*theta'", "y' - R*sin(phi)*theta'"],
+            "coordinates": ["phi", "theta", "x", "y"],
+        },
     ),
-    ("any", "any", "whether any has a Lagrangian at all: the motion alone"),
-)
-# Entries of the catalogue with the words of the palette.
-EXAMPLES = (
-    ("damped-pendulum", "Damped pendulum", "friction, and still a Lagrangian"),
-    ("kepler-polar", "Kepler problem", "in polar coordinates"),
-    ("double-pendulum", "Double pendulum", "the L of every textbook"),
-    ("magnetic-field-b-x", "Charge in a magnetic field", "B depends on x"),
-    ("wind-drag-position-dependent", "Drag that grows with y", "a Lagrangian with a logarithm"),
-    ("vertically-rolling-disk-first", "Rolling disk, first system", "no Lagrangian: a proof"),
-    ("vertically-rolling-disk-second", "Rolling disk, second system", "a Lagrangian with ẋ²/φ̇"),
-    ("generic-class-one-second", "Arbitrary function A(r₁)", "a whole class at once"),
-    ("modified-emden", "Modified Emden", "an unusual Lagrangian"),
-    ("sho", "Harmonic oscillator", "one coordinate"),
-)
-NONHOLONOMIC_EXAMPLES = (
-    ("vertically-rolling-disk", "Rolling disk", "rolls without slipping"),
-    ("knife-edge", "Knife edge", "slides along its blade"),
-    ("nonholonomic-particle", "Particle", "z\u2032 = \u2212x y\u2032"),
-    ("mobile-robot", "Mobile robot", "with fixed orientation"),
-    ("inclined-knife-edge", "Inclined knife edge", "under gravity"),
-)
+    ("Drag", "with speed squared", "drag", {"equations": "x'' = -c*x'^2"}),
+)  # fmt: skip
+FROM_LAGRANGIAN = "m/2*(x'^2 + y'^2) - k/2*(x^2 + y^2)"
 FIRST_NONHOLONOMIC = "nonholonomic-particle"
 AT_ONCE = 0.1  # s
-LONGEST_OWN = 30_000  # bytes of a form whose address carries it
-START = "x'' = -x + k*y\ny'' = -y + k*x"
+START = str(EXAMPLES[0][3]["equations"])
+MOST_GLANCES = 64  # answers of links and examples that are kept to be shown at once
 
 
 @router.get("/")
-async def form(request: Request) -> HTMLResponse:
+async def form(request: Request) -> Response:
     """The form, empty, with an example of the catalogue, or with the document of a result."""
     query = request.query_params
-    kind = "nonholonomic" if query.get("kind") == "nonholonomic" else "equations"
+    kind = query.get("kind", "equations")
     linked = form_documents.fields_of_link(query)
+    if linked is not None and "reveal" in query:
+        return RedirectResponse(f"/exercise?{request.url.query}", 303)
     if linked is not None:
         fields = linked
     elif "example" in query:
@@ -76,33 +65,49 @@ async def form(request: Request) -> HTMLResponse:
         fields = await fields_of_job(request, query["job"])
     elif kind == "nonholonomic":
         fields = form_documents.lean_fields(example_document(FIRST_NONHOLONOMIC))
+    elif kind == "lagrangian":
+        fields = form_documents.fields_from({"lagrangian": FROM_LAGRANGIAN})
     else:
         fields = form_documents.fields_from({"equations": START})
     # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
-    judged = await own_judged(request, fields, query["own"]) if linked and query.get("own") else None
     found = await understand(request, fields, patience)
-    notes = form_documents.left_out_of_link(query)
-    return solve_page(fields, reveal=form_documents.revealed_of_link(query), own=judged, notes=notes, **found)
+    glance = await glance_of(request, fields, AT_ONCE * engine.is_reading) if not query or linked is not None else None
+    return solve_page(fields, glance=glance, notes=form_documents.left_out_of_link(query), **found)
 
 
-@router.post("/own")
-async def own(request: Request) -> Response:
-    """A student's L and the typed equations, on to their link; the form stays an exercise where it was one."""
-    fields = form_documents.fields_of(await read_form(request, LONGEST_OWN))
-    text, reveal = fields["lagrangian"], ",".join(form_documents.revealed_of_link(request.query_params))
-    kept = {"own": text} | ({"reveal": reveal} if reveal else {})
-    return RedirectResponse(form_documents.link_of_fields(fields | {"lagrangian": ""}, **kept), 303)
+@router.get("/ask")
+async def ask(request: Request) -> Response:
+    """The form with everything that can be asked."""
+    query = request.query_params
+    fields = form_documents.fields_of_link(query) or form_documents.fields_from({"equations": START})
+    if query.get("kind") in form_documents.KINDS:
+        fields |= {"kind": query["kind"]}
+    found: dict[str, Any] = {"problem": None, "understood": None} | await understand(request, fields)
+    return page("ask.html", active="/", fields=fields, kinds=KIND_NAMES, most_coordinates=MAX_COORDINATES, **found)
 
 
-async def own_judged(request: Request, fields: dict[str, str], text: str) -> Judged:
-    """What is said of a student's L for the equations of the form."""
-    engine: Engine = request.app.state.engine
-    late = "Judging this L takes longer than a page may; find the answer, and check it there."
-    return await engine.made(
-        client_of(request), form_tasks.own_task, fields, text, late=late, seconds=2 * form_tasks.GLANCE
-    )
+_GLANCES: dict[str, Any] = {}
+
+
+async def glance_of(request: Request, fields: dict[str, str], patience: float) -> dict[str, Any] | None:
+    """The answer to show beside a form at its start; None where it is not there in a moment."""
+    key = json.dumps(fields, sort_keys=True)
+    if key not in _GLANCES:
+        engine: Engine = request.app.state.engine
+        asked = engine.run_quick(client_of(request), form_tasks.glance_of_fields, fields, seconds=QUICK_DEADLINE)
+        try:
+            outcome = await asyncio.wait_for(asked, patience)
+        except (Refusal, TimeoutError):
+            return None
+        if outcome.status != "done" or outcome.value is None:
+            return None
+        if len(_GLANCES) >= MOST_GLANCES:
+            _GLANCES.pop(next(iter(_GLANCES)))
+        _GLANCES[key] = outcome.value
+    found: dict[str, Any] = _GLANCES[key]
+    return found
 
 
 @router.post("/")
@@ -158,7 +163,7 @@ async def answer_beside(request: Request) -> Response:
             if refusal.kind not in ("limit", "busy"):
                 raise
             found = None
-    return page("glance.html", glance=found, hint="hint" in request.query_params)
+    return page("glance.html", glance=found)
 
 
 def _not_read(refusal: Refusal) -> HTMLResponse:
@@ -183,30 +188,25 @@ async def understand(request: Request, fields: dict[str, str], patience: float |
 
 def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTMLResponse:
     """The page with the form filled in."""
-    nonholonomic = fields["kind"] == "nonholonomic"
-    shown: dict[str, Any] = {"problem": None, "understood": None, "reveal": (), "own": None, "notes": ()} | values
-    return page(
-        "solve.html",
-        status,
-        active="/",
-        fields=fields,
-        associated=ASSOCIATED,
-        lagrangians=form_documents.LAGRANGIANS,
-        examples=examples(NONHOLONOMIC_EXAMPLES if nonholonomic else EXAMPLES),
-        can_simulate=can_simulate(),
-        most_coordinates=MAX_COORDINATES,
-        has_special_cases="special_cases" in system_schema.SystemDocument.model_fields,
-        **shown,
-    )
+    mode = "equations" if fields["kind"] == "equations" else "constraints" if fields["constraints"] else "lagrangian"
+    shown: dict[str, Any] = {"problem": None, "understood": None, "notes": (), "glance": None} | values
+    examples = [{**one, "is_shown": _same(one["fields"], fields)} for one in tiles()]
+    return page("solve.html", status, active="/", fields=fields, mode=mode, examples=examples, **shown)
 
 
-@lru_cache(maxsize=4)
-def examples(chosen: tuple[tuple[str, str, str], ...]) -> list[dict[str, Any]]:
-    """The palette, each example with the fields that it fills."""
-    return [
-        {"name": name, "label": label, "hint": hint, "fields": form_documents.lean_fields(catalogue.document(name))}
-        for name, label, hint in chosen
-    ]
+def _same(one: Mapping[str, str], other: Mapping[str, str]) -> bool:
+    return all(one[name] == other[name] for name in ("equations", "lagrangian", "constraints"))
+
+
+@lru_cache(maxsize=1)
+def tiles() -> list[dict[str, Any]]:
+    """The examples, each with the link that fills the form with it."""
+    found = []
+    for label, hint, body, document in EXAMPLES:
+        fields = form_documents.fields_from(document)
+        address = form_documents.link_of_fields(fields)
+        found.append({"label": label, "hint": hint, "body": body, "address": address, "fields": fields})
+    return found
 
 
 def example_document(name: str) -> dict[str, Any]:

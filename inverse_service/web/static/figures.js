@@ -1,10 +1,111 @@
 // Draws the figures of a simulation: each has views to choose from; the one in space can be turned.
 
-import { breadth, color, trace } from "./motion.js";
-import { chart } from "./play.js";
+export const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const LOOKS = [["--accent", []], ["--no", [7, 4]], ["--yes", [2, 4]], ["--open", [9, 3, 2, 3]]];
+// Lines that coincide are all seen: each is broader than the next above it, and one through the dashes of another.
+const breadth = (k, count) => 1.6 + 2.4 * Math.min(3, count - 1 - k);
+
+// A line through all recorded steps; of a part of them the points, because chords would fill a circle.
+function trace(pen, places, dots) {
+  pen.beginPath();
+  for (const [u, v] of places) {
+    if (dots) pen.rect(u - 0.7, v - 0.7, 1.4, 1.4);
+    else pen.lineTo(u, v);
+  }
+  pen.stroke();
+}
+
+// Axes with round values, lines or dots; the range is kept for who drags on it.
+export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y = false, equal = false, start = true }) {
+  const ratio = devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientWidth * 0.66];
+  if (!width) return null;
+  [canvas.width, canvas.height] = [width * ratio, height * ratio];
+  const pen = canvas.getContext("2d");
+  pen.scale(ratio, ratio);
+  const span = (values, isLogarithmic) => {
+    let [low, high] = [Infinity, -Infinity];
+    for (const v of values) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
+    if (!(high >= low)) [low, high] = [-1, 1];
+    if (isLogarithmic && high < low + 2) [low, high] = [Math.floor(low) - 1, Math.ceil(high)]; // decades to read it by
+    const margin = 0.06 * (high - low) || 0.5 * Math.max(Math.abs(low), 1);
+    return [low - margin, high + margin];
+  };
+  const scaled = (values, isLogarithmic) => values.map((v) => (v === null ? NaN : isLogarithmic ? (v > 0 ? Math.log10(v) : NaN) : v));
+  lines = lines.map((line) => ({ ...line, x: scaled(line.x, log_x), y: scaled(line.y, log_y) }));
+  const across = span(lines.flatMap((line) => line.x), log_x);
+  const up = span(lines.flatMap((line) => line.y), log_y);
+  const box = { left: 58, right: width - 10, top: 8, bottom: height - 40 };
+  if (equal) {
+    const unit = Math.max((across[1] - across[0]) / (box.right - box.left), (up[1] - up[0]) / (box.bottom - box.top));
+    for (const [range, size] of [[across, box.right - box.left], [up, box.bottom - box.top]]) {
+      const middle = (range[0] + range[1]) / 2;
+      [range[0], range[1]] = [middle - (unit * size) / 2, middle + (unit * size) / 2];
+    }
+  }
+  const X = (v) => box.left + ((v - across[0]) / (across[1] - across[0])) * (box.right - box.left);
+  const Y = (v) => box.bottom - ((v - up[0]) / (up[1] - up[0])) * (box.bottom - box.top);
+  pen.font = "13px sans-serif";
+  for (const [range, place, isX] of [[across, X, true], [up, Y, false]]) {
+    const raw = (range[1] - range[0]) / 5;
+    const power = 10 ** Math.floor(Math.log10(raw));
+    const isLogarithmic = isX ? log_x : log_y;
+    const step = isLogarithmic ? Math.max(1, Math.ceil(raw)) : [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
+    for (let k = Math.ceil(range[0] / step); k * step <= range[1]; k += 1) {
+      const at = place(k * step);
+      pen.strokeStyle = color("--line");
+      pen.beginPath();
+      if (isX) { pen.moveTo(at, box.top); pen.lineTo(at, box.bottom); } else { pen.moveTo(box.left, at); pen.lineTo(box.right, at); }
+      pen.stroke();
+      pen.fillStyle = color("--soft");
+      pen.textAlign = isX ? "center" : "right";
+      const text = isLogarithmic ? `1e${k * step}` : String(Number((k * step).toPrecision(6)));
+      pen.fillText(text, isX ? at : box.left - 6, isX ? box.bottom + 16 : at + 4);
+    }
+  }
+  pen.textAlign = "center";
+  pen.fillText(x, (box.left + box.right) / 2, height - 6);
+  pen.save();
+  pen.translate(12, (box.top + box.bottom) / 2);
+  pen.rotate(-Math.PI / 2);
+  pen.fillText(y, 0, 0);
+  pen.restore();
+  lines.forEach((line, k) => {
+    const [name, dash] = LOOKS[k % LOOKS.length];
+    pen.strokeStyle = pen.fillStyle = line.color ?? color(name);
+    pen.globalAlpha = line.alpha ?? 1;
+    if (dots || line.markers) {
+      const size = Math.max(3, line.width ?? 0);
+      pen.beginPath(); // filled at once: where points overlap a pale line stays pale
+      line.x.forEach((v, i) => pen.rect(X(v) - size / 2, Y(line.y[i]) - size / 2, size, size));
+      pen.fill();
+      if (dots) return;
+    }
+    pen.lineWidth = line.width ?? (k ? 1.5 : 2);
+    pen.setLineDash(line.dash ?? dash);
+    pen.beginPath();
+    let isDrawn = false;
+    line.x.forEach((v, i) => {
+      const w = line.y[i];
+      if (Number.isFinite(v + w)) pen[isDrawn ? "lineTo" : "moveTo"](X(v), Y(w));
+      isDrawn = Number.isFinite(v + w);
+    });
+    pen.stroke();
+    pen.setLineDash([]);
+  });
+  pen.globalAlpha = 1;
+  const begin = start && lines[0] && !dots && { x: X(lines[0].x[0]), y: Y(lines[0].y[0]) };
+  if (begin) {
+    pen.fillStyle = color("--ink");
+    pen.beginPath();
+    pen.arc(begin.x, begin.y, 4.5, 0, 2 * Math.PI);
+    pen.fill();
+  }
+  return { value: (u, v) => [across[0] + ((u - box.left) / (box.right - box.left)) * (across[1] - across[0]), up[0] + ((box.bottom - v) / (box.bottom - box.top)) * (up[1] - up[0])] };
+}
 
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
-const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
+const LIFTED = { ink: "--ink", "#0072B2": "--accent" };
 const inked = (name) => (name in LIFTED ? color(LIFTED[name]) : name);
 const DASHES = { solid: [], dash: [7, 4], dot: [2, 4], dashdot: [9, 3, 2, 3], longdash: [13, 5], longdashdot: [13, 4, 2, 4] };
 

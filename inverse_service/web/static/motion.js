@@ -96,14 +96,16 @@ export class Motion {
     this.button = figure.querySelector("[data-play]");
     this.now = figure.querySelector("[data-now]");
     this.said = figure.querySelector("[data-said]");
-    if (told.tracks) this.part.hand.remove();
-    else {
+    if (told.tracks) {
+      this.part.hand.remove();
+      for (const track of told.tracks) track.v ??= track.q.map((q) => q.map((_, k) => { const [a, b] = [Math.max(0, k - 1), Math.min(q.length - 1, k + 1)]; return (q[b] - q[a]) / (track.t[b] - track.t[a]); }));
+    } else {
       this.system = new System(told);
       this.values = { ...told.values };
       this.guessValues();
       this.begin();
-      this.handle();
-      if (!small) this.dials();
+      if (small) this.part.hand.remove();
+      else { this.handle(); this.dials(); }
     }
     this.update(true);
     this.button?.addEventListener("click", () => this.play(!this.playing));
@@ -174,13 +176,13 @@ export class Motion {
     return lasted;
   }
 
-  track(q, v, steps = this.isPhase ? STEPS : STEPS / 2) {
+  track(q, v, steps = Math.round(Math.min(4000, this.told.span ? this.told.span / STEP : this.isPhase ? STEPS : STEPS / 2))) {
     const start = this.system.state(q, this.system.completed(q, v, this.values), this.values);
     const found = run(this.system, start, STEP, steps, "runge", 2);
     let end = found.t.length;
     const isFar = (k) => found.q.some((column) => Math.abs(column[k]) > FAR);
     for (let k = 0; k < end; k += 10) if (isFar(k)) end = k;
-    if (this.isPhase && end > 200) { // what has died out is not drawn
+    if (this.isPhase && !this.told.span && end > 200) { // what has died out is not drawn
       const [top, fast] = [Math.max(...found.q[0].map(Math.abs)), Math.max(...found.v[0].map(Math.abs)) || 1];
       while (end > 200 && Math.hypot(found.q[0][end - 1] / top, found.v[0][end - 1] / fast) < 0.02) end -= 1;
     }
@@ -387,10 +389,10 @@ const exact = (kind) => {
 };
 
 // A picture of what a figure carries; null where its formulas are beyond this script.
-export function moving(figure, options) {
+export function moving(figure, { told = null, ...options } = {}) {
   const data = figure.querySelector("script[type='application/json']");
   try {
-    return new Motion(figure, data ? JSON.parse(data.textContent) : exact(figure.dataset.motion), options);
+    return new Motion(figure, told ?? (data ? JSON.parse(data.textContent) : exact(figure.dataset.motion)), options);
   } catch (error) {
     figure.querySelector("[data-said]")?.append(`${error.message}.`);
     return null;

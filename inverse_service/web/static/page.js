@@ -1,5 +1,7 @@
 // Makes the pages live. Everything here has a way without it.
 
+import { moving } from "./motion.js";
+
 const root = document.documentElement;
 root.classList.add("script");
 
@@ -25,21 +27,24 @@ function echo(form) {
     try {
       const answer = await fetch(`${form.dataset.echo}?fragment=1`, { method: "POST", body: sent, signal: asked.signal });
       // What was typed while the service starts is read once it has started.
-      if (answer.status === 503) timer = setTimeout(ask, BUSY_PAUSE);
-      if (!(answer.headers.get("content-type") ?? "").startsWith("text/html")) return;
+      if (answer.status === 503) { timer = setTimeout(ask, BUSY_PAUSE); return; }
+      // What was read before is not left standing under what is typed now.
+      if (!(answer.headers.get("content-type") ?? "").startsWith("text/html")) throw new Error("not a page");
       const text = await answer.text();
       clearTimeout(scolding);
       const show = () => {
         target.innerHTML = text;
         focusWide(target);
         // A screen reader hears where it ends, not each letter on the way.
-        if (text.includes("data-problem")) said(target.querySelector(".detail")?.textContent ?? "");
+        if (text.includes("data-problem")) { said(target.querySelector(".detail")?.textContent ?? ""); answering?.clear(); }
         else answering?.(typed);
       };
       if (text.includes("data-problem") && Date.now() - typed < FAULT_PAUSE) scolding = setTimeout(show, FAULT_PAUSE - (Date.now() - typed));
       else show();
     } catch (error) {
-      if (error.name !== "AbortError") target.textContent = "The service does not answer at the moment.";
+      if (error.name === "AbortError") return;
+      target.textContent = error.message === "not a page" ? "The service failed on this text. That is an error of ours." : "The service does not answer at the moment.";
+      answering?.clear();
     }
   };
   target.addEventListener("click", (event) => meant(form, event));
@@ -63,7 +68,6 @@ function meant(form, event) {
   event.preventDefault();
   if (name === "parameters") {
     field.value = [field.value, text].filter(Boolean).join(", ");
-    field.closest("details").open = true;
   } else {
     const lines = field.value.split("\n");
     const [before, rest] = [lines[line - 1].slice(0, column - 1), lines[line - 1].slice(column - 1)];
@@ -82,11 +86,18 @@ function said(text) {
 // The answer beside the form. One question is under way at a time: a dropped one would cost the service as much.
 function answers(form) {
   const place = document.getElementById("glance");
-  let timer = 0;
-  let version = 0;
-  let busy = false;
-  let again = false;
-  let patience = 0;
+  const panel = place.closest(".live");
+  let [timer, version, busy, again, patience] = [0, 0, false, false, 0];
+  let motion = null;
+  const show = () => {
+    panel.hidden = false;
+    panel.classList.remove("old");
+    motion?.play(false);
+    const data = place.querySelector("script");
+    panel.querySelector("svg").classList.toggle("hidden", !data);
+    motion = data ? moving(panel, { small: true }) : null;
+    focusWide(place);
+  };
   const ask = async () => {
     if (busy) { again = true; return; }
     busy = true;
@@ -100,9 +111,8 @@ function answers(form) {
       waits = answer.status !== 200; // the service is busy, not at a loss
       if (mine === version && text) {
         place.innerHTML = text;
-        place.hidden = false;
-        focusWide(place);
-        said([...place.querySelectorAll("p:not(.hint), .formula")].map((part) => part.getAttribute("aria-label") ?? part.textContent).join(" ") || place.textContent.trim());
+        show();
+        said([...place.querySelectorAll("h2, p, .formula")].map((part) => part.getAttribute("aria-label") ?? part.textContent).join(" "));
       }
     } catch { /* the form works without */ }
     busy = false;
@@ -112,25 +122,19 @@ function answers(form) {
   const later = (typed) => {
     clearTimeout(timer);
     patience = 3;
-    if (typed) timer = setTimeout(ask, Math.max(0, ANSWER_PAUSE - (Date.now() - typed)));
+    if (typed || !place.querySelector("[data-settled]")) timer = setTimeout(ask, Math.max(0, ANSWER_PAUSE - (Date.now() - typed)));
   };
+  // What was typed since has no answer yet: the old one fades, and goes where the text cannot be read.
   later.forget = () => {
     version += 1;
     clearTimeout(timer);
-    place.hidden = true;
+    panel.classList.add("old");
     said("");
   };
+  later.clear = () => { panel.hidden = true; place.replaceChildren(); motion?.play(false); };
+  if (place.querySelector("[data-settled]")) show();
+  panel.addEventListener("click", () => { if (getComputedStyle(panel).position === "fixed") form.requestSubmit(); });
   return later;
-}
-
-function revealing(button, form) {
-  button.addEventListener("click", async () => {
-    const sent = new FormData(form);
-    sent.delete("document");
-    sent.delete("lagrangian");
-    const answer = await fetch(`/answer${button.dataset.reveal === "hint" ? "?hint" : ""}`, { method: "POST", body: sent });
-    document.getElementById("revealed").innerHTML = answer.status === 200 ? await answer.text() : "Try again in a moment.";
-  });
 }
 
 // What is typed survives a reload and the other tab: the draft of each form, until this window is closed.
@@ -138,11 +142,10 @@ function drafts(form, ask) {
   const name = `${DRAFT}${location.pathname}:${form.elements.kind?.value ?? ""}`;
   const fields = [...form.querySelectorAll("textarea, input:not([type])")];
   const asks = location.search && !location.search.startsWith("?kind=");
-  const kept = asks || document.querySelector(".desk.refused") ? null : JSON.parse(sessionStorage.getItem(name) ?? "null");
+  const kept = asks || document.querySelector("[data-problem]") ? null : JSON.parse(sessionStorage.getItem(name) ?? "null");
   if (kept) {
     for (const field of fields) {
       if (field.name in kept) field.value = kept[field.name];
-      if (field.value && field.closest("details")) field.closest("details").open = true; // what is sent is seen
     }
     ask();
   }
@@ -180,27 +183,6 @@ function sharing() {
   }
 }
 
-function examples(form, ask) {
-  for (const link of document.querySelectorAll("[data-example]")) {
-    link.addEventListener("click", (event) => {
-      if (event.metaKey || event.ctrlKey || event.shiftKey) return;
-      event.preventDefault();
-      for (const [name, value] of Object.entries(JSON.parse(link.dataset.example))) {
-        const field = form.elements.namedItem(name);
-        if (!field || field instanceof RadioNodeList || field.type === "radio") continue;
-        if (field.type === "checkbox") field.checked = Boolean(value);
-        else field.value = value;
-      }
-      form.dispatchEvent(new Event("filled"));
-      if (form.elements.coordinates?.value) form.querySelector("details.more").open = true;
-      const box = form.querySelector("textarea");
-      box.focus({ preventScroll: true });
-      box.scrollIntoView({ block: "center", behavior: calm() ? "auto" : "smooth" });
-      ask();
-    });
-  }
-}
-
 function themes(form) {
   form.addEventListener("submit", (event) => {
     event.preventDefault();
@@ -211,10 +193,6 @@ function themes(form) {
     fetch(form.action, { method: "POST", body: new URLSearchParams({ theme: chosen, back: "/livez" }), keepalive: true });
     document.dispatchEvent(new Event("colors"));
   });
-}
-
-export function calm() {
-  return matchMedia("(prefers-reduced-motion: reduce)").matches;
 }
 
 function submitKey(form) {
@@ -414,13 +392,12 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
   const ask = echo(form);
   if (form.dataset.understood) form.addEventListener("focusin", ask, { once: true });
   else {
-    examples(form, ask);
     drafts(form, ask);
     // A service that just started shows the form before it can say how the form is read.
-    if (!document.querySelector("#understood .formula, #understood [data-problem]")) ask();
+    const isAnswered = !form.dataset.answer || document.querySelector("[data-settled], [data-problem]");
+    if (!isAnswered || !document.querySelector("#understood .formula, #understood [data-problem]")) ask();
   }
   submitKey(form);
-  for (const button of document.querySelectorAll("[data-reveal]")) revealing(button, form);
   form.querySelector("input[type=file]")?.addEventListener("change", ask);
 }
 for (const box of document.querySelectorAll("#own textarea")) keeping(box);
@@ -434,9 +411,17 @@ focusWide(document);
 addEventListener("resize", () => focusWide(document));
 for (const details of document.querySelectorAll("details")) details.addEventListener("toggle", () => focusWide(details));
 for (const place of document.querySelectorAll("[data-today]")) place.textContent = new Date().toISOString().slice(0, 10);
+// A hint opens after the one before it. The verdict takes the focus after an answer.
+const hints = [...document.querySelectorAll("[data-hint]")];
+hints.forEach((hint, k) => {
+  if (k) hint.dataset.later = "";
+  hint.addEventListener("toggle", () => { if (hint.open && hints[k + 1]) delete hints[k + 1].dataset.later; });
+  hint.querySelector("summary").addEventListener("click", (event) => { if ("later" in hint.dataset) event.preventDefault(); });
+});
+document.querySelector("#feedback > h2") ? document.getElementById("feedback").focus() : document.referrer.startsWith(location.origin) && document.getElementById("verdict")?.focus({ preventScroll: true });
 const PAPER = 620; // CSS pixels between the margins of a page, with a step's number in front
 addEventListener("beforeprint", () => {
-  for (const details of document.querySelectorAll("main details:not([open])")) {
+  for (const details of document.querySelectorAll("main .parts > details:not([open])")) {
     details.open = true;
     details.dataset.printed = "";
   }

@@ -136,3 +136,21 @@ export function value(text) {
   const [top, below, ...more] = text.trim().split("/").map((part) => (part.trim() === "" ? NaN : Number(part)));
   return more.length ? NaN : below === undefined ? top : top / below;
 }
+
+const SMALL = 0.01; // step of a section
+const SECTION_TIME = 400;
+// Where coordinate `c` rises through zero: the points (q, v) of coordinate `d`.
+export function section(system, start, c, d) {
+  const x = [];
+  const y = [];
+  const before = Float64Array.from(start);
+  run(system, start, SMALL, SECTION_TIME / SMALL, "runge", 1, (state) => {
+    if (before[c] < 0 && state[c] >= 0) {
+      const part = before[c] / (before[c] - state[c]);
+      x.push(before[d] + part * (state[d] - before[d]));
+      y.push(before[system.n + d] + part * (state[system.n + d] - before[system.n + d]));
+    }
+    before.set(state);
+  });
+  return { x, y };
+}

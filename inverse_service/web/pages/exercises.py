@@ -1,0 +1,236 @@
+"""Exercises: a page for teachers that makes a link, a page for students that judges an answer, and codes to verify.
+
+An exercise is its address: equations, title, what is asked. Nothing is stored. A solved one gives a code, which is
+a keyed digest of the exercise, the student's name and the day; only this service can make it, anybody can ask it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
+
+from fastapi import APIRouter
+from markupsafe import Markup
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, substitute, walk
+from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.reading.reader import read_formula
+from inverse_service.service.jobs.model import split_options, write_json
+from inverse_service.service.jobs.tasks import check_task, solve_task
+from inverse_service.web.clients import client_of
+from inverse_service.web.engine import Engine
+from inverse_service.web.pages import form_documents, form_tasks, reading_back, sheets, typesetting
+from inverse_service.web.pages.preview import motion_of_result
+from inverse_service.web.pages.rendering import POLICY, page
+from inverse_service.web.pages.solve import fields_of_job
+
+router = APIRouter()
+# What is asked, the question, the letter before the box, and what the choice of an answer is called.
+ASKED = {
+    "lagrangian": ("A Lagrangian", "Find a Lagrangian whose motions are those of", "L"),
+    "hamiltonian": ("A Hamiltonian", "Find a Hamiltonian whose motions are those of", "H"),
+    "any": ("Is there any?", "Decide whether a Lagrangian exists for", ""),
+}
+# Codes hold for as long as this process runs, unless the operator sets a secret.
+SECRET = secrets.token_bytes(32)
+OWN_NAMES = ("title", "ask", "hints", "answer", "own", "student", "code")
+LATE = "Judging this takes longer than a page may. Try a shorter formula."
+
+
+@dataclass(frozen=True, slots=True)
+class Exercise:
+    """What a student sees: the equations, hints in steps, the motion, and what is said of an answer."""
+
+    equations: list[Markup]
+    constants: Markup | str
+    hints: list[Markup] = field(default_factory=list)
+    motion: dict[str, Any] | None = None
+    judged: sheets.Judged | None = None
+    wanted: list[Markup] = field(default_factory=list)
+    problem: str = ""
+
+
+def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) -> Exercise:
+    """The exercise of a link with what is said of an answer: "none", or "one" with a formula."""
+    try:
+        document = split_options(form_documents.document_of_fields(fields))[0]
+        result = solve_task(document, SolveOptions(time_limit=form_tasks.GLANCE))
+    except InputError as error:
+        return Exercise([], "", problem=reading_back.sentence(error.places[0]) if error.places else str(error))
+    system, names = result["system"], typesetting.names_of(result["system"])
+    sheet = sheets.sheet_of(result, brief=True)
+    wanted = [typesetting.formula(f"{name}'' = {text}", names) for name, text in system["equations"].items()]
+    judged = None
+    if answer == "none":
+        judged = _judged_none(sheets.verdict_of(result))
+    elif answer == "exists":
+        judged = _judged_exists(sheets.verdict_of(result))
+    elif answer == "one" and own.strip():
+        judged = judged_of(document, own, ask, names)
+    return Exercise(
+        [f.math for f in sheet.asked],
+        Markup(", ").join(sheet.about),
+        hints_of(result, names),
+        motion_of_result(result),
+        judged,
+        wanted,
+    )
+
+
+def _judged_none(verdict: str) -> sheets.Judged:
+    if verdict == sheets.NO:
+        return sheets.Judged("", sheets.YES, "Right. There is none, and the proof was checked.")
+    if verdict == sheets.YES:
+        return sheets.Judged("", sheets.NO, "Not yet. There is one.")
+    return sheets.Judged("", sheets.OPEN, "This could not be settled.")
+
+
+def _judged_exists(verdict: str) -> sheets.Judged:
+    if verdict == sheets.YES:
+        return sheets.Judged("", sheets.YES, "Right. There is one.")
+    if verdict == sheets.NO:
+        return sheets.Judged("", sheets.NO, "Not yet. There is none.")
+    return sheets.Judged("", sheets.OPEN, "This could not be settled.")
+
+
+def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sheets.Judged:
+    """What the checker says of a student's L, or of the L that belongs to a student's H."""
+    try:
+        lagrangian = lagrangian_of(own, names) if ask == "hamiltonian" else form_documents.right_side(own)
+        found = check_task(write_json({"system": document, "lagrangian": lagrangian}))
+    except InputError as error:
+        reasons = [reading_back.sentence(place) for place in error.places] or [str(error)]
+        return sheets.judged_of({"verdict": "unread", "lagrangian": own, "reasons": reasons}, names)
+    judged = sheets.judged_of({**found, "lagrangian": lagrangian}, names)
+    letter = "H" if ask == "hamiltonian" else "L"
+    lines = [Markup(str(line).replace("Your L", f"Your {letter}")) for line in judged.lines]
+    return sheets.Judged(
+        own, judged.verdict, judged.headline.replace("this L", f"this {letter}"), lines, judged.reasons
+    )
+
+
+def lagrangian_of(hamiltonian: str, names: Any) -> str:
+    """L(t, q, v) of an H(t, q, p_q): the Legendre transform of H in p, with v for its momenta.
+
+    InputError where H cannot be read or has no transform in closed form.
+    """
+    from inverse_service.expressions.printing import to_text
+
+    text = form_documents.right_side(hamiltonian.replace("H =", "L =").replace("H=", "L="))
+    tree = read_formula(text, names)
+    momenta: dict[Expression, Expression] = {Symbol(f"p_{name}"): Velocity(name) for name in names.coordinates}
+    if any(isinstance(node, Velocity) for node in walk(tree)):
+        raise InputError("A Hamiltonian has momenta such as p_x, and no velocities.")
+    document = {
+        "coordinates": list(names.coordinates),
+        "parameters": [
+            name for name in names.parameters if not name.startswith(("p_", "g_", "h_")) and name not in "LH"
+        ],
+        "lagrangian": to_text(substitute(tree, momenta)),
+    }
+    found = solve_task(document, SolveOptions(time_limit=form_tasks.GLANCE))["hamiltonian"]
+    if found.get("implicit"):
+        raise InputError("The velocities of this H could not be solved for the momenta in closed form.")
+    back = read_formula(found["text"], names)
+    return to_text(substitute(back, momenta))
+
+
+def hints_of(result: Mapping[str, Any], names: Any) -> list[Markup]:
+    """Three steps on the way; none says whether there is an answer, or which."""
+    one = len(result["system"]["coordinates"]) == 1
+    first = Markup("Write {} for an L of your own, and put in the equations.").format(
+        typesetting.proposition("d/dt dL/dv - dL/dq", names)
+    )
+    second = Markup("Look for {} first. It has to satisfy {}, where Γ is the derivative along the motion.").format(
+        typesetting.of_theory("g_ij = d^2 L/dv^i dv^j"),
+        typesetting.of_theory("Gamma(g) + g df/dv = 0" if one else "Gamma(g) = g N + (g N)^T, g Phi = (g Phi)^T"),
+    )
+    conditions = result.get("conditions") or {}
+    if one:
+        text = next(iter(result["system"]["equations"].values()))
+        third = Markup("Here f = {}. Try a g that depends on the time alone before you try others.").format(
+            typesetting.formula(text, names)
+        )
+    elif conditions.get("Phi"):
+        third = Markup("Here Φ = {}. Which symmetric g make g Φ symmetric, too?").format(
+            typesetting.matrix(conditions["Phi"], names)
+        )
+    else:
+        third = Markup("Which symmetric g make g Φ symmetric, too?")
+    return [first, second, third]
+
+
+@router.get("/exercise")
+async def exercise(request: Request) -> Response:
+    """The page of a student, with what is said of an answer in the address."""
+    query = request.query_params
+    fields = form_documents.fields_of_link(query)
+    if fields is None:
+        return RedirectResponse("/teach", 303)
+    fields |= {"lagrangian": "", "constraints": "", "kind": "equations"}
+    ask = query.get("ask", "lagrangian") if query.get("ask") in ASKED else "lagrangian"
+    engine: Engine = request.app.state.engine
+    answer, own = query.get("answer", ""), query.get("own", "")[:6_000]
+    found = await engine.made(
+        client_of(request), exercise_task, fields, ask, answer, own, late=LATE, seconds=4 * form_tasks.GLANCE
+    )
+    student = query.get("student", "").strip()[:80]
+    code = ""
+    if found.judged is not None and found.judged.verdict == sheets.YES and student:
+        code = code_of(question_of(query), student, datetime.now(UTC).date().isoformat())
+    shown = page(
+        "exercise.html", active="", exercise=found, fields=fields, title=query.get("title", "")[:120],
+        ask=ask, question=ASKED[ask][1], letter=ASKED[ask][2], answer=answer, own=own, student=student, code=code,
+        hints=query.get("hints", "yes") != "no", kept=dict(parse_qsl(question_of(query))),
+    )  # fmt: skip
+    origins = " ".join(("'self'", *engine.settings.frame_origins))
+    shown.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {origins}")
+    shown.headers["X-Frame-Options"] = "SAMEORIGIN"
+    return shown
+
+
+def question_of(query: Mapping[str, str]) -> str:
+    """The address of the exercise without an answer, always in one order."""
+    wanted = (*form_documents.LINKED, "title", "ask", "hints")
+    return urlencode({name: query[name] for name in wanted if query.get(name)})
+
+
+def code_of(question: str, student: str, day: str) -> str:
+    """The day and twelve characters that only this service can make for an exercise and a name."""
+    digest = hmac.new(SECRET, f"{question}\n{student}\n{day}".encode(), hashlib.sha256).hexdigest()
+    return f"{day}-{digest[:12]}"
+
+
+@router.get("/exercise/new")
+async def make(request: Request) -> HTMLResponse:
+    """The page of a teacher: what is asked, the link, the code to embed."""
+    query = request.query_params
+    fields = await fields_of_job(request, query["job"]) if query.get("job") else form_documents.fields_of_link(query)
+    fields = fields or form_documents.fields_from({"equations": "x'' = -x - c*x'"})
+    chosen = {name: query.get(name, "") for name in ("title", "ask", "hints")}
+    kept = {name: value for name, value in fields.items() if value and name in form_documents.LINKED}
+    link = f"{str(request.base_url).rstrip('/')}/exercise?{question_of({**kept, **chosen})}"
+    return page("exercise_new.html", active="/teach", fields=kept, chosen=chosen, asked=ASKED, link=link)
+
+
+@router.get("/teach")
+async def teach(request: Request) -> HTMLResponse:
+    """How exercises are made and embedded, and the check of a code."""
+    query, verdict = request.query_params, ""
+    link, student, code = (query.get(name, "").strip() for name in ("link", "student", "code"))
+    if link and code:
+        asked = question_of(dict(parse_qsl(link.partition("?")[2])))
+        day = code[: len("2026-01-01")]
+        verdict = "yes" if hmac.compare_digest(code.encode(), code_of(asked, student, day).encode()) else "no"
+    sent = {"link": link, "student": student, "code": code}
+    service = str(request.base_url).rstrip("/")
+    return page("teach.html", active="/teach", sent=sent, verdict=verdict, service=service)
