@@ -26,8 +26,8 @@ UNBROKEN = 48
 SIGNS = {"-": "\u2212", "!=": "≠", ">=": "≥", "<=": "≤"}
 RELATIONS = {"!=": "≠", ">": ">", "<": "<", ">=": "≥", "<=": "≤", "=": "="}
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
-# Relations and commas between the sides of a proposition, outside brackets.
-_SIDES = re.compile(r"((?: (?:!=|>=|<=|=|>|<) )|(?:, ))(?![^\[(]*[\])])")
+# Brackets, and the relations and commas between the sides of a proposition.
+_SIDES = re.compile(r"[()\[\]]| (?:!=|>=|<=|=|>|<) |, ")
 _SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDT])/d([A-Za-z]\w*)('{0,2})")
 _BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
@@ -225,13 +225,15 @@ def proposition(text: str, names: Names) -> Markup:
     """A formula of a proof: relations between formulas of the system, matrices, and terms of the theory."""
     if len(text) > MAX_CHARACTERS:
         return code(text)
-    pieces = []
-    for k, side in enumerate(_SIDES.split(text)):
-        if k % 2:
-            sign = side.strip()
-            pieces.append(f"<mo>{escape(RELATIONS.get(sign, sign))}</mo>")
-        elif side.strip():
-            pieces.append(_side_mathml(side.strip(), names))
+    pieces, depth, start = [], 0, 0
+    for match in _SIDES.finditer(text):
+        sign = match.group().strip()
+        depth += (sign in ("(", "[")) - (sign in (")", "]"))
+        if depth == 0 and sign not in (")", "]"):
+            pieces += [_side_mathml(text[start : match.start()].strip(), names)]
+            pieces += [f"<mo>{escape(RELATIONS.get(sign, sign))}</mo>"]
+            start = match.end()
+    pieces.append(_side_mathml(text[start:].strip(), names))
     return math(f"<mrow>{''.join(pieces)}</mrow>")
 
 
@@ -240,7 +242,7 @@ def _side_mathml(side: str, names: Names) -> str:
         found = matrix_inner([_split(row[1:-1], ",") for row in _split(side[1:-1], ",")], names)
         if found is not None:
             return found
-    return inner_mathml(side, names) or spaced(_theory(side))
+    return (inner_mathml(side, names) or spaced(_theory(side))) if side else ""
 
 
 def _theory(text: str) -> str:
@@ -248,14 +250,17 @@ def _theory(text: str) -> str:
     text = _BRACKETED.sub(r"\1", text)
     found, place = [], 0
     for match in _SLOPE.finditer(text):
-        found.append(theory(text[place : match.start()]).mathml if text[place : match.start()].strip() else "")
+        found.append(_bare(text[place : match.start()]))
         dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[3])]}</mo>"
         below = f"<mi>{escape(greek_letter(match[2]) or match[2])}</mi>"
         below = f'<mover accent="true">{below}{dots}</mover>' if match[3] else below
         found.append(f"<mfrac><mrow><mi>∂</mi><mi>{match[1]}</mi></mrow><mrow><mi>∂</mi>{below}</mrow></mfrac>")
         place = match.end()
-    rest = text[place:]
-    return "".join([*found, theory(rest).mathml if rest.strip() else ""])
+    return f"<mrow>{''.join(found)}{_bare(text[place:])}</mrow>"
+
+
+def _bare(text: str) -> str:
+    return theory(text).mathml.removeprefix("<mrow>").removesuffix("</mrow>") if text.strip() else ""
 
 
 def _split(text: str, mark: str) -> list[str]:

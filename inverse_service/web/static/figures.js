@@ -105,7 +105,7 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
 }
 
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
-const LIFTED = { ink: "--ink", "#0072B2": "--accent" };
+const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
 const inked = (name) => (name in LIFTED ? color(LIFTED[name]) : name);
 const DASHES = { solid: [], dash: [7, 4], dot: [2, 4], dashdot: [9, 3, 2, 3], longdash: [13, 5], longdashdot: [13, 4, 2, 4] };
 

@@ -367,6 +367,7 @@ export class Motion {
       dial.innerHTML = `<span>${escaped(label)} <output></output></span><input type="range" min="${low}" max="${high}" step="0.05">`;
       const [slider, output] = [dial.querySelector("input"), dial.querySelector("output")];
       const show = () => (output.textContent = short(Number(slider.value)));
+      slider.setAttribute("aria-label", label); // a label with an output in it names that
       slider.value = value;
       show();
       slider.addEventListener("input", (event) => { event.stopPropagation(); show(); moved(Number(slider.value)); this.update(false); this.changed?.(); });

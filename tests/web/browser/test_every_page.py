@@ -13,7 +13,10 @@ from playwright.sync_api import Request, expect
 
 from .conftest import Look, Pages, Scheme, Visit, visited, whole
 
-PAGES = ("/", "/?kind=nonholonomic", "/simulate", "/gallery", "/batch", "/learn", "/docs", "/results/none")
+PAGES = (
+    "/", "/?kind=nonholonomic", "/ask", "/simulate", "/gallery", "/batch", "/learn", "/docs", "/teach", "/exercise/new",
+    "/exercise?equations=x''=-x", "/results/none",
+)  # fmt: skip
 # The default suite looks at each page once; test_every_state.py looks at all of them in all ways.
 LOOKED_AT = {"light": PAGES[:3], "dark": ("/", *PAGES[3:])}
 RESULTS = {"light": "vertically-rolling-disk-first", "dark": "vertically-rolling-disk-second"}
@@ -60,8 +63,8 @@ def test_axe_finds_nothing_on_any_page(colored: Visit, scheme: Scheme) -> None:
 @pytest.mark.slow
 def test_axe_finds_nothing_on_a_result(colored: Visit, scheme: Scheme) -> None:
     colored.go(f"/?example={RESULTS[scheme]}")
-    colored.page.get_by_role("button", name="Find out").click()
-    expect(colored.page.locator(".verdict")).to_be_visible()
+    colored.page.get_by_role("button", name="Open the answer").click()
+    expect(colored.page.locator("#verdict")).to_be_visible()
     whole(colored.page)
     open_all(colored)
     assert violations(colored) == []

@@ -10,7 +10,8 @@ import pytest
 from inverse_service import __version__, catalogue
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents import documents
-from inverse_service.web.pages.result_tasks import curl_of, exports, python_call
+from inverse_service.service.documents.latex_page import latex_page
+from inverse_service.web.pages.result_tasks import curl_of, python_call
 
 
 def test_calls_hold_the_document() -> None:
@@ -23,11 +24,8 @@ def test_calls_hold_the_document() -> None:
 @pytest.mark.slow
 def test_the_latex_of_a_motion_with_constraints_has_all_that_the_page_shows() -> None:
     document = {**catalogue.document("nonholonomic-particle"), "associated": "second"}
-    latex = next(
-        e.text
-        for e in exports(documents.solve_document(document, SolveOptions()), "http://h", "a_1")
-        if e.key == "latex"
-    )
+    found = documents.solve_document(document, SolveOptions())
+    latex = latex_page(found, True, "http://h/results/a_1")
     for formula in (r"\dot{z} + x \dot{y} = 0", "L = ", "H = ", "p_{x} = ", "p_{z} + p_{y} = 0"):
         assert formula in latex
     assert latex.count("{") == latex.count("}")

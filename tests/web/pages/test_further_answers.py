@@ -35,9 +35,9 @@ def test_a_damped_chain_leaves_with_l_and_d(service: str) -> None:
         assert result["verdict"] == "not_variational"
         assert result["instead"]["kind"] == "rayleigh"
         page = client.get(f"/results/{address}").text
-    assert "Instead: With friction" in page
+    assert "<dt>Instead</dt>" in page
     assert "<mi>D</mi>" in page
-    assert "of the kind \u201cnatural\u201d: no" in page
+    assert 'potential energy: <span class="no">No</span>' in page
 
 
 def test_a_lagrangian_with_time_has_its_section_and_no_second_card(service: str) -> None:
@@ -47,8 +47,8 @@ def test_a_lagrangian_with_time_has_its_section_and_no_second_card(service: str)
         address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
         assert found.json()["instead"]["kind"] == "time"
         page = client.get(f"/results/{address}").text
-    assert "Instead:" not in page
-    assert "If L may contain the time" in page
+    assert "<dt>Instead" not in page
+    assert "contains the time" in page
     assert "Hamiltonian" in page
 
 
@@ -62,9 +62,12 @@ def test_the_form_asks_for_kinds_and_another_clock() -> None:
 
 def test_a_link_with_kinds_fills_the_boxes(service: str) -> None:
     page = httpx.get(f"{service}/?equations=x''=-x&kinds=finsler&clock=x").text
+    assert 'name="kinds" value="finsler"' in page
+    assert 'name="clock" value="x"' in page
+    assert "does not exist" not in page
+    page = httpx.get(f"{service}/ask?kind=equations&equations=x''=-x&kinds=finsler&clock=x").text
     assert 'value="finsler" checked' in page
     assert 'id="clock" name="clock" value="x"' in page
-    assert "does not exist" not in page
 
 
 def test_the_link_to_a_question_says_all_that_the_form_can_ask() -> None:
@@ -81,7 +84,7 @@ def test_a_link_that_asks_for_what_does_not_exist_says_so_and_asks_the_rest(serv
     page = httpx.get(f"{service}/?equations=x''=-x&kinds=finsler+finnish&time=maybe").text
     assert "This link asks for kinds=finnish, which does not exist and is left out; there is natural," in page
     assert "This link asks for time=maybe" in page
-    assert 'value="finsler" checked' in page
+    assert 'name="kinds" value="finsler"' in page
     assert "Please change this" not in page
 
 
@@ -104,9 +107,9 @@ def test_an_own_lagrangian_may_begin_with_its_letter(service: str) -> None:
         address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
         for left in ("", "L = "):
             page = client.get(f"/results/{address}", params={"lagrangian": f"{left}m*(x'^2 - x^2)/2"}).text
-            assert "Yes: the Euler-Lagrange equations of this L are these equations." in page
+            assert "Yes. The Euler-Lagrange equations" in page
         page = client.get(f"/results/{address}", params={"lagrangian": "L = x'^2/2 - x^2"}).text
-    assert "No: this L has other equations." in page
+    assert "Not yet." in page
 
 
 def test_each_side_of_a_kink_has_its_box(service: str) -> None:
@@ -118,7 +121,7 @@ def test_each_side_of_a_kink_has_its_box(service: str) -> None:
         assert [one["verdict"] for one in found.json()["branches"]] == ["not_variational", "variational"]
         page = client.get(f"/results/{address}")
     assert page.status_code == 200
-    assert re.findall(r'<div class="verdict (\w+)">', page.text)[:3] == ["mixed", "not_variational", "variational"]
+    assert re.findall(r'<h[12][^>]*>[^<]*<span class="(\w+)">', page.text)[:3] == ["differs", "no", "yes"]
 
 
 def test_the_proof_of_the_first_branch_stands_before_that_of_the_second(service: str) -> None:
@@ -127,7 +130,8 @@ def test_the_proof_of_the_first_branch_stands_before_that_of_the_second(service:
         found = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"})
         address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
         page = client.get(f"/results/{address}").text
-    assert re.findall(r'id="(why[\w-]*)"', page) == ["why", "why-branch-1"]
+    why = page[page.index('id="why"') :].partition("</details>")[0]
+    assert re.findall(r"<h3>([^<]*)</h3>", why)[0] == "In the next case"
 
 
 @pytest.mark.parametrize(
@@ -180,15 +184,3 @@ def test_the_form_of_a_scene_from_a_job_that_solved_nothing_is_not_found(service
         page = client.get("/simulate", params={"job": address})
     assert page.status_code == 404
     assert "There is no result with a system at this address." in page.text
-
-
-def test_the_table_of_dimensions_shows_only_those_that_are_settled(service: str) -> None:
-    """Of Hénon and Heiles' system the multiplier is one constant; what is left in the highest degree still shrinks."""
-    document = {"equations": "x'' = -x - 2*x*y; y'' = -y - x^2 + y^2"}
-    with httpx.Client(base_url=service, timeout=120) as client:
-        found = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"})
-        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
-        page = client.get(f"/results/{address}").text
-    assert found.json()["solution_space"]["dimensions"] == [1, 1, 1, 9]
-    row = page[page.index("free coefficients") :].split("</tr>")[0]
-    assert re.findall(r'class="number">(\d+)<', row) == ["1", "1", "1"]

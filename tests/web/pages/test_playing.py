@@ -115,7 +115,7 @@ def test_a_slow_machine_does_not_shorten_what_the_form_offers(monkeypatch: pytes
 @pytest.mark.parametrize("name", CONSTRAINED)
 def test_every_constrained_system_can_be_played_with(name: str) -> None:
     found = preview_task(scene_of(name))
-    assert set(found) == {"coordinates", "values", "equations", "constraints", "angles"}
+    assert set(found) == {"coordinates", "labels", "values", "equations", "constraints", "angles"}
     assert len(found["equations"]) == len(found["coordinates"])
     assert found["constraints"]
 

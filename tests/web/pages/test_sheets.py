@@ -1,0 +1,90 @@
+"""What a page says of a result: one verdict for both questions, the same in title, badge and table."""
+
+from __future__ import annotations
+
+import copy
+import re
+from typing import Any
+
+import pytest
+
+from inverse_service import solve
+from inverse_service.web.pages import sheets
+
+SLEIGH = {
+    "lagrangian": "m/2*(x'^2+y'^2)+J/2*phi'^2+m*a*phi'*(-x'*sin(phi)+y'*cos(phi))",
+    "constraints": ["x'*sin(phi)-y'*cos(phi)"],
+    "parameters": "guess",
+}
+PARTICLE = {"lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z'+x*y'"]}
+FORCED = {"lagrangian": "(x'^2+y'^2+z'^2)/2 - x^2/2", "constraints": ["z' - y*x'"]}
+DISK = {
+    "lagrangian": "M/2*(x'^2+y'^2)+I/2*theta'^2+J/2*phi'^2",
+    "constraints": ["x' - R*cos(phi)*theta'", "y' - R*sin(phi)*theta'"],
+    "parameters": "guess",
+}
+
+
+def words(markup: Any) -> str:
+    return re.sub(r"<[^>]+>", "", str(markup))
+
+
+@pytest.mark.parametrize(
+    ("document", "verdict", "badge"),
+    [
+        ({"equations": "x'' = -x"}, "yes", "a Lagrangian"),
+        ({"equations": "x'' = -x - x'/10"}, "yes", "a Lagrangian"),
+        ({"equations": "x'' = -x' - x; y'' = -y' - y - x^2 + y^2"}, "no", "no Lagrangian"),
+        ({"equations": "x'' = -y; y'' = x*x'"}, "no", "no Lagrangian"),
+        # Damped Henon-Heiles: none without the time, one with it.
+        ({"equations": "x'' = -x - 2*x*y - x'/10; y'' = -y - x^2 + y^2 - y'/10"}, "yes", "a Lagrangian"),
+        ({"equations": "x'' = -x*abs(x)"}, "yes", "a Lagrangian"),
+        ({**SLEIGH, "associated": "any"}, "no", "has no Hamiltonian"),
+        ({**FORCED, "associated": "any"}, "no", "has no Hamiltonian"),
+        ({**PARTICLE, "associated": "any"}, "yes", "has a Hamiltonian"),
+        ({**DISK, "associated": "any"}, "yes", "has a Hamiltonian"),
+    ],
+)
+def test_title_badge_and_headline_say_the_same(document: dict[str, Any], verdict: str, badge: str) -> None:
+    result = solve(document)
+    sheet = sheets.sheet_of(result)
+    assert (sheet.verdict, sheet.badge) == (verdict, badge)
+    assert sheet.title.endswith(f": {badge}")
+    assert f'<span class="{verdict}">' in sheet.sentence or len(sheet.cases) > 1
+    shown = words(sheet.sentence) + " ".join(map(words, sheet.notes))
+    assert "undetermined" not in shown
+    assert "not settled" not in shown
+    if sheet.table:
+        main = next(row for row in sheet.table if row.is_main)
+        assert main.verdict == verdict
+        assert main.steps
+        assert [row.name for row in sheet.table][-3:] == ["Any", "Reduced", "Another clock"]
+
+
+def test_the_lagrangian_with_the_time_is_shown_where_there_is_no_other() -> None:
+    result = solve({"equations": "x'' = -x - 2*x*y - x'/10; y'' = -y - x^2 + y^2 - y'/10"})
+    (case,) = sheets.sheet_of(result).cases
+    assert [formula.letter for formula in case.formulas] == ["L", "H"]
+    assert "exp" in case.formulas[0].text
+
+
+@pytest.mark.parametrize(("form", "shown"), [("1", "older version"), ("2", "second program checked")])
+def test_an_older_proof_is_not_called_checked(form: str, shown: str) -> None:
+    result = copy.deepcopy(dict(solve({"equations": "x'' = -x"})))
+    result["certificate"]["format"] = f"inverse-service/certificate/{form}"
+    assert any(shown in note for note in sheets.sheet_of(result).notes)
+    assert sheets.proof_of({"checked": "valid", "certificate": None}) == "valid"
+
+
+def test_parts_that_are_missing_are_named() -> None:
+    result = dict(solve({"equations": "x'' = -x"})) | {"incomplete": [{"part": "first_integrals", "reason": "time"}]}
+    assert sheets.sheet_of(result).missing == ("first integrals",)
+
+
+def test_cases_that_differ_or_are_open_are_all_listed() -> None:
+    result = dict(solve({"equations": "x'' = -x*abs(x)"}))
+    result["not_answered"] = [{"domain": ["x > 5"], "near": {}, "reason": "no time was left"}]
+    sheet = sheets.sheet_of(result)
+    assert sheet.verdict == sheets.DIFFERS
+    assert "3 cases" in words(sheet.sentence)
+    assert any("no time was left" in note for note in sheet.notes)
