@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, expect
 
 from tests.web.pages.test_small_pictures import lines_of
 
-from .conftest import Visit
+from .conftest import Visit, whole
 from .test_every_page import violations
 
 
@@ -37,6 +37,7 @@ def test_special_cases_are_shown_as_a_tree(visit: Visit) -> None:
     visit.page.get_by_role("button", name="Ask in detail").click()
     visit.page.get_by_label("Special values").check()
     visit.page.get_by_role("button", name="Open the answer").click()
+    whole(visit.page)
     visit.page.get_by_role("heading", name="More").click()
     expect(visit.page.locator("#more dd ul li").first).to_be_visible()
     expect(visit.page.locator("#more")).to_contain_text("decided")
