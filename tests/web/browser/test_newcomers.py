@@ -13,6 +13,7 @@ def paper(page: Page) -> str:
     return color
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scripts", [True, False])
 def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain: Visit, scripts: bool) -> None:
     at = visit if scripts else plain
@@ -22,6 +23,7 @@ def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain
     expect(at.page.locator("#picture-title")).to_have_text("Knife edge on a horizontal plane")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scripts", [True, False])
 def test_the_colors_are_chosen_and_remembered(visit: Visit, plain: Visit, scripts: bool) -> None:
     at = visit if scripts else plain

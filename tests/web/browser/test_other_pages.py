@@ -61,6 +61,7 @@ def test_a_lesson_can_be_changed_and_asked(visit: Visit) -> None:
     whole(visit.page)
 
 
+@pytest.mark.slow
 def test_every_control_is_reached_by_keys_and_shows_that_it_is(visit: Visit) -> None:
     visit.go("/")
     controls = "a[href], button, summary, textarea, input:not([type=hidden]), select, [tabindex='0']"
@@ -82,6 +83,7 @@ def test_every_control_is_reached_by_keys_and_shows_that_it_is(visit: Visit) -> 
     assert len(seen) >= wanted
 
 
+@pytest.mark.slow
 def test_every_call_is_described_with_an_example(visit: Visit) -> None:
     visit.go("/docs")
     for path in ("/v1/solve", "/v1/jobs/{id}", "/v1/batches", "/v1/catalogue/{name}", "/livez"):
@@ -91,6 +93,7 @@ def test_every_call_is_described_with_an_example(visit: Visit) -> None:
     expect(first.locator("pre").first).to_contain_text("curl -s http")
 
 
+@pytest.mark.slow
 def test_a_call_is_tried_on_the_page_that_describes_it(visit: Visit) -> None:
     visit.go("/docs")
     call = visit.page.locator("article", has=visit.page.get_by_text("/v1/parse", exact=True))

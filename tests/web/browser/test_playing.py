@@ -44,6 +44,7 @@ def test_the_script_finds_the_values_of_the_formulas(visit: Visit) -> None:
         assert found == pytest.approx(expected(x, v), rel=1e-14)
 
 
+@pytest.mark.slow
 def test_the_oscillator_of_the_script_has_the_orders_of_its_methods(visit: Visit) -> None:
     visit.go("/simulate")
     tree = listed(read_formula("-k*x", Names(("x",), ("k",))))

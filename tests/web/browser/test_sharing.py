@@ -106,6 +106,7 @@ def test_plain_equations_are_a_batch_and_its_table_is_csv(visit: Visit) -> None:
     assert "failed" in table[3]
 
 
+@pytest.mark.slow
 def test_a_reading_that_was_meant_is_put_into_the_field(visit: Visit) -> None:
     visit.go("/")
     typed = visit.page.get_by_label("Equations", exact=True)

@@ -74,6 +74,7 @@ def test_texts_of_users_cannot_be_markup() -> None:
     assert "<script" not in shown
 
 
+@pytest.mark.slow
 def test_every_step_of_a_proof_and_of_a_search_is_typeset() -> None:
     for name in ("vertically-rolling-disk-first", "knife-edge-second"):
         result = solve_system(catalogue.document(name), SolveOptions(time_limit=60.0))
@@ -142,6 +143,7 @@ def test_a_formula_has_the_text_that_is_copied() -> None:
     assert typesetting.formula(long, names).count("data-text") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("equations", "kept"),
     [
