@@ -633,13 +633,15 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
         if part[key].get("statement"):
             yield Row(name, typesetting.sentence(part[key], names))
     for entry in part.get("hamiltonisation") or ():
-        told = [typesetting.sentence(one, names) + Markup(" {}").format(one["verdict"]) for one in entry["statements"]]
+        stated = [
+            typesetting.sentence(one, names) + Markup(" {}").format(one["verdict"]) for one in entry["statements"]
+        ]
         zero = _listed([f"{one['text']} = 0" for one in entry["constraints"]], names)
         word = "Confirmed" if entry["holds"] else "Not confirmed"
         yield Row(
             f"In phase space, {entry['associated']}", Markup("{} on {}").format(_capital(entry["label"]), zero) if zero
             else _capital(entry["label"]), YES if entry["holds"] else OPEN, word,
-            (formula_of("H", entry["hamiltonian"], names),) if entry["hamiltonian"] else (), tuple(told),
+            (formula_of("H", entry["hamiltonian"], names),) if entry["hamiltonian"] else (), tuple(stated),
         )  # fmt: skip
     yield from _more(result, names)
 
