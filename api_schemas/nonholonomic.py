@@ -100,12 +100,6 @@ class MeasurePart(Document):
     parts: list[result.ExplanationPart] = Field(default_factory=list)
 
 
-class FirstIntegralPart(result.Formula):
-    """A function that is constant along the motion."""
-
-    name: str
-
-
 class ClassPart(Document):
     """Membership of the class s' = -A(r1) r2'; the roles of the coordinates, A, N and K if it is a member."""
 
@@ -188,7 +182,7 @@ class NonholonomicPart(Document):
     equations_of_motion: MotionPart
     integrable: IntegrabilityPart
     measure_density: MeasurePart
-    first_integrals: list[FirstIntegralPart]
+    first_integrals: list[result.FirstIntegralPart]
     paper_class: ClassPart
     associated: list[AssociatedPart]
     hamiltonisation: list[HamiltonisationPart]

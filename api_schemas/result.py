@@ -77,6 +77,17 @@ class IntegralPart(Document):
     derivatives: dict[str, str]
 
 
+class FirstIntegralPart(Formula):
+    """A function of (t, q, q') that is constant along the motion; `symmetry` is the one behind it (Noether's theorem).
+
+    `domain` are conditions under which the formula has a value.
+    """
+
+    name: str
+    symmetry: str = ""
+    domain: list[str] = Field(default_factory=list)
+
+
 class SolutionSpacePart(Document):
     """Size of the space of multipliers."""
 
@@ -177,6 +188,7 @@ class BranchPart(OtherAnswer):
 
     verdict_with_time: Verdict | None = None
     with_time: OtherAnswer | None = None
+    first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
 
 
 class KindPart(Document):
@@ -256,6 +268,7 @@ class ResultDocument(OtherAnswer):
     system: UnderstoodSystem | None
     question: Literal["L(q, q')", "L(t, q, q')"] = "L(q, q')"
     verdict_with_time: Verdict | None = None
+    first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
     conditions: ConditionsPart | None = None
     with_time: OtherAnswer | None = None
     branches: list[BranchPart] = Field(default_factory=list)

@@ -82,12 +82,14 @@ class QuestionDocument(NamedDocument):
     `ansatz`: terms such as "y'^2/x'" that a Lagrangian is first looked for in.
     `series_order`: the order of the power series given where no closed form is found.
     `special_cases`: also find the parameters and functions for which the verdict is another.
+    `first_integrals`: false leaves out what is constant along the motion.
     """
 
     time_dependent_lagrangian: bool | None = None
     ansatz: Annotated[list[Text], Field(max_length=MAX_ANSATZ_TERMS)] = Field(default_factory=list)
     series_order: Annotated[int, Field(ge=1, le=MAX_SERIES_ORDER, strict=True)] | None = None
     special_cases: bool = False
+    first_integrals: bool = True
 
 
 KindName = Literal["natural", "riemannian", "finsler", "positive_definite", "rayleigh"]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from inverse_service.expressions.tree import Expression, Symbol
 
 if TYPE_CHECKING:
+    from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.mechanics.legendre.transform import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -25,8 +26,9 @@ class SolveOptions:
     ends as undetermined. `ansatz`: terms that a Lagrangian is first looked for in. `given`: the equations as they were
     written, one tree for each that vanishes along the motion, accelerations unsolved: their own multiplier is tried
     first. `series_order`: up to which order the multiplier is expanded where no closed form is found; None leaves the
-    choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out. `hand_over`: told the names of
-    the parts that are finished and checked, with what makes the solutions so far, while there is more to find.
+    choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out. `first_integrals`: whether they
+    are looked for. `hand_over`: told the names of the parts that are finished and checked, with what makes the
+    solutions so far, while there is more to find.
     """
 
     time_dependent: bool | None = None
@@ -36,6 +38,7 @@ class SolveOptions:
     given: tuple[Expression, ...] = ()
     series_order: int | None = None
     conditions: bool = True
+    first_integrals: bool = False
     hand_over: Callable[[Sequence[str], Callable[[], tuple[Solution, ...]]], None] | None = None
 
 
@@ -154,6 +157,7 @@ class Solution:
     conditions: Conditions | None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     cut: Mapping[str, str] = field(default_factory=dict)
+    first_integrals: tuple[FirstIntegral, ...] = ()
 
     @property
     def main(self) -> Answer | None:

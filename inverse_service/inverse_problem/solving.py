@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from inverse_service import bounds
 from inverse_service.certificate.formulas import MAX_TEXT
@@ -55,6 +56,9 @@ from inverse_service.mechanics.second_order_system import (
     on_branch,
 )
 
+if TYPE_CHECKING:
+    from inverse_service.mechanics.first_integrals import FirstIntegral
+
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5
 # Of the time left, what the decision on the first of two questions may take.
@@ -66,6 +70,8 @@ _UNSOLVED = (
 AS_GIVEN = "the equations as given"
 # Coordinates of systems whose conditions are printed and whose freedom is counted beside a known Lagrangian.
 _MOST_COORDINATES = 8
+# First integrals may take so many seconds, and such a share of the time.
+_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.5, 0.1
 # Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
 _MOST_FOR_FREEDOM = 30_000
 # Rational functions of the velocities, and what is harder to read (`reading_class`).
@@ -130,16 +136,35 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     )
     hand_over(work, "conditions")
     autonomous, with_time = _placed(_explained(_answers(work), system), system, domain)
-    provenance = {
+    provenance: dict[str, Any] = {
         "seed": options.seed,
         "time_limit": options.time_limit,
         "points": [dict(point) for point in work.points],
-        "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
         "conditions_left_out": left_out,
     }
     if work.refused:
         provenance["refused_lagrangians"] = len(work.refused)
-    return Solution(system, autonomous, with_time, printed, provenance, work.cut)
+    kept = _first_integrals(work, autonomous, with_time)
+    provenance["seconds"] = {stage: round(value, 4) for stage, value in seconds.items()}
+    return Solution(system, autonomous, with_time, printed, provenance, work.cut, kept)
+
+
+def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
+    """What is constant along the motion: by the Lagrangian where there is one, by the equations alone where not."""
+    system = work.analysis.system
+    if not work.options.first_integrals or system.is_unsolved:
+        return ()
+    from inverse_service.mechanics.first_integrals import first_integrals, motion_of
+
+    began = now()
+    work.progress("first integrals")
+    known = next((one.lagrangian for one in answers if one is not None and one.lagrangian is not None), None)
+    positive = system.positive if known is None else known.positive
+    limit = min(_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
+    tree = None if known is None else known.expression
+    found = first_integrals(motion_of(system), tree, positive, work.options.seed, limit)
+    work.add_seconds("first integrals", began)
+    return found
 
 
 def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:

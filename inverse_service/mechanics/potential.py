@@ -12,8 +12,11 @@ import flint
 from inverse_service import bounds
 from inverse_service.algebra.exact_ring import ExactRing
 from inverse_service.algebra.rational_functions import Exponents, Quotient, as_fraction
+from inverse_service.algebra.real_point import RealTable, real_sign
 from inverse_service.algebra.semidefinite import kernel
-from inverse_service.expressions.tree import Apply, Arbitrary, Expression, add, multiply
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.expressions.tree import Apply, Arbitrary, Expression, Number, Product, Sum, add, multiply, negated
 from inverse_service.mechanics.quotient_matrices import numerators, solution
 from inverse_service.mechanics.writing import joined, readable
 
@@ -29,7 +32,7 @@ class Potential:
 
     def exponential(self, ring: ExactRing) -> Expression:
         """exp(phi) as a tree."""
-        factors = [readable(ring, element) ** readable(ring, value) for value, element in self.logarithms]
+        factors = [_signed(readable(ring, element)) ** readable(ring, value) for value, element in self.logarithms]
         if not self.rest.is_zero:
             factors.append(Apply("exp", readable(ring, self.rest)))
         return joined(multiply(*factors))
@@ -52,9 +55,32 @@ class Potential:
                 table.append((value, element))
         return Potential(tuple((value, element) for value, element in table if not value.is_zero), self.rest)
 
+    def made_positive(self, ring: ExactRing, table: RealTable | None) -> Potential:
+        """The same function up to a constant with positive arguments of the logarithms at a real point."""
+        if table is None:
+            return self
+        pairs = ((c, readable(ring, element), element) for c, element in self.logarithms)
+        kept = tuple((c, -element if _is_negative(tree, table) else element) for c, tree, element in pairs)
+        return Potential(kept, self.rest)
+
     def negated(self) -> Potential:
         """-phi."""
         return Potential(tuple((-value, element) for value, element in self.logarithms), -self.rest)
+
+
+def _signed(tree: Expression) -> Expression:
+    """With the sign of -(a + b) inside."""
+    match tree:
+        case Product((Number(factor), Sum() as rest)) if factor == -1:
+            return negated(rest)
+    return tree
+
+
+def _is_negative(tree: Expression, table: RealTable) -> bool:
+    try:
+        return real_sign(tree, table) < 0
+    except (NoRealValue, IrreducibleAtoms):
+        return False
 
 
 def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient]) -> Potential | None:

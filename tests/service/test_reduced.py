@@ -64,7 +64,6 @@ KNOWN: list[tuple[str, dict[str, Any], str, str | None]] = [
 # Where the reduced system contains what it should be free of, there is none.
 UNREDUCED = [
     ("a potential in x and z", document("(x'^2+y'^2+z'^2)/2-z^2/2-x^2", "z'-y*x'", coordinates=["x", "y", "z"])),
-    ("a constraint with s", document("(x'^2+y'^2+z'^2)/2", "z'-z*y*x'", coordinates=["x", "y", "z"])),
 ]
 
 
@@ -72,7 +71,7 @@ def reduced(asked: dict[str, Any]) -> dict[str, Any] | None:
     report = motion_report(to_nonholonomic(to_nonholonomic_schema(asked)))
     lagrangian = report.motion.system.lagrangian
     plain = decided_reduced(report.motion, lagrangian, 1, 200)
-    found = reduced_part(report.motion, lagrangian, report.density, plain, 1, 200)
+    found = reduced_part(report, plain, 1, 200)
     return None if found is None else found.model_dump(mode="json")
 
 

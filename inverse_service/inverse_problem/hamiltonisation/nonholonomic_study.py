@@ -19,6 +19,8 @@ from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamilton
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.inverse_problem.solving import solve, solve_branches
+from inverse_service.mechanics import first_integrals as kept
+from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.mechanics.nonholonomic.associated_systems import (
     KINDS,
@@ -29,12 +31,11 @@ from inverse_service.mechanics.nonholonomic.associated_systems import (
 )
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem, frames, geometry, too_large
 from inverse_service.mechanics.nonholonomic.integrals import (
-    FirstIntegral,
     Integrability,
     MeasureDensity,
-    first_integrals,
     integrability,
     measure_density,
+    scaled_velocities,
 )
 from inverse_service.mechanics.nonholonomic.motion import (
     EliminatedMotion,
@@ -59,7 +60,6 @@ class MotionReport:
     motion: EquationsOfMotion
     integrability: Integrability | None
     density: MeasureDensity
-    integrals: tuple[FirstIntegral, ...]
     member: PaperClass | None
     reason: str
 
@@ -116,13 +116,19 @@ def motion_report(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) ->
         motion,
         _or_none(lambda: integrability(parts, exact.frame)),
         _or_none(lambda: measure_density(exact)) or MeasureDensity("not_found"),
-        _or_none(lambda: first_integrals(exact)) or (),
         member,
         reason,
     )
     # What follows is short work over the same ring, at any later time.
     parts.ring.field.budget.deadline = math.inf
     return found
+
+
+def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple[FirstIntegral, ...]:
+    """What is constant along the motion; velocities that only stretch are proposed."""
+    motion, exact = report.motion, report.exact
+    proposed = _or_none(lambda: tuple(scaled_velocities(exact))) or ()
+    return kept.first_integrals(motion, motion.system.lagrangian, (), seed, time_limit, proposed)
 
 
 def _or_none(work: Callable[[], T]) -> T | None:

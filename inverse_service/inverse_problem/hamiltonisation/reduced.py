@@ -9,19 +9,48 @@ Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import combinations
 
+from flint import nmod_mat
+
+from inverse_service.algebra.elementary import to_kernels
+from inverse_service.algebra.point import Expansion
+from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.algebra.real_point import find_real_point
+from inverse_service.algebra.reduction import reduce_atoms
+from inverse_service.algebra.tower import draw_point
+from inverse_service.algebra.truncated_series import SingularPoint, gradient
 from inverse_service.deadline import left, now
-from inverse_service.errors import InputError
-from inverse_service.expressions.tree import TIME, Arbitrary, Expression, Symbol, Velocity, holds, substitute, walk
+from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Arbitrary,
+    Expression,
+    Symbol,
+    Velocity,
+    holds,
+    multiply,
+    powers_of,
+    substitute,
+    walk,
+)
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
 from inverse_service.inverse_problem.solutions import Answer, SolveOptions
 from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.nonholonomic.geometry import Geometry, frames
 from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
+from inverse_service.mechanics.nonholonomic.motion import (
+    ConstrainedMotion,
+    EliminatedMotion,
+    EquationsOfMotion,
+    eliminate_multipliers,
+)
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import tidied
 
@@ -67,6 +96,68 @@ def decide_reduced(motion: ConstrainedMotion, lagrangian: Expression | None, opt
         return None
     candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
     return _decided(system, candidate, replace(options, time_dependent=False, ansatz=(), given=()))
+
+
+def closed_subsystem(exact: EliminatedMotion, motion: EquationsOfMotion) -> SecondOrderSystem | None:
+    """q_S'' = F(q_S, q_S') for a largest set S of coordinates whose accelerations hold no others, None without one.
+
+    S is closed where the differentials of its accelerations are combinations of those of q_S and q_S', at a point.
+    """
+    names, parts = motion.coordinates, exact.geometry
+    velocities = [motion.on_constraints.get(Velocity(name), Velocity(name)) for name in names]
+    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, motion.free)]
+    trees = [to_kernels(tree) for tree in (*velocities, *motion.accelerations)]
+    try:
+        everything = [*variables, *map(Symbol, motion.parameters)]
+        table = find_real_point(trees, everything, 2)
+        if table is None:
+            return None
+        point = draw_point(reduce_atoms(trees, everything, table), 1)
+        rows = [gradient(series) for series in map(Expansion(point, variables, 1).expand, trees)]
+    except (IrreducibleAtoms, SingularPoint, ValueError):
+        return None
+    own = [[int(k == place) for k in range(len(variables))] for place in range(1 + len(names))]
+    for size in range(len(motion.free), 0, -1):
+        for chosen in combinations(range(len(names)), size):
+            speeds = [rows[k] for k in chosen]
+            known = [own[0], *(own[1 + k] for k in chosen), *speeds]
+            closed = _rank(known, point.prime) == _rank(known + [rows[len(names) + k] for k in chosen], point.prime)
+            if closed and _rank(speeds, point.prime) == size:
+                found = _with_free(parts, chosen)
+                if found is not None:
+                    return found
+    return None
+
+
+def _rank(rows: Sequence[Sequence[int]], prime: int) -> int:
+    return int(nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], prime).rank())
+
+
+def _with_free(parts: Geometry, chosen: Sequence[int]) -> SecondOrderSystem | None:
+    """The equations of these coordinates, over a frame in which they are free; None where they hold others."""
+    system, frame = parts.system, next((one for one in frames(parts) if set(chosen) <= set(one.free)), None)
+    if frame is None:
+        return None
+    try:
+        whole = eliminate_multipliers(parts, frame)
+        accelerations = tuple(parts.tree(whole.accelerations[k]) for k in chosen)
+    except (TooLarge, InputError):
+        return None
+    coordinates = tuple(system.coordinates[k] for k in chosen)
+    others = [name for name in system.coordinates if name not in coordinates]
+    held = any(holds(tree, *map(Symbol, others), *map(Velocity, others)) for tree in accelerations)
+    if held or accelerations == (ZERO,):
+        return None
+    functions = {node.name for tree in accelerations for node in walk(tree) if isinstance(node, Arbitrary)}
+    kept = tuple(function for function in system.functions if function[0] in functions)
+    return SecondOrderSystem(coordinates, accelerations, system.parameters, kept)
+
+
+def answer_closed(system: SecondOrderSystem, options: SolveOptions) -> Reduced:
+    """The answer for a closed subsystem, which has no reconstruction by quadratures and no clock from a measure."""
+    end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
+    alone = _decided(system, None, replace(asked, time_limit=options.time_limit / 2))
+    return _searched(system, alone, (), "", asked, end)
 
 
 def answer_reduced(
@@ -130,7 +221,9 @@ def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) 
         return "The density of the invariant measure contains other coordinates."
     if held.isdisjoint(map(Symbol, names)) and not any(isinstance(node, Arbitrary) for node in walk(density.momenta)):
         return "The measure of the momenta itself is invariant, which asks for no other clock."
-    return density.momenta ** Fraction(1, len(names) - 1)
+    root = Fraction(1, len(names) - 1)
+    # The density is positive, so that the root of a power is a power.
+    return multiply(*(base ** (exponent * root) for base, exponent in powers_of(density.momenta)))
 
 
 def _on_constraints(motion: ConstrainedMotion, lagrangian: Expression) -> Expression | None:

@@ -1,4 +1,4 @@
-"""What a nonholonomic motion keeps: an invariant measure with a density N(q), and evident first integrals.
+"""What a nonholonomic motion keeps: an invariant measure with a density N(q), and scaled velocities.
 
 Distributions of vector fields on (t, q): brackets, Frobenius, and the equations X_k(phi) = h_k.
 
@@ -16,17 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from itertools import combinations
 from typing import Literal
 
 from inverse_service import bounds
 from inverse_service.algebra.exact_ring import sum_of
 from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.expressions.tree import ONE, Expression, Velocity
+from inverse_service.algebra.real_point import RealTable, find_real_point
+from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity
+from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
-from inverse_service.mechanics.potential import Potential, factors_of, potential, rational_null_vectors
+from inverse_service.mechanics.potential import Potential, factors_of, potential
 from inverse_service.mechanics.quotient_matrices import determinant, dot, reduced_rows
 
 Partial = Callable[[Quotient], Quotient]
@@ -193,14 +194,6 @@ class MeasureDensity:
     velocities: Expression | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class FirstIntegral:
-    """A function of (q, u) that is constant along the motion."""
-
-    name: str
-    expression: Expression
-
-
 def measure_density(motion: EliminatedMotion) -> MeasureDensity:
     """N(q) with div(N X) = 0 on the constraints: X_k(log N) = -(the part of div X linear in u_k).
 
@@ -217,8 +210,22 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
         return MeasureDensity("does_not_exist" if found == "contradiction" else "not_found")
     inertia = determinant(motion.inertia, parts.ring.constant(1))
     less = [(-exponent, element) for exponent, element in factors_of(parts.ring, inertia)]
-    momenta = found.plus_logarithm(less)
-    return MeasureDensity("found", momenta.exponential(parts.ring), found.exponential(parts.ring))
+    table = _real_point(motion)
+    momenta, velocities = found.plus_logarithm(less).made_positive(parts.ring, table), found
+    return MeasureDensity(
+        "found", momenta.exponential(parts.ring), velocities.made_positive(parts.ring, table).exponential(parts.ring)
+    )
+
+
+def _real_point(motion: EliminatedMotion) -> RealTable | None:
+    """A point at which the motion has real values, with positive parameters where there is one."""
+    parts = motion.geometry
+    trees = [parts.tree(element) for element in (*motion.accelerations, *motion.velocities)]
+    parameters = [*map(Symbol, parts.system.parameters)]
+    names = parts.system.coordinates
+    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names), *parameters]
+    points = (find_real_point(trees, variables, 1, positive) for positive in (parameters, ()))
+    return next((point for point in points if point is not None), None)
 
 
 def _divergence(motion: EliminatedMotion) -> Quotient:
@@ -253,65 +260,7 @@ def _solved(
     return "unknown" if found is None else found
 
 
-def first_integrals(motion: EliminatedMotion) -> tuple[FirstIntegral, ...]:
-    """Energy, momenta of cyclic coordinates whose field respects the constraints, and multiples of free velocities.
-
-    Each is verified: its derivative along the motion is zero identically.
-    """
-    found: list[tuple[FirstIntegral, Quotient | None]] = []
-    for integral, element in (*_energy(motion), *_momenta(motion)):
-        if not _is_known(motion, element, found):
-            found.append((integral, element))
-    for integral, multiple in _scaled_velocities(motion):
-        if multiple is None or not _is_known(motion, multiple, found):
-            found.append((integral, multiple))
-    return tuple(integral for integral, _ in found)
-
-
-def _is_known(
-    motion: EliminatedMotion, element: Quotient, found: Sequence[tuple[FirstIntegral, Quotient | None]]
-) -> bool:
-    """Whether it is constant, or a constant times one that is there."""
-    parts = motion.geometry
-    span = range(len(parts.ring.variables))
-    others = [parts.ring.constant(1), *(known for _, known in found if known is not None)]
-    for other in others:
-        ratio = element / other
-        if all(parts.ring.partial(k)(ratio).is_zero for k in span):
-            return True
-    return False
-
-
-def _energy(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
-    """1/2 g(v, v) + V on the constraints, where it is constant (always for w_i(q) v^i = 0 without t)."""
-    parts = motion.geometry
-    lowered = [dot(parts.zero, row, motion.velocities) for row in parts.mass]
-    energy = dot(parts.zero, lowered, motion.velocities).scaled(Fraction(1, 2)) + parts.potential
-    if motion.rate(energy).is_zero:
-        yield FirstIntegral("energy", parts.tree(energy)), energy
-
-
-def _momenta(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral, Quotient]]:
-    """sum c_i p_i over cyclic coordinates with w^a_i c_i = 0 (Noether's theorem with constraints)."""
-    parts = motion.geometry
-    elements = [*(entry for row in parts.mass for entry in row), *parts.linear, parts.potential]
-    cyclic = [k for k in range(parts.size) if all(parts.by_coordinate(k, e).is_zero for e in elements)]
-    columns = [[row[k] for row in parts.rows] for k in cyclic] if parts.rows else []
-    for vector in reversed(list(rational_null_vectors(parts.ring, columns))):
-        weights = [(value, k) for value, k in zip(vector, cyclic, strict=True) if value]
-        total = sum_of(parts.zero, [_momentum(motion, k).scaled(value) for value, k in weights])
-        if motion.rate(total).is_zero and not total.is_zero:
-            names = [parts.system.coordinates[k] for _, k in weights]
-            name = f"momentum of {names[0]}" if len(names) == 1 else f"momentum along {', '.join(names)}"
-            yield FirstIntegral(name, parts.tree(total)), total
-
-
-def _momentum(motion: EliminatedMotion, place: int) -> Quotient:
-    parts = motion.geometry
-    return dot(parts.zero, parts.mass[place], motion.velocities) + parts.linear[place]
-
-
-def _scaled_velocities(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral, Quotient | None]]:
+def scaled_velocities(motion: EliminatedMotion) -> Iterator[FirstIntegral]:
     """exp(phi(q)) u_j where u_j' = -u_j phi', for each free velocity that only stretches along the motion."""
     parts, choice = motion.geometry, motion.frame
     if needs_time(parts, choice):
@@ -326,9 +275,8 @@ def _scaled_velocities(motion: EliminatedMotion) -> Iterator[tuple[FirstIntegral
             continue
         name = parts.system.coordinates[choice.free[j]]
         factor = found.exponential(parts.ring)
-        plain = parts.velocity(place) if factor == ONE else None
         kind = "velocity" if factor == ONE else "scaled velocity"
-        yield FirstIntegral(f"{kind} of {name}", factor * Velocity(name)), plain
+        yield FirstIntegral(f"{kind} of {name}", factor * Velocity(name))
 
 
 def _still_divides(motion: EliminatedMotion, ratio: Quotient) -> bool:

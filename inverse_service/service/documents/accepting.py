@@ -62,6 +62,7 @@ EXPECTED: dict[Steps, str] = {
     ("ansatz", "*"): FORMULA,
     ("series_order",): f"an integer from 1 to {MAX_SERIES_ORDER}",
     ("special_cases",): "true or false, without quotes",
+    ("first_integrals",): "true or false, without quotes",
     ("clock",): 'a formula in the coordinates, such as "1 + x^2"',
     ("kinds",): """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """
     """{"invariant": ["x"]}]""",

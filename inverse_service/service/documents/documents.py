@@ -181,6 +181,7 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         ansatz=accepting.to_ansatz(schema, system),
         given=accepting.to_given(schema).residuals,
         series_order=schema.series_order,
+        first_integrals=schema.first_integrals,
     )
     kinds, factor = _kinds(schema, system), _clock(schema, system)
     grow.wanted = _wanted(schema, system, bool(kinds))
@@ -228,7 +229,8 @@ def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> t
     questions = (system.depends_on_time or asked is True, asked is not False or system.depends_on_time)
     parts = ("conditions", "existence", *["existence_with_time"] * questions[1], "certificate", "lagrangian")
     second = ["lagrangian_with_time"] * (questions == (False, True))
-    return (*parts, *second, "hamiltonian", *["kinds"] * kinds, *["clock"] * bool(schema.clock), "explanation")
+    last = [*["first_integrals"] * schema.first_integrals, *["kinds"] * kinds, *["clock"] * bool(schema.clock)]
+    return (*parts, *second, "hamiltonian", *last, "explanation")
 
 
 def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:

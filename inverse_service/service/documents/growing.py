@@ -35,6 +35,7 @@ _STAGES: Final = {
     "conditions": "conditions", "the equations as given": "lagrangian", "decision": "existence",
     "decision with time": "existence_with_time", "Hamiltonian": "hamiltonian", "explanation": "explanation",
     "ansatz": "lagrangian", "method": "lagrangian", "any": "any_associated",
+    "first integrals": "first_integrals",
 }  # fmt: skip
 # What ends sooner is not handed over in parts, s.
 AT_ONCE = 0.05

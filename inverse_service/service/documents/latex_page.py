@@ -37,6 +37,8 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     for branch in text_page.branches_of(result):
         for answer, with_time in text_page.answers_of(branch, result):
             lines += _answer(answer, with_time, explain, result["system"])
+    if result.get("nonholonomic") is None:
+        lines += first_integrals_latex(result.get("first_integrals") or ())
     if result.get("special_cases") is not None:
         lines += special_cases_latex(result["special_cases"])
     lines += _further(result)
@@ -194,13 +196,20 @@ def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
     yield from _rows(*((found, r"\text{constant}") for found in part["integrable"]["integrals"]))
     yield _sentence(part["measure_density"], "statement")
     yield from _rows(("N", part["measure_density"]["density"]))
-    yield from _rows(*((rf"\text{{{escaped(one['name'])}}}", one) for one in part["first_integrals"]))
+    yield from first_integrals_latex(part["first_integrals"])
     for one in part["associated"]:
         yield rf"The {one['kind']} associated system: {text_page.spaced(one['verdict'] or 'not defined')}. \\"
     for one in part["hamiltonisation"]:
         yield f"By the {one['associated']} associated system:"
         yield from _rows(("L", one["lagrangian"]), ("H", one["hamiltonian"]))
         yield from _rows(*((found, "0") for found in one["constraints"]))
+
+
+def first_integrals_latex(found: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """What is constant along the motion."""
+    if found:
+        yield "Constant along the motion:"
+    yield from _rows(*((rf"\text{{{escaped(one['name'])}}}", one) for one in found))
 
 
 Side = str | Mapping[str, Any] | None

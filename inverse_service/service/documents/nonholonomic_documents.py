@@ -23,6 +23,7 @@ from inverse_service.inverse_problem.constrained.answering import OUT_OF_TIME, M
 from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.hamiltonisation.reduced import Decided
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
+from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.associated_systems import AssociatedSystem
 from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
@@ -46,6 +47,8 @@ SHARE_OF_SYSTEMS = 0.45
 SHARE_OF_ANY = 0.7
 # What is said of the motion before it was asked.
 OPEN = MotionAnswer("undetermined", "undetermined", NOT_YET)
+# What first integrals may take, s and of the time.
+FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 # What looking at a document again may take for an associated system that is only shown, s.
 SHOWN_AT_ONCE = 0.3
 # And what is left for checking all answers at the end.
@@ -72,10 +75,22 @@ def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | Non
     if defined is None or defined.system is None:
         raise InputError(f'{systems[0].explanation} Ask for "any", which decides the motion alone.', "/associated")
     questions = ("existence", *["existence_with_time"] * (schema.time_dependent_lagrangian is not False))
-    grow.wanted = ("motion", *questions, "any_associated", "reduced", "lagrangian", "hamiltonian", "explanation")
+    grow.wanted = (
+        "motion",
+        "first_integrals",
+        *questions,
+        "any_associated",
+        "reduced",
+        "lagrangian",
+        "hamiltonian",
+        "explanation",
+    )
     last = end - SHARE_LEFT * options.time_limit
     made = _Made(schema, report, grow, last)
-    made.tell(("motion",), [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)])
+    first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
+    made.tell(("motion",), first)
+    made.find_first_integrals(options)
+    made.tell(("first_integrals",), first)
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -119,6 +134,14 @@ class _Made:
     answers: list[MotionAnswer] = dataclasses.field(default_factory=list)
     plain: Decided | None = None
     reduced: ReducedPart | None = None
+    kept: tuple[FirstIntegral, ...] = ()
+
+    def find_first_integrals(self, options: SolveOptions) -> None:
+        """What is constant along the motion."""
+        if self.schema.first_integrals:
+            self.grow.begin("first_integrals")
+            limit = min(FOR_INTEGRALS, SHARE_OF_INTEGRALS * options.time_limit)
+            self.kept = nonholonomic_study.first_integrals(self.report, options.seed, limit)
 
     def tell(self, parts: Sequence[str], studies: Sequence[nonholonomic_study.Study]) -> None:
         """Hand over these parts, and with them all that is known."""
@@ -134,8 +157,7 @@ class _Made:
     def end_reduced(self, seed: int) -> None:
         """With other clocks, in the time that is left."""
         self.grow.begin("reduced")
-        motion, density, left = self.report.motion, self.report.density, self.last - now()
-        self.reduced = reduced_part(motion, motion.system.lagrangian, density, self.plain, seed, left)
+        self.reduced = reduced_part(self.report, self.plain, seed, self.last - now())
 
     def ask(
         self,
@@ -169,9 +191,11 @@ class _Made:
         motions = [translate_nonholonomic.to_any_associated(answer) for answer in self.answers or (OPEN,)]
         parts = zip(result.branches, motions * (1 if self.answers else len(studies)), strict=False)
         branches = [NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
+        part = translate_nonholonomic.to_nonholonomic_part(studies[0], self.kept)
+        told = {"advice": AdvicePart(**taken), "branches": branches, "first_integrals": part.first_integrals}
         return NonholonomicResult(
-            **dict(result) | {"advice": AdvicePart(**taken), "branches": branches},
-            nonholonomic=translate_nonholonomic.to_nonholonomic_part(studies[0]),
+            **dict(result) | told,
+            nonholonomic=part,
             any_associated=motions[0],
             reduced=self.reduced,
         )
@@ -192,10 +216,12 @@ def _about_the_motion(
     if one.system is None:
         raise InputError(one.explanation, "/associated")
     last = end - SHARE_LEFT * options.time_limit
-    grow.wanted, made = ("motion", "any_associated", "reduced"), _Made(schema, report, grow, last)
+    grow.wanted, made = ("motion", "first_integrals", "any_associated", "reduced"), _Made(schema, report, grow, last)
     answered = map(_unasked, nonholonomic_study.on_branches(one))
     studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
     grow.hand_over(("motion",), lambda: compared(made.whole(studies), 1.0))
+    made.find_first_integrals(options)
+    grow.hand_over(("first_integrals",), lambda: compared(made.whole(studies), 1.0))
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     own = made.begin_reduced(options.seed)
     told = partial(grow.hand_over, (), lambda: compared(made.whole(studies), 1.0))

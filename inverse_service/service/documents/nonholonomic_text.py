@@ -70,7 +70,16 @@ def _kept(part: dict[str, Any]) -> Iterator[str]:
     yield measure["statement"]
     if measure["density"] is not None:
         yield f"  N = {_short(measure['density']['text'])}"
-    yield from (f"  {one['name']}: {_short(one['text'])}" for one in part["first_integrals"])
+    yield from first_integral_lines(part["first_integrals"])
+
+
+def first_integral_lines(found: list[dict[str, Any]]) -> Iterator[str]:
+    """What is constant along the motion, each with the symmetry behind it."""
+    if found:
+        yield "Constant along the motion:"
+    for one in found:
+        symmetry = f"   [{one['symmetry']}]" if one["symmetry"] else ""
+        yield f"  {one['name']}: {_short(one['text'])}{symmetry}"
 
 
 def _verdict(one: dict[str, Any]) -> str:

@@ -14,10 +14,10 @@ from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.constrained.ansatz import first_system
 from inverse_service.inverse_problem.constrained.answering import answer_motion
 from inverse_service.inverse_problem.hamiltonisation import reduced as deciding
-from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import motion_report
+from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
+from inverse_service.mechanics.first_integrals import first_integrals
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_motion
-from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import clock_part as clocks
@@ -29,6 +29,7 @@ from inverse_service.service.documents.preparing import is_motion, prepared
 
 # Of the time, what the equations of the free coordinates alone may take.
 SHARE_OF_REDUCED = 0.25
+MOST_FOR_INTEGRALS = 2.0  # s
 ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
 
 
@@ -55,11 +56,13 @@ def solve_motion(document: Any, options: SolveOptions, grow: Growing) -> dict[st
     answer = answer_motion(motion, (), question, options.seed, end, grow.stage, reduced=own)
     open_answer = Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(Solution(first_system(motion), open_answer, None, None), schema)
+    kept = first_integrals(motion, None, (), options.seed, MOST_FOR_INTEGRALS) if schema.first_integrals else ()
+    told = dict(result) | {"first_integrals": [translate.integral_part(one) for one in kept]}
     about = translate_nonholonomic.to_any_associated(answer)
-    whole = NonholonomicResult(**dict(result), nonholonomic=None, any_associated=about)
+    whole = NonholonomicResult(**told, nonholonomic=None, any_associated=about)
     grow.hand_over(("any_associated",), lambda: compared(whole, end - now()))
     grow.begin("reduced")
-    reduced = reduced_part(motion, None, None, plain, options.seed, end - now())
+    reduced = reduced_part_of_motion(motion, plain, options.seed, end - now())
     grow.begin("certificate")
     return grow.end(compared(whole.model_copy(update={"reduced": reduced}), end - now()))
 
@@ -89,6 +92,7 @@ def read(schema: MotionDocument) -> ConstrainedMotion:
 
 
 QUADRATURE = "Along a solution of these equations the other coordinates are integrals over t of the right sides."
+CLOSED = "The equations of these coordinates hold no others; the others follow from the equations of motion."
 _WRONG = CheckResult("invalid", ("reduced is not the reduced system of the document, or has another clock.",))
 
 
@@ -101,18 +105,23 @@ def decided_reduced(
 
 
 def reduced_part(
-    motion: ConstrainedMotion,
-    lagrangian: Expression | None,
-    density: MeasureDensity | None,
-    plain: deciding.Decided | None,
-    seed: int,
-    time_limit: float,
+    report: MotionReport, plain: deciding.Decided | None, seed: int, time_limit: float
 ) -> ReducedPart | None:
-    """With another clock besides; a motion that is given as it is has no measure that would give one."""
-    if plain is None:
-        return None
+    """With another clock besides; where the free coordinates hold others, the answer of a closed subsystem."""
     options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
-    return _part(deciding.answer_reduced(motion, lagrangian, density, options, plain))
+    motion = report.motion
+    if plain is not None:
+        return _part(deciding.answer_reduced(motion, motion.system.lagrangian, report.density, options, plain))
+    closed = deciding.closed_subsystem(report.exact, motion)
+    return None if closed is None else _part(deciding.answer_closed(closed, options))
+
+
+def reduced_part_of_motion(
+    motion: ConstrainedMotion, plain: deciding.Decided | None, seed: int, time_limit: float
+) -> ReducedPart | None:
+    """The same of a motion that is given as it is: there is no measure that would give a clock."""
+    options = SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
+    return None if plain is None else _part(deciding.answer_reduced(motion, None, None, options, plain))
 
 
 def _part(found: deciding.Reduced) -> ReducedPart:
@@ -121,7 +130,7 @@ def _part(found: deciding.Reduced) -> ReducedPart:
         coordinates=list(found.plain.system.coordinates),
         **clocks.answered(found.plain.system, found.plain.answer),
         reconstruction={name: to_text(rate) for name, rate in found.others},
-        statement=QUADRATURE,
+        statement=QUADRATURE if found.others else CLOSED,
         with_clock=None
         if clocked is None or factor is None
         else clocks.clocked_part(factor, clocked.system, clocked.answer),
@@ -155,4 +164,4 @@ def _of_document(document: Any) -> SecondOrderSystem | None:
     report = motion_report(
         translate_nonholonomic.to_nonholonomic(translate_nonholonomic.to_nonholonomic_schema(document))
     )
-    return deciding.reduced_system(report.motion)
+    return deciding.reduced_system(report.motion) or deciding.closed_subsystem(report.exact, report.motion)

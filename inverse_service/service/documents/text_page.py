@@ -10,7 +10,12 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import equation_line, read_formula
-from inverse_service.service.documents.nonholonomic_text import any_associated_lines, nonholonomic_lines, reduced_lines
+from inverse_service.service.documents.nonholonomic_text import (
+    any_associated_lines,
+    first_integral_lines,
+    nonholonomic_lines,
+    reduced_lines,
+)
 
 LONG = 300
 QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
@@ -32,6 +37,8 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     lines += [*_system(result["system"]), *_cases(result)]
     for place, branch in enumerate(branches_of(result)):
         lines += [""] * (place > 0) + list(_both_answers(branch, result, explain))
+    if part is None and result.get("first_integrals"):
+        lines += ["", *first_integral_lines(result["first_integrals"])]
     if result.get("special_cases") is not None:
         lines += ["", *special_cases_lines(result["special_cases"])]
     if result.get("instead"):

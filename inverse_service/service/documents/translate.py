@@ -14,7 +14,18 @@ from inverse_service.expressions.inequalities import inequality_text, is_plainly
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.tree import ZERO, Acceleration, Expression, Number, Product, Sum, Velocity, walk
+from inverse_service.expressions.tree import (
+    ZERO,
+    Acceleration,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Velocity,
+    walk,
+)
 from inverse_service.inverse_problem import solutions
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.mechanics import method_advice
@@ -25,6 +36,7 @@ from inverse_service.reading.names import declared_name
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
     from api_schemas.result import LagrangianDocument
+    from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
     from inverse_service.service.documents.accepting import Asking
 
@@ -122,7 +134,30 @@ def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any
         "certificate": _certificate(main, time),
         "verdict_with_time": time.verdict if time is not None else None,
         "with_time": None if other is None else schemas.OtherAnswer(**answer_fields(other, solution.system)),
+        "first_integrals": [integral_part(one) for one in solution.first_integrals],
     }
+
+
+def integral_part(found: FirstIntegral) -> schemas.FirstIntegralPart:
+    """A first integral with the conditions under which its formula has a value."""
+    domain = _domain(*conditions_of(found.expression))
+    return schemas.FirstIntegralPart(
+        name=found.name, symmetry=found.symmetry, domain=domain, **formula_fields(found.expression)
+    )
+
+
+def conditions_of(tree: Expression) -> tuple[list[Expression], list[Expression]]:
+    """What must not vanish and what must be positive: denominators, and what roots and logarithms are taken of."""
+    nonzero, positive = [], []
+    for node in walk(tree):
+        match node:
+            case Power(base, Number(exponent)) if exponent.denominator > 1:
+                positive.append(base)
+            case Power(base, Number(exponent)) if exponent < 0:
+                nonzero.append(base)
+            case Apply("log", argument):
+                positive.append(argument)
+    return nonzero, positive
 
 
 def main_and_other(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from typing import Any, TypeVar
 
@@ -19,6 +19,7 @@ from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
 from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison
 from inverse_service.inverse_problem.solutions import Hamiltonian
+from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
@@ -27,7 +28,7 @@ from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import translate
 from inverse_service.service.documents.accepting import validated
 from inverse_service.service.documents.checking import OPEN_MOTION
-from inverse_service.service.documents.translate import formula, formula_fields, formulas, parsed
+from inverse_service.service.documents.translate import formula, formulas, parsed
 
 T = TypeVar("T")
 
@@ -81,7 +82,7 @@ def to_nonholonomic_parse_answer(
     )
 
 
-def to_nonholonomic_part(study: nonholonomic_study.Study) -> schemas.NonholonomicPart:
+def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]) -> schemas.NonholonomicPart:
     """The key `nonholonomic` of a result."""
     system = study.report.motion.system
     return schemas.NonholonomicPart(
@@ -89,6 +90,7 @@ def to_nonholonomic_part(study: nonholonomic_study.Study) -> schemas.Nonholonomi
         constraints=[formula(tree) for tree in system.constraints],
         main=study.answers[study.main].associated.kind,
         **_motion_fields(study.report),
+        first_integrals=[translate.integral_part(each) for each in kept],
         associated=[_associated(one) for one in study.answers],
         hamiltonisation=[_hamiltonisation(report) for one in study.answers for report in one.reports],
     )
@@ -99,9 +101,6 @@ def _motion_fields(report: nonholonomic_study.MotionReport) -> dict[str, Any]:
         "equations_of_motion": _motion(report.motion),
         "integrable": _integrability(report),
         "measure_density": _measure(report),
-        "first_integrals": [
-            schemas.FirstIntegralPart(name=each.name, **formula_fields(each.expression)) for each in report.integrals
-        ],
         "paper_class": _class(report),
     }
 

@@ -234,7 +234,17 @@ def _is_step(node: trees.Expression) -> bool:
 
 # Keys of a nonholonomic document that ask something of `solve` and say nothing of the motion.
 SOLVE_ONLY = frozenset(
-    {"multiples", "search", "special_cases", "time_dependent_lagrangian", "ansatz", "series_order", "question", "id"}
+    {
+        "multiples",
+        "search",
+        "special_cases",
+        "first_integrals",
+        "time_dependent_lagrangian",
+        "ansatz",
+        "series_order",
+        "question",
+        "id",
+    }
 )
 
 

@@ -415,12 +415,9 @@ WORDS = {YES: "Yes", NO: "No", OPEN: "Not settled"}
 def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Row]:
     """Conserved quantities, other Lagrangians, the multiplier, how many there are."""
     rows = []
-    kept: list[tuple[Markup | str, tuple[Formula, ...]]] = [
-        (line, ()) for line in typesetting.conserved(shown, result["system"], names)
-    ]
-    for one in shown.get("first_integrals") or ():
-        kept.append((one["name"], (formula_of("", one, names),)))
-    rows += [Row("Conserved", hint, formulas=formulas) for hint, formulas in kept]
+    # Those of a motion on constraints are among its own rows.
+    for one in [] if result.get("nonholonomic") else shown.get("first_integrals") or ():
+        rows.append(_conserved(one, names))
     for other in shown.get("other_lagrangians") or ():
         hint = other.get("reason") or ""
         rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))
@@ -430,6 +427,12 @@ def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Nam
     if space := shown.get("solution_space"):
         rows.append(Row("How many", f"{_capital(space['statement'])}."))
     return rows
+
+
+def _conserved(one: Mapping[str, Any], names: Names) -> Row:
+    """A first integral with the symmetry behind it."""
+    hint = "; ".join(part for part in (one["name"], one.get("symmetry")) if part)
+    return Row("Conserved", hint, formulas=(formula_of("", one, names),))
 
 
 def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
@@ -449,8 +452,6 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
         yield _clock_row(clock, result, names)
     if cases := result.get("special_cases"):
         yield Row("Special values", Markup("").join(_special(cases, names)))
-    for one in result.get("first_integrals") or ():
-        yield Row("Conserved", one["name"], formulas=(formula_of("", one, names),))
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     spent = seconds.get("all", sum(value for value in seconds.values() if isinstance(value, int | float)))
     if spent:
@@ -624,8 +625,7 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
     yield Row("Motion", formulas=tuple(Formula("", typesetting.formula(line, names), line) for line in lines))
     for k, one in enumerate(motion.get("multipliers") or (), 1):
         yield Row("Force of the constraint", formulas=(formula_of(f"\u03bb{k}", one, names),))
-    for one in part.get("first_integrals") or ():
-        yield Row("Conserved", one["name"], formulas=(formula_of("", one, names),))
+    yield from (_conserved(one, names) for one in part.get("first_integrals") or ())
     density = part["measure_density"].get("density")
     told = typesetting.sentence(part["measure_density"], names)
     yield Row("Invariant measure", told, formulas=(formula_of("N", density, names),) if density else ())

@@ -16,7 +16,6 @@ from inverse_service.expressions.inequalities import needed
 from inverse_service.expressions.letters import greek_letter
 from inverse_service.expressions.notation import theory
 from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.tree import TIME, Symbol, walk
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition, read_formula
 
@@ -110,26 +109,6 @@ def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
             pair = (whole, within, variable) if alone else (whole, variable, within)
             lines.append(Markup(shape if alone else "\u2202{}/\u2202{} = {}").format(*pair))
     return lines
-
-
-KEPT_ENERGY = Markup("{} is conserved: the time does not occur in L.")
-KEPT_MOMENTUM = Markup("{} is conserved: {} occurs in L by its velocity only.")
-
-
-def conserved(part: Mapping[str, Any], system: Mapping[str, Any] | None, names: Names) -> list[Markup]:
-    """What an answer conserves by Noether's theorem, in sentences; none where L hides letters in integrals."""
-    if system is None or not (part["lagrangian"] and part["hamiltonian"]) or part.get("integrals"):
-        return []
-    try:
-        letters = {node for node in walk(read_formula(part["lagrangian"]["text"], names)) if isinstance(node, Symbol)}
-    except InputError:
-        return []
-    has_time = bool(letters & {TIME, Symbol(system.get("time", "t"))})
-    found = [] if has_time else [KEPT_ENERGY.format(formula("H", names))]
-    for coordinate, momentum in zip(system["coordinates"], part["hamiltonian"]["momenta"], strict=True):
-        if Symbol(coordinate) not in letters:
-            found.append(KEPT_MOMENTUM.format(formula(momentum, names), formula(coordinate, names)))
-    return found
 
 
 def conditions(texts: Sequence[str], names: Names) -> list[Markup]:

@@ -52,6 +52,15 @@ def test_a_lagrangian_with_time_has_its_section_and_no_second_card(service: str)
     assert "Hamiltonian" in page
 
 
+def test_a_page_says_what_is_constant(service: str) -> None:
+    with httpx.Client(base_url=service, timeout=120) as client:
+        found = client.post("/v1/solve", json={"equations": "x'' = -x; y'' = -4*y"}, headers={"Prefer": "wait=20"})
+        address = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        page = client.get(f"/results/{address}").text
+    assert page.count("Conserved") == 3
+    assert "energy" in page
+
+
 def test_the_form_asks_for_kinds_and_another_clock() -> None:
     form = Form({"kind": ("equations",), "equations": ("x'' = -x",), "kinds": ("natural", "rayleigh"), "clock": ("x",)})
     document = document_of_fields(fields_of(form))

@@ -141,22 +141,3 @@ def test_a_formula_has_the_text_that_is_copied() -> None:
     long = "x'^2*y'^2*x^3*y^5/2 + x^4*y'^4*x'^6 - 2*x*y*x'*y' < 0"
     assert 'data-text="L = x&#39;^2/2"' in typesetting.equation("L", "x'^2/2", names)
     assert typesetting.formula(long, names).count("data-text") == 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("equations", "kept"),
-    [
-        ({"r": "r*p'^2 - 1/r^2", "p": "-2*r'*p'/r"}, ["H", "p_p"]),
-        ({"x": "0", "y": "-y"}, ["H", "p_x"]),
-        ({"x": "-x - x'/10"}, []),
-        ({"x": "-x + sin(t)"}, []),
-    ],
-)
-def test_a_page_names_what_is_conserved(equations: dict[str, str], kept: list[str]) -> None:
-    """H where the time does not occur in L, and the momentum of each coordinate that does not."""
-    document = {"coordinates": list(equations), "equations": equations}
-    result = solve_system(document, SolveOptions(time_limit=600))
-    rows = [row for case in sheets.sheet_of(result).cases for row in case.more if row.name == "Conserved"]
-    shown = [text_of(f"<p>{row.hint}</p>").split(" is")[0] for row in rows if not row.formulas]
-    assert shown == [one.replace("_", "") for one in kept]

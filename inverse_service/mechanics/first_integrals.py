@@ -1,0 +1,691 @@
+"""First integrals of a motion, with or without constraints: F = sum c_a m_a with Gamma(F) = 0, which is linear in c.
+
+The m_a are products of at most two momenta (or velocities, or linear forms that L holds squared) times functions of
+the coordinates: monomials, the sines and cosines of f and L, roots of the sums that they divide by, terms of the
+potential. At random points modulo a prime the c are the kernel of a matrix; where they hold parameters they are found
+again exactly, for the few terms of one integral, over the ring of the motion, and this is the proof that Gamma(F) = 0.
+Of all integrals those are given that are independent: the rank of their differentials at a point grows with each.
+
+Noether: for L the integral F = eta_i p_i - K belongs to the symmetry q_i -> q_i + s eta_i, eta_i = dF/dp_i.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial, reduce
+
+from flint import nmod_mat
+
+from inverse_service.algebra import truncated_series as ps
+from inverse_service.algebra.elementary import to_kernels
+from inverse_service.algebra.exact_atoms import exact_ring
+from inverse_service.algebra.exact_ring import Derivation, ExactRing, quotient_tree
+from inverse_service.algebra.point import Expansion, Point, Variable
+from inverse_service.algebra.point import evaluate as value_at
+from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge, as_fraction
+from inverse_service.algebra.real_point import find_real_point
+from inverse_service.algebra.reduction import reduce_atoms
+from inverse_service.algebra.rules import AngleRule
+from inverse_service.algebra.tower import Tower, draw_point, moved_point
+from inverse_service.deadline import OutOfTime, check, now
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions import tree as ex
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.printing import to_text
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
+from inverse_service.mechanics.quotient_matrices import null_vectors
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+Expression = ex.Expression
+# Terms of one ansatz: 400 take 0.1 to 0.3 s; with more the degree of the functions of position is lowered.
+_MOST_TERMS = 400
+# So many samples more than unknowns.
+_SPARE = 6
+# Coordinates beyond which only the energy and momenta are looked for.
+_MOST_COORDINATES = 12
+# Functions of several coordinates with more nodes are no factors.
+_LONGEST_UNIT = 40
+# A symmetry that is longer says nothing to a reader.
+_LONGEST_SYMMETRY = 160
+_NO_RING = (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms)
+
+
+@dataclass(frozen=True, slots=True)
+class FirstIntegral:
+    """A function of (t, q, v) that is constant along the motion; `symmetry` is what Noether's theorem makes it from."""
+
+    name: str
+    expression: Expression
+    symmetry: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Ansatz:
+    """Forms (linear in the velocities), functions of t and q, and terms: the places of their forms and function."""
+
+    forms: tuple[Expression, ...]
+    factors: tuple[Expression, ...]
+    terms: tuple[tuple[tuple[int, ...], int], ...]
+
+    def tree(self, place: int) -> Expression:
+        forms, factor = self.terms[place]
+        return ex.multiply(*(self.forms[k] for k in forms), self.factors[factor])
+
+
+def motion_of(system: SecondOrderSystem) -> ConstrainedMotion:
+    """A system without constraints as a motion."""
+    names = system.coordinates
+    return ConstrainedMotion(names, names, (), (), system.accelerations, system.parameters, system.functions)
+
+
+def first_integrals(
+    motion: ConstrainedMotion,
+    lagrangian: Expression | None,
+    positive: Sequence[Expression] = (),
+    seed: int = 1,
+    time_limit: float = 2.0,
+    proposed: Sequence[FirstIntegral] = (),
+) -> tuple[FirstIntegral, ...]:
+    """Independent first integrals, the energy first, then momenta, linear ones, quadratic ones.
+
+    `lagrangian` is that of the motion, or of the system with constraints; those `proposed` come after the linear ones,
+    and are taken if they are conserved.
+    """
+    try:
+        return tuple(_Integrals(motion, lagrangian, tuple(positive), seed, now() + time_limit).found(proposed))
+    except (*_NO_RING, OutOfTime, ValueError, ps.SingularPoint):
+        return ()
+
+
+def energy_of(lagrangian: Expression, coordinates: Sequence[str]) -> Expression:
+    """sum v p - L, the terms of L written as they are where each is homogeneous in the velocities."""
+    velocities = [ex.Velocity(name) for name in coordinates]
+    terms = lagrangian.terms if isinstance(lagrangian, ex.Sum) else (lagrangian,)
+    found = []
+    for term in terms:
+        work = ex.add(*(v * differentiate(term, v) for v in velocities if ex.holds(term, v)))
+        degree = next((d for d in (0, 1, 2, 3, 4) if collect(work - d * term) == ex.ZERO), None)
+        found.append(collect(work - term) if degree is None else (degree - 1) * term)
+    return ex.add(*found)
+
+
+def shorter(tree: Expression) -> Expression:
+    """The formula collected, where that is shorter."""
+    return min((tree, collect(tree)), key=ex.node_count)
+
+
+class _Integrals:
+    """The work for one motion; what is found is in `kept`, on the constraints in `functions`."""
+
+    def __init__(
+        self,
+        motion: ConstrainedMotion,
+        lagrangian: Expression | None,
+        positive: tuple[Expression, ...],
+        seed: int,
+        deadline: float,
+    ) -> None:
+        self.motion, self.lagrangian, self.positive = motion, lagrangian, positive
+        self.seed, self.deadline = seed, deadline
+        self.names = motion.coordinates
+        self.constraints = dict(motion.on_constraints)
+        self.free = tuple(map(ex.Velocity, motion.free))
+        self.positions = tuple(map(ex.Symbol, self.names))
+        self.momenta = () if lagrangian is None else tuple(self._momentum(lagrangian, name) for name in motion.free)
+        self.kept: list[FirstIntegral] = []
+        self.functions: list[Expression] = []
+        held = [*motion.free_accelerations, *motion.dependent_velocities, *([] if lagrangian is None else [lagrangian])]
+        self.moves = any(ex.holds(tree, ex.TIME) for tree in held)
+        self.trees = held
+        self.units = _Units(self)
+
+    def found(self, proposed: Sequence[FirstIntegral]) -> list[FirstIntegral]:
+        self._evident()
+        if len(self.names) <= _MOST_COORDINATES:
+            frames = list(self._frames())
+            for forms in frames:
+                if forms != self.momenta and any(not isinstance(form, ex.Velocity) for form in forms):
+                    for degree in (1, 2):
+                        self._search(forms, degree, False, plain=True)
+            for degree, moving in ((1, False), (2, False), (1, True), (2, True)):
+                if degree == 2 and not moving:
+                    self._propose(proposed)
+                for forms in frames:
+                    if self._is_complete(moving) or (moving and (self.moves or len(forms) > 4 - degree)):
+                        break
+                    self._search(forms, degree, moving)
+        return self.kept
+
+    def _is_complete(self, moving: bool) -> bool:
+        """Whether there are as many as there can be: all solutions are known then."""
+        return len(self.kept) >= len(self.names) + len(self.free) - (not moving and not self.moves)
+
+    def _evident(self) -> None:
+        """The energy, and the momenta of coordinates that L does not hold."""
+        if self.lagrangian is None:
+            return
+        if not ex.holds(self.lagrangian, ex.TIME):
+            self._propose([FirstIntegral("energy", energy_of(self.lagrangian, self.names), "t -> t + s")])
+        for name in self.names:
+            if not ex.holds(self.lagrangian, ex.Symbol(name)):
+                p = shorter(differentiate(self.lagrangian, ex.Velocity(name)))
+                self._propose([FirstIntegral(f"momentum of {name}", p, f"{name} -> {name} + s")])
+
+    def _momentum(self, lagrangian: Expression, name: str) -> Expression:
+        """That of a free coordinate: dL/du, the dependent velocities being functions of the free ones."""
+        slopes: list[tuple[Expression, Expression]] = [(ex.Velocity(name), ex.ONE)]
+        slopes += [(v, differentiate(w, ex.Velocity(name))) for v, w in self.constraints.items()]
+        parts = (shorter(differentiate(lagrangian, v)) * slope for v, slope in slopes if slope != ex.ZERO)
+        return ex.add(*parts)
+
+    def _propose(self, candidates: Iterable[FirstIntegral]) -> None:
+        for one in candidates:
+            tree = self._on_constraints(one.expression)
+            try:
+                ring, along = self._ring([tree])
+                conserved = along(ring.value(tree)).is_zero
+            except _NO_RING:
+                continue
+            if conserved:
+                self._keep(one, tree)
+
+    def _on_constraints(self, tree: Expression) -> Expression:
+        return collect(ex.substitute(tree, self.constraints)) if self.constraints else tree
+
+    def _keep(self, one: FirstIntegral, tree: Expression) -> None:
+        """Take it if it is independent of those before."""
+        trees = [*self.functions, tree]
+        point = draw_point(self._tower(trees), self.seed)
+        variables: list[Variable] = [ex.TIME, *self.positions, *self.free]
+        at = Expansion(point, variables, 1)
+        rows = [ps.gradient(at.expand(to_kernels(one))) for one in trees]
+        if nmod_mat(len(rows), len(variables), [x for row in rows for x in row], point.prime).rank() < len(rows):
+            return
+        self.functions.append(tree)
+        names = [each.name for each in self.kept]
+        same = sum(name == one.name or name.startswith(f"{one.name} (") for name in names)
+        name = one.name if not same else f"{one.name} ({same + 1})"
+        self.kept.append(FirstIntegral(name, one.expression, one.symmetry))
+
+    # Points modulo a prime.
+
+    @property
+    def variables(self) -> list[Variable]:
+        parameters = map(ex.Symbol, self.motion.parameters)
+        return [ex.TIME, *self.positions, *map(ex.Velocity, self.names), *parameters]
+
+    def _tower(self, trees: Sequence[Expression]) -> Tower:
+        wanted = list(dict.fromkeys(map(to_kernels, [*self.trees, *trees])))
+        table = find_real_point(wanted, self.variables, 2, self.positive)
+        if table is None:
+            raise IrreducibleAtoms("no common real point")
+        return reduce_atoms(wanted, self.variables, table)
+
+    def _search(self, forms: tuple[Expression, ...], degree: int, moving: bool, plain: bool = False) -> None:
+        """Integrals of the degree in the forms; with `moving` also those that hold t, the `plain` ones have numbers."""
+        ansatz = self.units.ansatz(forms, degree, moving, plain)
+        if not ansatz.terms:
+            return
+        for support in self._supports(ansatz):
+            if self._is_complete(moving):
+                return
+            check()
+            if now() > self.deadline:
+                return
+            try:
+                vector = self._exact(ansatz, support)
+            except _NO_RING:
+                continue
+            if vector is not None:
+                self._keep(*self._written(ansatz, vector, degree))
+
+    def _supports(self, ansatz: _Ansatz) -> list[list[int]]:
+        """The terms of each integral of a basis, at one value of the parameters.
+
+        Functions of position are expanded once for all velocities at one place.
+        """
+        forms = tuple(map(to_kernels, ansatz.forms))
+        factors = [[(to_kernels(letter), e) for letter, e in _letters(tree)] for tree in ansatz.factors]
+        letters = list(dict.fromkeys(letter for factor in factors for letter, _ in factor))
+        rates = {v: to_kernels(w) for v, w in self.constraints.items()}
+        forces = [to_kernels(f) for f in self.motion.free_accelerations]
+        tower = self._tower([*ansatz.forms, *ansatz.factors])
+        nodes = (node for tree in _in_rules(tower) for node in ex.walk(tree))
+        still_atoms = not any(isinstance(node, ex.Velocity) for node in nodes)
+        base = draw_point(tower, self.seed)
+        prime, places = base.prime, [ex.TIME, *self.positions]
+        values: list[list[int]] = []
+        slopes: list[list[int]] = []
+        width = len(ansatz.terms)
+        # Functions of position alone take as many places as there are of them.
+        places_needed, wanted = len(factors) + _SPARE, width + _SPARE
+        at_once = 1 + wanted // places_needed
+        for number in range(2 * places_needed):
+            if number >= places_needed and len(values) >= wanted:
+                break
+            check(width)
+            if now() > self.deadline:
+                return []
+            try:
+                place = moved_point(tower, base, [*places, *self.free], number)
+                still = Expansion(place, places, 1)
+                slow = {letter: still.expand(letter) for letter in letters}
+                known = _products_of_powers(factors, slow, len(places), prime)
+                for other in range(1 + number * at_once, 1 + (number + 1) * at_once):
+                    draw = _with_velocities if still_atoms else partial(moved_point, tower)
+                    point = draw(place, self.free, other)
+                    flow, drift = self._flow(point, rates, forces)
+                    pairs = [_value_and_rate(flow.expand(form)) for form in forms]
+                    pairs += [(a, sum(x * y for x, y in zip(da, drift, strict=True)) % prime) for a, da in known]
+                    value, slope = _products(ansatz, pairs, prime)
+                    values.append(value)
+                    slopes.append(slope)
+            except (ps.SingularPoint, ValueError):
+                continue
+        if len(values) < wanted:
+            return []
+        check(1 + wanted * wanted // 100)
+        # Terms that are combinations of 1 and of those before them add nothing.
+        samples = len(values)
+        with_one = nmod_mat(samples, width + 1, [x for row in values for x in (1, *row)], prime)
+        own = [place - 1 for place in _pivots(with_one) if place]
+        chosen = nmod_mat(samples, len(own), [row[place] for row in slopes for place in own], prime)
+        return [[own[k] for k in vector] for vector in _kernel(chosen)]
+
+    def _flow(
+        self, point: Point, rates: dict[Expression, Expression], forces: Sequence[Expression]
+    ) -> tuple[Expansion, list[int]]:
+        """Series in the time along the motion, to first order, and (1, v)."""
+        point.variables.update((v, value_at(w, point)) for v, w in rates.items() if isinstance(v, ex.Velocity))
+        flow = Expansion(point, [ex.TIME], 1)
+        step = flow.ring.variable(0, 0)
+        speeds = [point.variable(ex.Velocity(name)) for name in self.names]
+        for q, speed in zip(self.positions, speeds, strict=True):
+            flow.known[q] = ps.add(flow.ring.constant(point.variable(q)), ps.scale(step, speed))
+        for v, f in zip(self.free, forces, strict=True):
+            moved = ps.scale(step, value_at(f, point))
+            flow.known[v] = ps.add(flow.ring.constant(point.variable(v)), moved)
+        for dependent, w in rates.items():
+            flow.known[dependent] = flow.expand(w)
+        return flow, [1, *speeds]
+
+    # Exact.
+
+    def _ring(self, trees: Sequence[Expression]) -> tuple[ExactRing, Derivation]:
+        """A ring that holds the motion and the trees, and the derivation along the motion."""
+        variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *self.positions, *self.free]
+        motion = [*self.motion.free_accelerations, *self.motion.dependent_velocities]
+        ring = exact_ring([*motion, *trees], variables, 1, Budget(4_000, self.deadline))
+        speeds = [self.constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in self.names]
+        drift = [ring.value(tree) for tree in (ex.ONE, *speeds, *self.motion.free_accelerations)]
+        return ring, ring.along(drift)
+
+    def _exact(self, ansatz: _Ansatz, support: Sequence[int]) -> list[tuple[Expression, int]] | None:
+        """Constants c_a, which may hold parameters, with Gamma(sum c_a m_a) = 0."""
+        trees = [self._on_constraints(ansatz.tree(place)) for place in support]
+        ring, along = self._ring(trees)
+        rates = [[along(ring.value(tree))] for tree in trees]
+        vectors = null_vectors(ring, rates)
+        if not vectors:
+            return None
+        moving = [bool(ansatz.terms[place][0]) for place in support]
+        pairs = zip(_cleared(ring, vectors[0], moving), support, strict=True)
+        return [(quotient_tree(ring, c), place) for c, place in pairs if not c.is_zero]
+
+    # For a reader.
+
+    def _frames(self) -> Iterator[tuple[Expression, ...]]:
+        """What the integrals are polynomials in: momenta, linear forms that L holds squared, velocities."""
+        forms = () if self.lagrangian is None else _squared_forms(self.lagrangian)
+        frames = [self.momenta, forms, tuple(map(ex.Velocity, self.names)) if not self.momenta else ()]
+        seen: set[frozenset[Expression]] = set()
+        for frame in frames:
+            kept = tuple(dict.fromkeys(form for form in frame if form != ex.ZERO))
+            if kept and frozenset(kept) not in seen:
+                seen.add(frozenset(kept))
+                yield kept
+
+    def _written(
+        self, ansatz: _Ansatz, vector: Sequence[tuple[Expression, int]], degree: int
+    ) -> tuple[FirstIntegral, Expression]:
+        """The integral with its name and symmetry, and on the constraints."""
+        tree = self._shortest(ex.add(*(c * ansatz.tree(place) for c, place in vector)))
+        if _is_negative(tree):
+            tree, vector = ex.negated(tree), [(ex.negate(c), place) for c, place in vector]
+        canonical = ansatz.forms == self.momenta
+        in_what = "momenta" if canonical else "velocities"
+        name, symmetry = ("linear" if degree == 1 else "quadratic") + f" in the {in_what}", ""
+        if not any(ansatz.terms[place][0] for _, place in vector):
+            name = "function of position"
+        elif canonical and not self.constraints:
+            fields = [self._field(ansatz, vector, i) for i in range(len(self.free))]
+            symmetry = self._symmetry(fields)
+            name = self._name(fields, name) if degree == 1 else name
+        return FirstIntegral(name, tree, symmetry), self._on_constraints(tree)
+
+    def _shortest(self, tree: Expression) -> Expression:
+        """The function written as it was made, collected, or factored, in all velocities or in the free ones."""
+        found = []
+        for one in dict.fromkeys((tree, self._on_constraints(tree))):
+            found += [one, collect(one)]
+            with suppress(*_NO_RING):
+                ring, _ = self._ring([one])
+                found.append(quotient_tree(ring, ring.value(one)))
+        return min(found, key=lambda one: len(to_text(one)))
+
+    def _field(self, ansatz: _Ansatz, vector: Sequence[tuple[Expression, int]], i: int) -> Expression:
+        """eta_i = dF/dp_i."""
+        total = []
+        for c, place in vector:
+            forms, factor = ansatz.terms[place]
+            for k in range(len(forms)):
+                if forms[k] == i:
+                    rest = [ansatz.forms[j] for j in (*forms[:k], *forms[k + 1 :])]
+                    total.append(ex.multiply(c, *rest, ansatz.factors[factor]))
+        return collect(ex.add(*total)) if total else ex.ZERO
+
+    def _symmetry(self, fields: Sequence[Expression]) -> str:
+        moved = [
+            f"{name} -> {to_text(ex.Symbol(name) + ex.Symbol('s') * eta)}"
+            for name, eta in zip(self.names, fields, strict=True)
+            if eta != ex.ZERO
+        ]
+        found = ", ".join(moved)
+        return found if len(found) <= _LONGEST_SYMMETRY and "s" not in (*self.names, *self.motion.parameters) else ""
+
+    def _name(self, fields: Sequence[Expression], otherwise: str) -> str:
+        moving = [(name, eta) for name, eta in zip(self.names, fields, strict=True) if eta != ex.ZERO]
+        listed = ", ".join(name for name, _ in moving)
+        if all(not ex.holds(eta, ex.TIME, *self.positions, *self.free) for _, eta in moving):
+            return f"momentum of {listed}" if len(moving) == 1 else f"momentum along {listed}"
+        if len(moving) == 2:
+            (one, first), (other, second) = moving
+            if (
+                first * ex.Symbol(one) + second * ex.Symbol(other) == ex.ZERO
+                or collect(first * ex.Symbol(one) + second * ex.Symbol(other)) == ex.ZERO
+            ):
+                return f"angular momentum in {listed}"
+        return otherwise
+
+
+def _in_rules(tower: Tower) -> list[Expression]:
+    """What the values of atoms and the branches of roots are made of."""
+    atoms = [rule.angle if isinstance(rule, AngleRule) else rule.atom for rule in tower.rules]
+    return [*atoms, *tower.radicands, *(tree for tree, _ in tower.signs)]
+
+
+def _with_velocities(place: Point, free: Sequence[ex.Velocity], number: int) -> Point:
+    """The same place with other velocities, on which no atom depends."""
+    kept: dict[Variable, int] = {name: x for name, x in place.variables.items() if not isinstance(name, ex.Velocity)}
+    return replace(place, salts={**place.salts, **dict.fromkeys(free, number)}, variables=kept)
+
+
+def _letters(tree: Expression) -> list[tuple[Expression, int]]:
+    """The factors of a product with their integer powers."""
+    found = []
+    for factor in ex.factors_of(tree):
+        match factor:
+            case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
+                found.append((base, int(exponent)))
+            case _:
+                found.append((factor, 1))
+    return found
+
+
+def _products_of_powers(
+    factors: Sequence[Sequence[tuple[Expression, int]]], letters: Mapping[Expression, ps.Series], size: int, prime: int
+) -> list[tuple[int, list[int]]]:
+    """The value and gradient of each product of powers of letters; SingularPoint where a letter is 0."""
+    slopes: dict[Expression, tuple[int, list[int]]] = {}
+    for letter, series in letters.items():
+        value = ps.value_at_point(series)
+        if value == 0:
+            raise ps.SingularPoint("a function of position is 0")
+        unit = pow(value, -1, prime)
+        slopes[letter] = value, [x * unit % prime for x in ps.gradient(series)]
+    found = []
+    for factor in factors:
+        value, logarithmic = 1, [0] * size
+        for letter, e in factor:
+            own, slope = slopes[letter]
+            value = value * pow(own, e, prime) % prime
+            logarithmic = [x + e * y for x, y in zip(logarithmic, slope, strict=True)]
+        found.append((value, [value * x % prime for x in logarithmic]))
+    return found
+
+
+def _value_and_rate(series: ps.Series) -> tuple[int, int]:
+    return ps.value_at_point(series), ps.gradient(series)[0]
+
+
+def _products(ansatz: _Ansatz, pairs: Sequence[tuple[int, int]], prime: int) -> tuple[list[int], list[int]]:
+    """The value of each term and its rate."""
+    forms = len(ansatz.forms)
+
+    def product(one: tuple[int, int], other: tuple[int, int]) -> tuple[int, int]:
+        return one[0] * other[0] % prime, (one[0] * other[1] + one[1] * other[0]) % prime
+
+    moving = {key: reduce(product, (pairs[k] for k in key), (1, 0)) for key in {key for key, _ in ansatz.terms}}
+    values, rates = [], []
+    for key, factor in ansatz.terms:
+        (a, da), (b, db) = moving[key], pairs[forms + factor]
+        values.append(a * b % prime)
+        rates.append((a * db + da * b) % prime)
+    return values, rates
+
+
+def _pivots(matrix: nmod_mat) -> list[int]:
+    """The columns that are no combinations of earlier ones."""
+    reduced, rank = matrix.rref()
+    found: list[int] = []
+    for i in range(rank):
+        first = found[-1] + 1 if found else 0
+        found.append(next(k for k in range(first, reduced.ncols()) if int(reduced[i, k])))
+    return found
+
+
+def _kernel(matrix: nmod_mat) -> list[list[int]]:
+    """The places of the entries of each vector of a basis of the kernel, the column that it has to itself last."""
+    reduced, rank = matrix.rref()
+    leading = _pivots(matrix)
+    free = [k for k in range(matrix.ncols()) if k not in set(leading)]
+    return [[*(p for i, p in enumerate(leading[:rank]) if int(reduced[i, k])), k] for k in free]
+
+
+def _cleared(ring: ExactRing, vector: Sequence[Quotient], moving: Sequence[bool]) -> list[Quotient]:
+    """The vector times its common denominator, the numbers of its entries that are `moving` whole and coprime."""
+    powers: dict[int, int] = {}
+    for entry in vector:
+        for index, power in entry.exponents:
+            powers[index] = max(powers.get(index, 0), power)
+    scale = Quotient(ring.field, ring.field.expand(tuple(sorted(powers.items()))), ())
+    whole = [entry * scale for entry in vector]
+    pairs = zip(whole, moving, strict=True)
+    numbers = [as_fraction(c) for entry, counts in pairs if counts for _, c in entry.numerator.terms()]
+    content = Fraction(math.gcd(*(c.numerator for c in numbers)), math.lcm(*(c.denominator for c in numbers)))
+    return [entry.scaled(1 / content) for entry in whole] if content else whole
+
+
+def _is_negative(tree: Expression) -> bool:
+    """Whether most of its terms are, or half of them with the first."""
+    negative = [to_text(term).startswith("-") for term in (tree.terms if isinstance(tree, ex.Sum) else (tree,))]
+    return (2 * sum(negative), negative[0]) > (len(negative), False)
+
+
+def _squared_forms(lagrangian: Expression) -> tuple[Expression, ...]:
+    """The sums of velocities that L holds squared."""
+    found: dict[Expression, None] = {}
+    for node in ex.walk(lagrangian):
+        match node:
+            case ex.Power(base, ex.Number(exponent)) if exponent == 2:
+                for factor in ex.factors_of(base):
+                    velocities = {leaf for leaf in ex.walk(factor) if isinstance(leaf, ex.Velocity)}
+                    linear = all(
+                        not any(isinstance(leaf, ex.Velocity) for leaf in ex.walk(differentiate(factor, v)))
+                        for v in velocities
+                    )
+                    if velocities and linear:
+                        found[factor] = None
+    return tuple(found)
+
+
+class _Units:
+    """The functions of t and q that are factors of terms, each with its degree."""
+
+    def __init__(self, work: _Integrals) -> None:
+        self.names, self.positions, self.work = work.names, work.positions, work
+        nodes = list(dict.fromkeys(node for tree in work.trees for node in ex.walk(tree)))
+        self.single: dict[Expression, dict[Expression, int]] = {q: {} for q in self.positions}
+        self.mixed: dict[Expression, int] = {}
+        circular = {q for node in nodes if isinstance(node, ex.Apply) for q in self._angles(node)}
+        plain = {q for node in nodes if isinstance(node, ex.Sum | ex.Product | ex.Power) for q in self._bare(node)}
+        for name, q in zip(self.names, self.positions, strict=True):
+            if q not in circular or q in plain:
+                self.single[q] |= {q: 1, q**2: 2}
+            if q not in nodes and work.lagrangian is not None:
+                # An angle that is cyclic, about an axis that turns or tilts.
+                momentum = differentiate(work.lagrangian, ex.Velocity(name))
+                if any(ex.holds(momentum, other) for other in circular):
+                    self.single[q] |= {ex.Apply("sin", q): 1, ex.Apply("cos", q): 1}
+        for node in nodes:
+            self._add(node)
+        for one, table in self.single.items():
+            angle = ex.Apply("sin", one), ex.Apply("cos", one)
+            if all(unit in table for unit in angle) and work.lagrangian is not None and ex.holds(work.lagrangian, one):
+                table.update({angle[0] ** -1: 1, angle[1] / angle[0]: 1})
+
+    def _angles(self, node: ex.Apply) -> list[Expression]:
+        return [q for q in self.positions if node.function in ("sin", "cos", "tan", "cot") and ex.holds(node, q)]
+
+    def _bare(self, node: Expression) -> Iterator[Expression]:
+        yield from (part for part in ex.children(node) if part in self.single)
+
+    def _add(self, node: Expression) -> None:
+        """What a node of f or L brings in: its functions, and roots of sums that f divides by."""
+        if any(isinstance(leaf, ex.Velocity) for leaf in ex.walk(node)):
+            return
+        held = [q for q in self.positions if ex.holds(node, q)]
+        if not held:
+            return
+        table = self.single[held[0]] if len(held) == 1 else self.mixed
+        if len(held) > 1 and ex.node_count(node) > _LONGEST_UNIT:
+            return
+        match node:
+            case ex.Apply("sin" | "cos" | "tan" | "cot", argument):
+                sine, cosine = ex.Apply("sin", argument), ex.Apply("cos", argument)
+                table.update({sine: 1, cosine: 1})
+                if node.function in ("tan", "cot"):
+                    table[sine / cosine if node.function == "tan" else cosine / sine] = 1
+            case ex.Apply("sinh" | "cosh" | "tanh", argument):
+                table.update({ex.Apply("sinh", argument): 1, ex.Apply("cosh", argument): 1})
+            case ex.Apply("exp" | "log" | "atan") | ex.Arbitrary():
+                table[node] = 1
+            case ex.Power(base, ex.Number(exponent)) if isinstance(base, ex.Sum):
+                for e in {Fraction(1, 2), exponent, exponent + 1, abs(exponent)} - {Fraction(0)}:
+                    table[base**e] = 1 if abs(e) <= 1 else 2
+            case ex.Power(ex.Apply("sin" | "cos" as function, argument), ex.Number(exponent)) if exponent < 0:
+                other = ex.Apply("cos" if function == "sin" else "sin", argument)
+                table.update({ex.Apply(function, argument) ** -1: 1, other / ex.Apply(function, argument): 1})
+            case ex.Power(ex.Symbol() as q, ex.Number(exponent)) if exponent < 0 or exponent.denominator > 1:
+                for e in {exponent, exponent + 1} - {Fraction(0)}:
+                    table[q**e] = 1 if abs(e) <= 1 else 2
+
+    def _factors(self, degree: int, moving: bool) -> list[tuple[Expression, int]]:
+        """Products of units of different coordinates up to a total degree, simple ones first."""
+        tables = [*self.single.values(), *({unit: d} for unit, d in self.mixed.items())]
+        if moving or self.work.moves:
+            times = {ex.TIME: 1, ex.TIME**2: 2}
+            times |= {
+                node: 1
+                for tree in self.work.trees
+                for node in ex.walk(tree)
+                if isinstance(node, ex.Apply)
+                and ex.holds(node, ex.TIME)
+                and not ex.holds(node, *self.positions)
+                and not any(isinstance(leaf, ex.Velocity) for leaf in ex.walk(node))
+            }
+            tables.append(times)
+        found: list[tuple[Expression, int]] = [(ex.ONE, 0)]
+        for table in tables:
+            more = [
+                (tree * unit, d + e)
+                for (tree, d), (unit, e) in itertools.product(found, table.items())
+                if d + e <= degree
+            ]
+            found += more
+        return sorted(dict.fromkeys(found), key=lambda item: (item[1], ex.node_count(item[0])))
+
+    def _potentials(self, degree: int, moving: bool) -> list[Expression]:
+        """The terms of L without velocities, times polynomials."""
+        lagrangian = self.work.lagrangian
+        if lagrangian is None:
+            return []
+        at_rest: dict[Expression, Expression] = {ex.Velocity(name): ex.ZERO for name in self.names}
+        rest = collect(ex.substitute(lagrangian, at_rest))
+        terms = rest.terms if isinstance(rest, ex.Sum) else (rest,)
+        parameters = {*map(ex.Symbol, self.work.motion.parameters)}
+        plain = [
+            ex.multiply(*(f for f in ex.factors_of(term) if not isinstance(f, ex.Number) and f not in parameters))
+            for term in terms
+            if ex.holds(term, *self.positions)
+        ]
+        small = [tree for tree, d in self._factors(min(degree, 2), moving) if d <= degree]
+        return [tree * factor for tree in plain for factor in small]
+
+    def _inner(self, forms: tuple[Expression, ...], degree: int, moving: bool) -> Iterator[list[Expression]]:
+        """The functions that products of forms are multiplied by: fewer ones where the first make too many terms."""
+        if forms == self.work.momenta or any(isinstance(form, ex.Velocity) for form in forms):
+            yield from ([tree for tree, _ in self._factors(width, moving)] for width in (2, 1, 0))
+            return
+        velocities = map(ex.Velocity, self.names)
+        slopes = (collect(differentiate(form, v)) for v, form in itertools.product(velocities, forms))
+        letters = list(dict.fromkeys(slope for slope in slopes if ex.holds(slope, *self.positions)))
+        for width in range(degree, -1, -1):
+            choices = (itertools.combinations_with_replacement(letters, k) for k in range(width + 1))
+            yield [ex.multiply(*letters) for chosen in choices for letters in chosen]
+
+    def ansatz(self, forms: tuple[Expression, ...], degree: int, moving: bool, plain: bool = False) -> _Ansatz:
+        """All terms of the degree, functions of position alone and, where f is not even in v, linear terms."""
+        keys: list[tuple[int, ...]] = list(itertools.combinations_with_replacement(range(len(forms)), degree))
+        keys += [(k,) for k in range(len(forms))] if degree == 2 and not self._is_even() else []
+        rests = [[*self._polynomials(), *self._potentials(width, moving)] for width in (2, 1, 0)]
+        inners: list[list[Expression]] = [[ex.ONE]] if plain else list(self._inner(forms, degree, moving))
+        inners += [inners[-1]] * (len(rests) - len(inners))
+        for inner, rest in zip(inners, rests, strict=False):
+            outer = [tree for tree in dict.fromkeys([*inner, *rest]) if tree != ex.ONE]
+            factors = list(dict.fromkeys([*inner, *outer]))
+            place = {tree: k for k, tree in enumerate(factors)}
+            terms = [(key, place[tree]) for tree in inner for key in keys]
+            terms += [((), place[tree]) for tree in outer]
+            if len(terms) <= _MOST_TERMS:
+                order = sorted(range(len(terms)), key=lambda k: (ex.node_count(factors[terms[k][1]]), len(terms[k][0])))
+                return _Ansatz(forms, tuple(factors), tuple(terms[k] for k in order))
+        return _Ansatz(forms, (), ())
+
+    def _polynomials(self) -> list[Expression]:
+        """Monomials in the coordinates to the degree of a polynomial potential and one, where they are few."""
+        plain = [q for q, table in self.single.items() if q in table]
+        degree = 3
+        for tree in self.work.trees:
+            for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+                powers = dict(ex.powers_of(term))
+                degree = max(degree, *(int(sum(powers.get(q, 0) for q in plain)) + 1, 0))
+        while math.comb(len(plain) + degree, degree) > _MOST_TERMS // 4:
+            degree -= 1
+        return [
+            ex.multiply(*chosen)
+            for k in range(1, degree + 1)
+            for chosen in itertools.combinations_with_replacement(plain, k)
+        ]
+
+    def _is_even(self) -> bool:
+        """Whether the motion is the same backwards."""
+        back: dict[Expression, Expression] = {v: ex.negate(v) for v in map(ex.Velocity, self.names)}
+        turned = [collect(ex.substitute(f, back) - f) for f in self.work.motion.free_accelerations]
+        return not self.work.moves and all(tree == ex.ZERO for tree in turned)
