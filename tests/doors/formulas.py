@@ -20,7 +20,9 @@ import mpmath
 
 DIGITS = 30
 Tree = tuple[Any, ...]
-_TOKEN = re.compile(r"\s*(?:(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+)|([A-Za-z_]\w*'*)|(>=|<=|!=|==|[-+*/^(),\[\]<>=]))")
+_TOKEN = re.compile(
+    r"\s*(?:(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?|\.\d+)|([A-Za-z_]\w*'*)|(>=|<=|!=|==|\*\*|[-+*/^(),\[\]<>=&|~]))"
+)
 
 
 class NotReal(ValueError):
@@ -90,7 +92,45 @@ class _Parser:
 
     def power(self) -> Tree:
         base = self.atom()
-        return ("^", base, self.signed()) if self.accept("^") else base
+        return ("^", base, self.signed()) if self.accept("^") or self.accept("**") else base
+
+    def pieces(self) -> Tree:
+        """piecewise((value, condition), ..., (value, true)) after its name and bracket."""
+        found = []
+        while not found or self.accept(","):
+            self.expect("(")
+            value = self.sum()
+            self.expect(",")
+            found.append((value, self.condition()))
+            self.expect(")")
+        self.expect(")")
+        return ("pieces", tuple(found))
+
+    def condition(self) -> Tree:
+        """Comparisons joined by words or signs, from left to right."""
+        tree = self.comparison()
+        while self.value in ("and", "or", "&", "|"):
+            word = self.advance()
+            tree = ("and" if word in ("and", "&") else "or", tree, self.comparison())
+        return tree
+
+    def comparison(self) -> Tree:
+        if self.value in ("not", "~"):
+            self.advance()
+            return ("not", self.comparison())
+        if self.value in ("true", "True", "otherwise"):
+            self.advance()
+            return ("and",)
+        start = self.place, self.kind, self.value
+        if self.accept("("):
+            inside = self.condition()
+            if self.accept(")") and self.value not in ("+", "-", "*", "/", "^", "<", ">", "<=", ">="):
+                return inside
+            self.place, self.kind, self.value = start
+        parts: list[Any] = [self.sum()]
+        while self.value in ("<", ">", "<=", ">="):
+            parts += [self.advance(), self.sum()]
+        return ("compare", *parts)
 
     def atom(self) -> Tree:
         if self.accept("("):
@@ -111,6 +151,8 @@ class _Parser:
             orders = tuple(found)
         if not self.accept("("):
             return ("name", name)
+        if name in ("piecewise", "Piecewise"):
+            return self.pieces()
         arguments = [self.sum()]
         while self.accept(","):
             arguments.append(self.sum())
@@ -220,6 +262,16 @@ _ROOTS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {
     ),
     "sinh": lambda u: (mpmath.sinh(u), mpmath.cosh(u), mpmath.sinh(u)),
     "cosh": lambda u: (mpmath.cosh(u), mpmath.sinh(u), mpmath.cosh(u)),
+    "sech": lambda u: (
+        mpmath.sech(u),
+        -mpmath.sech(u) * mpmath.tanh(u),
+        mpmath.sech(u) * (1 - 2 * mpmath.sech(u) ** 2),
+    ),
+    "csch": lambda u: (
+        mpmath.csch(u),
+        -mpmath.csch(u) * mpmath.coth(u),
+        mpmath.csch(u) * (1 + 2 * mpmath.csch(u) ** 2),
+    ),
     "tanh": lambda u: (mpmath.tanh(u), mpmath.sech(u) ** 2, -2 * mpmath.tanh(u) * mpmath.sech(u) ** 2),
     "coth": lambda u: (mpmath.coth(u), -(mpmath.csch(u) ** 2), 2 * mpmath.coth(u) * mpmath.csch(u) ** 2),
     "atan": lambda u: (mpmath.atan(u), 1 / (1 + u**2), -2 * u / (1 + u**2) ** 2),
@@ -288,8 +340,18 @@ class Point:
         }
         return all(compare[sign](a, b) for sign, a, b in zip(parts[1::2], values, values[1:], strict=False))
 
+    def _is_true(self, tree: Tree) -> bool:
+        if tree[0] == "compare":
+            values = [self._of(part).value for part in tree[1::2]]
+            pairs = zip(tree[2::2], values, values[1:], strict=False)
+            return all(left < right if sign[0] == "<" else left > right for sign, left, right in pairs)
+        found = [self._is_true(part) for part in tree[1:]]
+        return not found[0] if tree[0] == "not" else any(found) if tree[0] == "or" else all(found)
+
     def _of(self, tree: Tree) -> Jet:
         kind = tree[0]
+        if kind == "pieces":
+            return self._of(next(value for value, condition in tree[1] if self._is_true(condition)))
         if kind == "number":
             return _constant(mpmath.mpf(tree[1]))
         if kind == "name":
