@@ -21,9 +21,9 @@ COPY inverse_service inverse_service
 RUN /build/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /build/wheels . \
     && /build/bin/pip --python /opt/inverse-service/bin/python install --no-deps --no-compile /build/wheels/*.whl \
     && /opt/inverse-service/bin/python -m compileall -q /opt/inverse-service
-# The modular kernels, compiled for the processor of this machine; on another one the service compiles its own.
-WORKDIR /
-RUN /opt/inverse-service/bin/inverse-service warm
+# The kernels of the solver, compiled for every processor of this platform.
+RUN apt-get update && apt-get install --yes --no-install-recommends binutils \
+    && /opt/inverse-service/bin/python -m inverse_service.service.jobs.shipping
 
 FROM ${BASE}
 # What runs installs nothing.

@@ -4,11 +4,12 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: install service run test nightly lint paper bench bench-service soundness coverage mutation font reference
+.PHONY: install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation font reference
 
 # What the service and the command line need; what tests and development need besides.
 service: $(SERVICE)
 install: $(STAMP)
+develop: install
 
 # The first interpreter that is new enough; `make PYTHON=/path/to/python` overrules the search.
 $(SERVICE): pyproject.toml constraints.txt
@@ -21,7 +22,7 @@ $(SERVICE): pyproject.toml constraints.txt
 	  $$found -m venv --clear .venv || { \
 	    echo "This Python cannot make an environment: install its venv package (Debian: python3-venv)." >&2; exit 1; }; \
 	fi
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all]'
 	@# Sources and modular kernels are compiled once, here, and not in the first call of a user: where Python may write
 	@# no bytecode (PYTHONDONTWRITEBYTECODE), every call would compile the sources again, which takes 0.2 s.
 	.venv/bin/python -m compileall -q inverse_service api_schemas

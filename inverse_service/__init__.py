@@ -87,8 +87,16 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
 
 
 def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str, Any]:
-    """The summary of a scene: for each method its outcome and every observed quantity. Raises InputError."""
-    from inverse_service.service.scenes.simulating import simulate as run
+    """The summary of a scene: for each method its outcome and every observed quantity. Raises InputError.
+
+    MissingExtra where the extra `simulation` is not installed.
+    """
+    from inverse_service.errors import missing_extra
+
+    try:
+        from inverse_service.service.scenes.simulating import simulate as run
+    except ImportError as error:
+        raise missing_extra(error) or error from None
 
     return run(_plain(scene), time_limit=time_limit)
 

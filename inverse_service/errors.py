@@ -105,6 +105,28 @@ class DocumentRefused(InputError):
         return self._places
 
 
+# Packages that no extra of the project is needed for are not listed.
+EXTRA_OF = {
+    "llvmlite": "simulation", "numba": "simulation", "symengine": "simulation", "matplotlib": "figures",
+    "heyoka": "heyoka", "distributed": "dask", "psycopg": "postgres", "h5netcdf": "files", "h5py": "files",
+    "mcp": "mcp",
+}  # fmt: skip
+
+
+class MissingExtra(InputError):
+    """A part of the program that is not installed."""
+
+    code = "missing-extra"
+
+
+def missing_extra(error: ImportError) -> MissingExtra | None:
+    """What to install where a package of an extra is absent; None for any other failed import."""
+    extra = EXTRA_OF.get((error.name or "").partition(".")[0])
+    if extra is None:
+        return None
+    return MissingExtra(f"This needs the extra `{extra}`: run `pip install 'inverse-service[{extra}]'`.")
+
+
 class IrreducibleAtoms(InverseServiceError):
     """Atoms of f whose algebraic relations cannot be settled; becomes `undetermined`."""
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from enum import IntEnum
 from pathlib import Path
 
-from inverse_service.errors import InputError, InverseServiceError, LimitError
+from inverse_service.errors import InputError, InverseServiceError, LimitError, missing_extra
 
 
 class ExitCode(IntEnum):
@@ -39,6 +39,9 @@ def exit_codes() -> Iterator[None]:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.DONE)
     except Exception as error:  # the last boundary: a person gets a sentence, never a traceback
+        missing = missing_extra(error) if isinstance(error, ImportError) else None
+        if missing is not None:
+            stop(missing.detail, ExitCode.BAD_INPUT)
         stop(f"The program failed ({type(error).__name__}); that is a fault of the program.", ExitCode.FAULT)
 
 

@@ -45,6 +45,14 @@ def made_intrinsic(definition: Callable[..., Any]) -> Any:
 
 def object_code(compiler: Any, kinds: Kinds) -> tuple[bytes, str]:
     """The kernel for these kinds and what it answers; raises Unstorable where it needs more than itself."""
+    module, answer = module_of(compiler, kinds)
+    machine = target_machine(level=3)
+    reduce(module, machine, ENTRY)
+    return bytes(machine.emit_object(module)), answer
+
+
+def module_of(compiler: Any, kinds: Kinds, name: str = ENTRY) -> tuple[Any, str]:
+    """The kernel as a module of LLVM with one function of this name to enter, and what it answers."""
     signature = tuple(map(_type, kinds))
     compiler.compile(signature)  # refuses a kernel that writes what is to be read only
     answer = _ANSWERS.get(compiler.overloads[signature].signature.return_type)
@@ -52,10 +60,8 @@ def object_code(compiler: Any, kinds: Kinds) -> tuple[bytes, str]:
         raise Unstorable("the kernel gives neither nothing nor one number")
     function = _flat(compiler, kinds, answer)
     module = llvm.parse_assembly(function.inspect_llvm())
-    module.get_function(function.native_name).name = ENTRY
-    machine = target_machine(level=3)
-    _reduce(module, machine)
-    return bytes(machine.emit_object(module)), answer
+    module.get_function(function.native_name).name = name
+    return module, answer
 
 
 def _type(kind: Kind) -> Any:
@@ -121,10 +127,10 @@ def _pointer_to(element: Any) -> Any:
     return intrinsic(definition)
 
 
-def _reduce(module: Any, machine: Any) -> None:
-    """Optimize with @entry as the only way in, so that numba's paths for exceptions go; raises Unstorable."""
+def reduce(module: Any, machine: Any, name: str) -> None:
+    """Optimize with this function as the only way in, so that numba's paths for exceptions go; raises Unstorable."""
     for function in module.functions:
-        if not function.is_declaration and function.name != ENTRY:
+        if not function.is_declaration and function.name != name:
             function.linkage = "internal"
     for variable in module.global_variables:
         if not variable.is_declaration:

@@ -30,42 +30,38 @@ def cache_directory(environment: Mapping[str, str] = os.environ, platform: str =
     return Path(environment.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "inverse-service"
 
 
-def program_directory() -> Path:
-    """A place next to the program: an installation that is filled once serves all its users."""
-    return Path(__file__).parent / "__pycache__"
-
-
-def read(digest: str, kind: str = "kernel", with_program: bool = False) -> tuple[dict[str, Any], bytes] | None:
-    """(what was noted, object code) of an entry, None where there is none that is whole.
-
-    It is looked up in the cache, and `with_program` also next to the program.
-    """
-    name = f"{digest}.{kind}"
-    content = _content(program_directory(), name, _owner_of_program(), 0) if with_program else None
-    if (beside := _unpacked(content, digest)) is not None:
-        return beside
+def cache_directory_name() -> str:
+    """The folder for people; where there is no home, what would be in its place."""
     try:
-        return _unpacked(_content(cache_directory(), name, _user(), _WRITABLE), digest)
+        return str(cache_directory())
+    except RuntimeError:
+        return "the user's cache folder"
+
+
+def read(digest: str, kind: str = "kernel") -> tuple[dict[str, Any], bytes] | None:
+    """(what was noted, object code) of an entry, None where there is none that is whole."""
+    try:
+        return _unpacked(_content(cache_directory(), f"{digest}.{kind}"), digest)
     except RuntimeError:  # there is no home
         return None
 
 
-def _content(directory: Path, name: str, owner: int, forbidden: int) -> bytes | None:
-    """The bytes of an entry. Machine code is run only where nobody but its owner could have put it.
+def _content(directory: Path, name: str) -> bytes | None:
+    """The bytes of an entry. Machine code is run only where nobody but the user could have put it.
 
-    Folder and file are opened once, not through links, and what was opened is looked at: both are the owner's, and
-    the folder has none of the `forbidden` rights.
+    Folder and file are opened once, not through links, and what was opened is looked at: both are the user's, and
+    the folder is writable for nobody else.
     """
     try:
-        if owner == -1:
+        if not hasattr(os, "getuid"):
             return (directory / name).read_bytes()
         with _opened_folder(directory) as folder:
             found = os.fstat(folder)
-            if found.st_uid != owner or found.st_mode & forbidden:
+            if found.st_uid != os.getuid() or found.st_mode & _WRITABLE:
                 return None
             entry = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
             with os.fdopen(entry, "rb") as stream:
-                return stream.read() if os.fstat(entry).st_uid == owner else None
+                return stream.read() if os.fstat(entry).st_uid == os.getuid() else None
     except OSError:
         return None
 
@@ -77,15 +73,6 @@ def _opened_folder(directory: Path) -> Iterator[int]:
         yield folder
     finally:
         os.close(folder)
-
-
-def _user() -> int:
-    """The number of the user, -1 where there is none."""
-    return os.getuid() if hasattr(os, "getuid") else -1
-
-
-def _owner_of_program() -> int:
-    return Path(__file__).stat().st_uid if hasattr(os, "getuid") else -1
 
 
 def _unpacked(content: bytes | None, digest: str) -> tuple[dict[str, Any], bytes] | None:
@@ -108,36 +95,21 @@ def _seal(digest: str, body: bytes) -> bytes:
     return hashlib.sha256(digest.encode() + body).hexdigest().encode()
 
 
-def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel", with_program: bool = False) -> None:
-    """Keep an entry; a disk that is full or read-only costs time only. Kinds do not push each other out.
-
-    `with_program` next to the program, where it is the user's own and no cache was named.
-    """
+def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel") -> None:
+    """Keep an entry; a disk that is full or read-only costs time only. Kinds do not push each other out."""
     text = json.dumps(noted).encode()
     body = len(text).to_bytes(8, "little") + text + code
-    content = _MAGIC + _seal(digest, body) + body
-    own = with_program and not os.environ.get(_VARIABLE) and _owner_of_program() == _user()
-    if not (own and _written(program_directory(), digest, content, kind, 0o755)):
-        with contextlib.suppress(RuntimeError):  # there is no home
-            _written(cache_directory(), digest, content, kind, 0o700)
-
-
-def _written(directory: Path, digest: str, content: bytes, kind: str, mode: int) -> bool:
-    try:
-        directory.mkdir(parents=True, exist_ok=True, mode=mode)
+    with contextlib.suppress(OSError, RuntimeError):  # RuntimeError: there is no home
+        directory = cache_directory()
+        directory.mkdir(parents=True, exist_ok=True, mode=0o700)
         _prune(directory, kind)
         handle, name = tempfile.mkstemp(dir=directory)
-    except OSError:
-        return False
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        Path(name).chmod(mode & 0o666)
-        os.replace(name, directory / f"{digest}.{kind}")
-    except OSError:
-        Path(name).unlink(missing_ok=True)
-        return False
-    return True
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(_MAGIC + _seal(digest, body) + body)
+            os.replace(name, directory / f"{digest}.{kind}")
+        except OSError:
+            Path(name).unlink(missing_ok=True)
 
 
 def _prune(directory: Path, kind: str) -> None:

@@ -1,7 +1,8 @@
 """Kernels: plain functions of numbers and arrays, compiled for the kinds of arguments they are called with.
 
-The code is looked up in the store by a digest of all it is made from and loaded by LLVM; numba is imported only
-where the store has none. A call takes 2 us, and 1 us more for each array that is not held.
+The code comes from the library of the installation (`shipped`), or from the user's store, where it is looked up by a
+digest of all it is made from and loaded by LLVM; numba is imported only where neither has it. A call takes 2 us, and
+1 us more for each array that is not held.
 
 What a kernel is called with: each argument's kind, which decides the machine code that takes it.
 
@@ -181,6 +182,9 @@ POINTERS_OF_64_BITS = sys.maxsize > 2**32
 _lock = threading.RLock()
 
 
+KERNELS: list[Kernel] = []
+
+
 class Kernel:
     """A compiled function; `py_func` is its source."""
 
@@ -190,6 +194,7 @@ class Kernel:
         self.py_func = work
         self._entries: dict[Kinds, Entry | None] = {}
         self._made: Any = None
+        KERNELS.append(self)
 
     def __call__(self, *arguments: Any) -> Any:
         words: list[int] = []
@@ -202,8 +207,17 @@ class Kernel:
         entry = self._entries[kinds]
         return self.made()(*arguments) if entry is None else entry(words)
 
+    @property
+    def name(self) -> str:
+        return f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+
+    @property
+    def entries(self) -> Iterator[Kinds]:
+        """The kinds for which it was compiled to machine code that needs nothing of numba."""
+        return (kinds for kinds, entry in self._entries.items() if entry is not None)
+
     def __repr__(self) -> str:
-        return f"<kernel {self.py_func.__module__}.{self.py_func.__qualname__}>"
+        return f"<kernel {self.name}>"
 
     def made(self) -> Any:
         """numba's function, as other kernels need it."""
@@ -216,6 +230,11 @@ class Kernel:
 
     def _entry(self, kinds: Kinds) -> Entry | None:
         """The machine code for arguments of these kinds; None where numba has to call it."""
+        from inverse_service.machine_code import shipped
+
+        found = shipped.entry(self.name, kinds)
+        if found is not None:
+            return found
         from inverse_service.machine_code.loading import Unstorable  # LLVM takes 0.03 s to import
 
         try:
@@ -226,7 +245,7 @@ class Kernel:
     def _from_store(self, kinds: Kinds) -> Entry | None:
         from inverse_service.machine_code.loading import kernel_digest, load
 
-        found = code_store.read(kernel_digest(self.py_func, kinds), _KIND, with_program=True)
+        found = code_store.read(kernel_digest(self.py_func, kinds), _KIND)
         try:
             return None if found is None else load(found[1], found[0]["answer"])
         except (OSError, RuntimeError):
@@ -238,7 +257,7 @@ class Kernel:
 
         code, answer = object_code(self.made(), kinds)
         noted = {"kernel": repr(self), "kinds": told(kinds), "answer": answer}
-        code_store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND, with_program=True)
+        code_store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND)
         return load(code, answer)
 
 

@@ -18,9 +18,9 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from inverse_service.machine_code.kernels import Entry, Kinds, told
+from inverse_service.machine_code.shipped import ANSWERS
 
 ENTRY = "entry"
-_ANSWERS: dict[str, Callable[[int], Any]] = {"none": lambda answer: None, "int64": int, "uint64": int, "bool": bool}
 # Code lives as long as the process.
 _kept: list[Any] = []
 
@@ -69,7 +69,7 @@ def load(code: bytes, answer: str) -> Entry:
         raise OSError("the object file has no entry")
     _kept.append(engine)
     result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
-    function, finished = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(address), _ANSWERS[answer]
+    function, finished = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(address), ANSWERS[answer]
 
     def entry(words: list[int]) -> Any:
         block = array("Q", words)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,15 +11,41 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.codegen.symengine_trees import closure, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import Definitions, define_functions
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Arbitrary, Expression, Symbol, add, number, substitute, walk
+from inverse_service.expressions.tree import (
+    PI,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    add,
+    number,
+    substitute,
+    walk,
+)
 
 STEPS, STEP = 100, 0.01
 _STARTS = 12
 _LARGE = 1e6
+_FUNCTIONS: dict[str, Callable[[float], float]] = {
+    **{name: getattr(math, name) for name in FUNCTION if hasattr(math, name)},
+    "abs": abs,
+    "sign": lambda u: float((u > 0) - (u < 0)),
+    "Heaviside": lambda u: float(u > 0),
+    "cot": lambda u: 1 / math.tan(u),
+    "sec": lambda u: 1 / math.cos(u),
+    "csc": lambda u: 1 / math.sin(u),
+    "coth": lambda u: 1 / math.tanh(u),
+    "sech": lambda u: 1 / math.cosh(u),
+    "csch": lambda u: 1 / math.sinh(u),
+}
 State = NDArray[np.float64]
 
 
@@ -63,17 +90,58 @@ def sample_functions(trees: Sequence[Expression], seed: int = 1) -> Definitions:
     return found
 
 
-def compiled(trees: Sequence[Expression], variables: Sequence[Expression]) -> Callable[[State], State]:
+def numerical(trees: Sequence[Expression], variables: Sequence[Expression]) -> Callable[[State], State]:
     """The trees as one function of the state; InputError for a name that is not among the variables."""
-    names = [f"x{place}" for place in range(len(variables))]
-    table = {**names_of((), ()), **dict(zip(variables, map(symbol, names), strict=True))}
-    function = closure(names, [translate(tree, table) for tree in trees])
-    return lambda state: np.asarray(function(state), dtype=np.float64).ravel()
+    places: dict[Expression, int] = {}
+    steps: list[Callable[[list[float]], float]] = []
+    for tree in trees:
+        for node in reversed(list(walk(tree))):  # parts before what they are parts of
+            if node not in places and node not in variables:
+                steps.append(_step(node, places, variables))
+                places[node] = len(variables) + len(steps) - 1
+    wanted = [variables.index(tree) if tree in variables else places[tree] for tree in trees]
+
+    def function(state: State) -> State:
+        values = state.tolist()
+        for step in steps:
+            values.append(step(values))
+        return np.array([values[place] for place in wanted])
+
+    return function
+
+
+def _step(
+    node: Expression, places: Mapping[Expression, int], variables: Sequence[Expression]
+) -> Callable[[list[float]], float]:
+    """The value of a node from those before it."""
+
+    def place(part: Expression) -> int:
+        return variables.index(part) if part in variables else places[part]
+
+    match node:
+        case Number(value):
+            constant = float(value)
+            return lambda values: constant
+        case Sum(terms):
+            parts = [place(term) for term in terms]
+            return lambda values: math.fsum(values[k] for k in parts)
+        case Product(factors):
+            parts = [place(factor) for factor in factors]
+            return lambda values: math.prod(values[k] for k in parts)
+        case Power(base, exponent):
+            below, above = place(base), place(exponent)
+            return lambda values: math.pow(values[below], values[above])
+        case Apply(name, argument) if name in _FUNCTIONS:
+            function, inner = _FUNCTIONS[name], place(argument)
+            return lambda values: function(values[inner])
+        case _ if node == PI:
+            return lambda values: math.pi
+    raise InputError(f"{to_text(node)} has no value in floats.")
 
 
 def integrated(flow: Flow, start: State) -> list[State]:
     """The states at 0, h, 2h, … by Runge-Kutta steps of order 4; ArithmeticError where the flow leaves its domain."""
-    slope = compiled(flow.rates, flow.variables)
+    slope = numerical(flow.rates, flow.variables)
     states = [start]
     for _ in range(STEPS):
         state = states[-1]
@@ -125,10 +193,10 @@ def _compared(
     first = Flow(nonholonomic.variables, tuple(placed[:m]))
     second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))
     start = np.array([source.randrange(20, 90) / 100 for _ in range(m)])
-    lifted = compiled(placed[m + n : m + n + count], first.variables)(start)
+    lifted = numerical(placed[m + n : m + n + count], first.variables)(start)
     one = np.array(integrated(first, start))
     other = np.array(integrated(second, np.concatenate([start[: n // 2], lifted])))
-    observe = compiled(placed[m + n + count :], second.variables)
+    observe = numerical(placed[m + n + count :], second.variables)
     observed = np.array([observe(state) for state in other])
     if not np.isfinite(observed).all():
         raise OverflowError("what is observed has no finite value")

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from inverse_service.errors import DocumentRefused, InputError, NoWorker, Place, WorkerFailed
+from inverse_service.errors import DocumentRefused, InputError, NoWorker, Place, WorkerFailed, missing_extra
 
 log = logging.getLogger(__name__)
 Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]
@@ -71,10 +71,17 @@ def guard(task: Callable[..., Any], *arguments: Any, **named: Any) -> Outcome:
     except OverflowError:
         detail = "A number of this document leaves the range that can be computed with; write smaller numbers."
         return Outcome("refused", places=(Place(detail, code="limit"),))
+    except ImportError as error:
+        missing = missing_extra(error)
+        return _fault(error) if missing is None else Outcome("refused", places=missing.places)
     except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log
-        trace = "".join(traceback.format_exception(error))[-8000:]
-        return Outcome("fault", value=f"{type(error).__name__}", detail=trace)
+        return _fault(error)
     return found if isinstance(found, Outcome) else Outcome("done", found)
+
+
+def _fault(error: Exception) -> Outcome:
+    trace = "".join(traceback.format_exception(error))[-8000:]
+    return Outcome("fault", value=f"{type(error).__name__}", detail=trace)
 
 
 def value_of(outcome: Outcome) -> Any:

@@ -12,26 +12,33 @@ from collections.abc import Callable
 from pathlib import Path
 
 from inverse_service import __version__, catalogue
-from inverse_service.machine_code import code_store
+from inverse_service.machine_code import code_store, shipped
 
 # Together these systems need all kernels.
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
 # Where kernels are defined.
 FOLDERS = ("algebra", "inverse_problem/search", "linear_pde")
 SENTENCE = "Compiling for this machine, once; this takes some 20 seconds of processor time."
+NOTHING_KEPT = (
+    f"Compiling takes some 20 seconds at every start: {code_store.cache_directory_name()} cannot be written. "
+    "Set INVERSE_SERVICE_CACHE to a folder of yours that can, or install the wheel of this platform."
+)
 # Far more than it takes on a slow machine that does other work, s.
 PATIENCE = 900.0
 KIND = "warm"
 
 
 def is_warm() -> bool:
-    """Whether the kernels were compiled here, or cannot be kept here so that it is of no use."""
+    """Whether the kernels came with the program, or were compiled here."""
+    found = None if shipped.is_available() else code_store.read(_stamp(), KIND)
+    return shipped.is_available() or (found is not None and bool(found[0].get("done")))
+
+
+def can_keep() -> bool:
+    """Whether this user's store takes what is compiled; elsewhere every process compiles again."""
     stamp = _stamp()
-    found = code_store.read(stamp, KIND, with_program=True)
-    if found is None:
-        code_store.write(stamp, {"done": False}, b"", KIND, with_program=True)
-        found = code_store.read(stamp, KIND, with_program=True)
-    return found is None or bool(found[0].get("done"))
+    code_store.write(stamp, {"done": False}, b"", KIND)
+    return code_store.read(stamp, KIND) is not None
 
 
 def warm_up() -> None:
@@ -41,14 +48,17 @@ def warm_up() -> None:
 
     for name in SYSTEMS:
         solve_document(catalogue.document(name), SolveOptions(time_limit=PATIENCE))
-    code_store.write(_stamp(), {"done": True}, b"", KIND, with_program=True)
+    code_store.write(_stamp(), {"done": True}, b"", KIND)
 
 
 def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
     """Compile what is missing before the clock of a question starts, and say so."""
     if not is_warm():
-        say(SENTENCE)
-        work()
+        if can_keep():
+            say(SENTENCE)
+            work()
+        else:
+            say(NOTHING_KEPT)
 
 
 def _stamp() -> str:

@@ -117,13 +117,13 @@ class CompiledTemplates(BytecodeCache):
 
     def load_bytecode(self, bucket: Bucket) -> None:
         """The code of a template, where it is there."""
-        found = code_store.read(_digest(bucket), TEMPLATE, with_program=True)
+        found = code_store.read(_digest(bucket), TEMPLATE)
         if found is not None:
             bucket.bytecode_from_string(found[1])
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         """Keep it."""
-        code_store.write(_digest(bucket), {}, bucket.bytecode_to_string(), TEMPLATE, with_program=True)
+        code_store.write(_digest(bucket), {}, bucket.bytecode_to_string(), TEMPLATE)
 
 
 def _digest(bucket: Bucket) -> str:

@@ -1,0 +1,53 @@
+"""The library of kernels that a wheel has: it is found by name and kinds, and only with the sources it was made of."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from inverse_service.machine_code import shipped
+
+QUESTIONS = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("numba", "llvmlite", "symengine", "matplotlib"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Absent())
+from pathlib import Path
+from inverse_service.machine_code import shipped
+shipped.FOLDER = Path(sys.argv[1])
+shipped.digest = lambda name: ""
+import inverse_service
+for equations in ("x'' = -x - x'", "x'' = -x - x'^2*y; y'' = -y + x'*y'", "x'' = -x*sqrt(y); y'' = x"):
+    print(inverse_service.check(inverse_service.solve(equations))["verdict"])
+"""
+
+
+@pytest.mark.slow
+def test_the_shipped_kernels_answer_without_a_compiler(tmp_path: Path) -> None:
+    made = [sys.executable, "-m", "inverse_service.service.jobs.shipping", str(tmp_path / "compiled")]
+    subprocess.run(made, check=True, capture_output=True)
+    index = tmp_path / "compiled" / "kernels.json"
+    content = json.loads(index.read_text())
+    index.write_text(json.dumps(content | {"sources": {}}))
+    command = [sys.executable, "-c", QUESTIONS, str(tmp_path / "compiled")]
+    environment = os.environ | {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    found = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+    assert found.stdout.split() == ["valid"] * 3
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_library_of_other_sources_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "kernels.json").write_text(json.dumps({"kernels": [], "sources": {"kernels.py": "0" * 64}}))
+    monkeypatch.setattr(shipped, "digest", lambda name: "1" * 64)
+    assert shipped.library(tmp_path) == {}
+
+
+def test_every_processor_has_a_library_that_it_runs() -> None:
+    assert all(targets[-1][1] == frozenset() for targets in shipped.TARGETS.values())
