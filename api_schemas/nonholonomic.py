@@ -87,7 +87,7 @@ class IntegrabilityPart(Document):
     growth: list[int]
     integrals: list[result.Formula]
     statement: str
-    parts: list[result.ExplanationPart] = Field(default_factory=list)
+    parts: list[str] = Field(default_factory=list)
 
 
 class MeasurePart(Document):
@@ -97,7 +97,7 @@ class MeasurePart(Document):
     density: result.Formula | None = None
     in_velocities: result.Formula | None = None
     statement: str
-    parts: list[result.ExplanationPart] = Field(default_factory=list)
+    parts: list[str] = Field(default_factory=list)
 
 
 class ClassPart(Document):
@@ -105,7 +105,7 @@ class ClassPart(Document):
 
     member: bool
     statement: str
-    parts: list[result.ExplanationPart] = Field(default_factory=list)
+    parts: list[str] = Field(default_factory=list)
     r1: str | None = None
     r2: str | None = None
     s: list[str] = Field(default_factory=list)
@@ -139,7 +139,7 @@ class StatementPart(Document):
 
     text: str
     verdict: Literal["holds", "fails", "not settled"]
-    parts: list[result.ExplanationPart] = Field(default_factory=list)
+    parts: list[str] = Field(default_factory=list)
 
 
 class TrajectoryPart(Document):
@@ -210,7 +210,7 @@ class AnyAssociatedPart(Document):
     """
 
     statement: str
-    parts: list[result.ExplanationPart] = Field(default_factory=list)
+    parts: list[str] = Field(default_factory=list)
     verdict: result.Verdict
     verdict_with_time: result.Verdict
     reason: str = ""

@@ -22,30 +22,19 @@ class Formula(Document):
     latex: str
 
 
-class ExplanationPart(Document):
-    """A part of a step: "text", a "formula" of the sentence, one on "display" below it, or what the step is "about".
+class ExplanationStep(Document):
+    """One step of the explanation: its sentence, and where it has formulas its words and formulas in turn.
 
-    `mathml` is what stands inside a math element; `uses` names the tensors and words of the theory that occur.
+    Even places of `parts` are words, odd ones formulas; a formula after the end of the sentence is shown below it.
     """
 
-    kind: str
     text: str
-    latex: str = ""
-    mathml: str = ""
-    uses: list[str] = Field(default_factory=list)
+    parts: list[str] = Field(default_factory=list)
 
     @model_serializer(mode="wrap")
     def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Keys that say nothing are left out: an explanation has thousands of parts."""
-        return {key: value for key, value in handler(self).items() if value or key in ("kind", "text")}
-
-
-class ExplanationStep(Document):
-    """One step of the explanation: its sentence, its displayed formula in LaTeX or nothing, and both in parts."""
-
-    text: str
-    latex: str = ""
-    parts: list[ExplanationPart] = Field(default_factory=list)
+        """Parts of a sentence without formulas are left out: an explanation has hundreds of them."""
+        return {key: value for key, value in handler(self).items() if value or key == "text"}
 
 
 class LagrangianPart(Formula):

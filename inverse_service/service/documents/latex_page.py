@@ -7,8 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service import __version__
+from inverse_service.errors import InputError
+from inverse_service.expressions.notation import theory
 from inverse_service.expressions.printing_latex import lines_of_latex, to_latex
 from inverse_service.expressions.tree import Symbol
+from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import text_page
 
@@ -28,9 +31,10 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     end = [_source(result, address), r"\end{document}"]
     if text_page.is_forward_result(result):
         return "\n".join([*lines, *forward_latex(result), *end]) + "\n"
+    names = names_of(result["system"])
     if result.get("nonholonomic") is not None:
-        lines += [line for each in text_page.motions_of(result) for line in any_associated_latex(each, explain)]
-        lines += nonholonomic_latex(result["nonholonomic"])
+        lines += [line for each in text_page.motions_of(result) for line in any_associated_latex(each, explain, names)]
+        lines += nonholonomic_latex(result["nonholonomic"], names)
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
     lines += _cases(result)
@@ -91,7 +95,7 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
     if answer["solution_space"] is not None:
         yield escaped(answer["solution_space"]["statement"])
     if explain:
-        yield from latex_proof(answer["explanation"])
+        yield from latex_proof(answer["explanation"], names_of(system))
 
 
 def _further(result: dict[str, Any]) -> Iterator[str]:
@@ -164,9 +168,9 @@ def _items(node: dict[str, Any]) -> Iterator[str]:
     yield r"\end{itemize}"
 
 
-def any_associated_latex(part: Mapping[str, Any], explain: bool) -> Iterator[str]:
+def any_associated_latex(part: Mapping[str, Any], explain: bool, names: Names) -> Iterator[str]:
     """The answer about the motion itself: L, its restriction and transverse momenta, H and the image."""
-    yield f"{_sentence(part, 'statement')} {escaped(part['reason'])}".strip()
+    yield f"{_sentence(part, 'statement', names)} {escaped(part['reason'])}".strip()
     if part["checked"]:
         yield f"Independent check: {part['checked']}."
     found = part["lagrangian"]
@@ -180,10 +184,10 @@ def any_associated_latex(part: Mapping[str, Any], explain: bool) -> Iterator[str
     if part["freedom"]:
         yield escaped(f"Up to total derivatives, L along the constraints depends on {part['freedom']}.")
     if explain:
-        yield from latex_proof(part["explanation"])
+        yield from latex_proof(part["explanation"], names)
 
 
-def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
+def nonholonomic_latex(part: dict[str, Any], names: Names) -> Iterator[str]:
     """The equations of motion, what they keep, the associated systems, and each Hamiltonisation."""
     motion = part["equations_of_motion"]
     yield "The Lagrangian and the constraints are"
@@ -192,9 +196,9 @@ def nonholonomic_latex(part: dict[str, Any]) -> Iterator[str]:
     yield from _rows(*((rf"\ddot{{{name}}}", found) for name, found in _lettered(motion["second_order"])))
     yield from _rows(*((rf"\dot{{{name}}}", found) for name, found in _lettered(motion["first_order"])))
     yield from _rows(*((rf"\lambda_{{{k}}}", found) for k, found in enumerate(motion["multipliers"], 1)))
-    yield from (_sentence(part[name], "statement") for name in ("paper_class", "integrable"))
+    yield from (_sentence(part[name], "statement", names) for name in ("paper_class", "integrable"))
     yield from _rows(*((found, r"\text{constant}") for found in part["integrable"]["integrals"]))
-    yield _sentence(part["measure_density"], "statement")
+    yield _sentence(part["measure_density"], "statement", names)
     yield from _rows(("N", part["measure_density"]["density"]))
     yield from first_integrals_latex(part["first_integrals"])
     for one in part["associated"]:
@@ -242,25 +246,59 @@ def display(formula: str) -> str:
     return f"\\[ \\begin{{aligned}} & {broken} \\end{{aligned}} \\]"
 
 
-def latex_proof(steps: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def latex_proof(steps: Sequence[Mapping[str, Any]], names: Names) -> Iterator[str]:
     """The lines of an enumeration; formulas of the sentences are set as formulas."""
     if not steps:
         return
     yield r"\begin{enumerate}"
-    for step in steps:
-        below = [display(part["latex"]) for part in step.get("parts", ()) if part["kind"] == "display"]
-        yield " ".join([f"\\item {_sentence(step, 'text')}", *below])
+    yield from (f"\\item {_sentence(step, 'text', names)}" for step in steps)
     yield r"\end{enumerate}"
 
 
-def _sentence(said: Mapping[str, Any], key: str) -> str:
-    """Its words and formulas; results of older versions have no parts."""
-    parts = [part for part in said.get("parts", ()) if part["kind"] in ("text", "formula")]
-    return "".join(_inline(part) for part in parts) or escaped(said[key])
+def _sentence(said: Mapping[str, Any], key: str, names: Names) -> str:
+    """Its words and formulas, those that follow the sentence on lines of their own."""
+    parts = said.get("parts") or [said[key]]
+    if isinstance(parts[0], Mapping):  # of an older version
+        parts = [said[key]]
+    found = []
+    for place, part in enumerate(parts):
+        is_below = place % 2 and parts[place - 1].rstrip()[-1:] in (".", "") and place == len(parts) - 1
+        found.append((display if is_below else _formula)(latex_of(part, names)) if place % 2 else escaped(part))
+    return "".join(found)
 
 
-def _inline(part: Mapping[str, Any]) -> str:
-    return _formula(part["latex"].strip()) if part["kind"] == "formula" else escaped(part["text"])
+_SIDES = re.compile(r"[()\[\]]|, | (?:!=|>=|<=|=|>|<) ")
+
+
+def latex_of(text: str, names: Names) -> str:
+    """The LaTeX of a formula of a sentence: relations between formulas of the system and terms of the theory."""
+    found, depth, start = "", 0, 0
+    for match in _SIDES.finditer(text):
+        sign = match.group()
+        depth += (sign in "([") - (sign in ")]")
+        if depth == 0 and sign not in ")]":
+            found += _side(text[start : match.start()], names) + SIGNS.get(sign.strip(), sign)
+            start = match.end()
+    return found + _side(text[start:], names)
+
+
+def _side(text: str, names: Names) -> str:
+    try:
+        return to_latex(read_formula(text, names))
+    except InputError:
+        return theory(text).latex.strip()
+
+
+def names_of(system: Mapping[str, Any] | None) -> Names:
+    """The names that formulas about a system have, its momenta and the entries of g among them."""
+    if system is None:
+        return Names()
+    n, coordinates = len(system["coordinates"]), tuple(system["coordinates"])
+    entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
+    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
+    words = [*system["parameters"], *(f"p_{name}" for name in coordinates), *entries, "L", "H"]
+    taken = {*coordinates, *functions, "t"}
+    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
 
 
 def _formula(formula: str) -> str:

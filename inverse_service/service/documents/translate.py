@@ -215,7 +215,15 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
 
 
 def step_part(step: solutions.Step) -> schemas.ExplanationStep:
-    return part_of(schemas.ExplanationStep, step, parts=[part_of(schemas.ExplanationPart, each) for each in step.parts])
+    """The sentence, and its words and formulas in turn; what is shown below it comes last."""
+    parts = [""]
+    for part in (part for part in step.parts if part.kind in ("text", "formula", "display")):
+        words = len(parts) % 2 == 1  # the last one is
+        if part.kind == "text" and words:
+            parts[-1] += part.text
+        else:
+            parts += [part.text] if words or part.kind == "text" else ["", part.text]
+    return schemas.ExplanationStep(text=step.text, parts=parts if len(parts) > 1 else [])
 
 
 def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:

@@ -91,7 +91,7 @@ def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIn
         main=study.answers[study.main].associated.kind,
         **_motion_fields(study.report),
         first_integrals=[translate.integral_part(each) for each in kept],
-        associated=[_associated(one) for one in study.answers],
+        associated=[_associated(one, place == study.main) for place, one in enumerate(study.answers)],
         hamiltonisation=[_hamiltonisation(report) for one in study.answers for report in one.reports],
     )
 
@@ -252,7 +252,8 @@ def _in_time(work: Callable[[], T]) -> T | None:
 _SHOWN = ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate", "domain")
 
 
-def _associated(one: nonholonomic_study.AssociatedAnswer) -> schemas.AssociatedPart:
+def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> schemas.AssociatedPart:
+    """The steps of the main one are the `explanation` of the result."""
     system, solution, answer = one.associated.system, one.solution, one.answer
     if system is None or solution is None or answer is None:
         return schemas.AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
@@ -263,7 +264,7 @@ def _associated(one: nonholonomic_study.AssociatedAnswer) -> schemas.AssociatedP
         explanation=one.associated.explanation,
         **translate.equation_fields(system),
         verdict_with_time=None if solution.with_time is None else solution.with_time.verdict,
-        steps=fields["explanation"],
+        steps=[] if is_main else fields["explanation"],
         **{key: fields[key] for key in _SHOWN},
     )
 

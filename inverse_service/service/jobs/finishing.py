@@ -89,4 +89,4 @@ def undetermined(outcome: Outcome, options: JobOptions, so_far: Mapping[str, Any
 
 def as_body(result: dict[str, Any]) -> bytes:
     """A result as the store has it."""
-    return json.dumps(result, ensure_ascii=False).encode()
+    return json.dumps(result, ensure_ascii=False, separators=(",", ":")).encode()

@@ -65,7 +65,8 @@ def job_task(kind: str, document: str, options: str, report: Callable[[Any], Non
     """A stored job to its Answer; JSON is read and written here, so that the web process is never blocked."""
     result = KINDS[kind].work(read_json(document), stored_options(options), report)
     fault = result.get("provenance", {}).get("fault", "") if isinstance(result, dict) else ""
-    return Answer(json.dumps(result, ensure_ascii=False, allow_nan=False).encode(), label_of(result), fault)
+    body = json.dumps(result, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    return Answer(body, label_of(result), fault)
 
 
 def understand_job_task(document: str) -> dict[str, Any]:
