@@ -168,7 +168,8 @@ def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int) ->
         shown = answers[0]
         time = " that contains the time" if shown["timed"] and not shown["asked"] else ""
         if shown.get("lagrangian") is None:
-            found = "" if shown.get("searching") else "; none was found in closed form"
+            is_sought = any(one["part"].startswith("lagrangian") for one in shown.get("incomplete") or ())
+            found = "" if is_sought else "; none was found in closed form"
             return Markup("{} a Lagrangian{} exists{}.").format(_colored(YES, "Yes,"), time, found)
         return Markup("{} {} {} from a Lagrangian{}.").format(_colored(YES, "Yes,"), these, come, time)
     if verdict == NO:
