@@ -122,15 +122,23 @@ class LagrangianDocument(base.Document):
     time_dependent_lagrangian: bool | None = None
 
 
+class SettingAction(base.Document):
+    """Values that positions and velocities get, by formulas of the state before: {"y'": "-0.8*y'"}."""
+
+    set: Annotated[dict[str, Formula], Field(min_length=1, max_length=2 * base.MAX_SIMULATED)]
+
+
 class SceneEvent(base.Document):
     """What is found along a motion: zeros of `when`, a formula or "formula = 0".
 
-    `direction`: rising (1), falling (-1) or both (0); `do`: "record" keeps the point, "stop" ends the run there.
+    `direction`: rising (1), falling (-1) or both (0); `do`: "record" keeps the point, "stop" ends the run there,
+    {"set": {"y'": "-0.8*y'"}} changes the state. `count`: the run ends when it has happened so often.
     """
 
     when: Formula
     direction: Literal[-1, 0, 1] = 0
-    do: Literal["record", "stop"] = "record"
+    do: Literal["record", "stop"] | SettingAction = "record"
+    count: Annotated[int, Field(ge=1, le=100_000), BeforeValidator(_whole)] | None = None
 
 
 class SceneInitial(base.Document):

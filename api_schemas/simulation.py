@@ -65,6 +65,13 @@ class EventPart(Document):
     note: str | None = None
 
 
+class SwitchPart(Document):
+    """Passages of sign, abs and pieces: t, the function that is zero, and where it went: above, below or sticks."""
+
+    count: int
+    columns: dict[str, list[Any]]
+
+
 class CirclePart(Document):
     """Circles through the first and the last revolution of a path, and how far they are apart."""
 
@@ -120,6 +127,7 @@ class SimulatedMethod(Document):
     error_uncertainty: float | None = None
     circle: CirclePart | None = None
     events: list[EventPart] | None = None
+    switches: SwitchPart | None = None
     final: FinalPoint | None = None
     free_lagrangian: str | None = None
     free_lagrangian_source: str | None = None

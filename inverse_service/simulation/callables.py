@@ -40,6 +40,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     distinct_nodes,
     factors_of,
+    holds,
     walk,
 )
 from inverse_service.integrators.trajectory import Array
@@ -70,13 +71,28 @@ def _without_squares(wall: Expression) -> tuple[Expression, ...]:
     return tuple(_factors(tree)) if squared else (wall,)
 
 
-def kinks(tree: Expression) -> Iterator[Expression]:
-    """u of sqrt(u^2): zeros at which the formula is continuous, but not smooth."""
-    for node in walk(tree):
-        if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator != 1:
-            for factor in factors_of(node.base):
-                if isinstance(factor, Power):
-                    yield factor.base
+def switching_functions(trees: Sequence[Expression | None], coordinates: Sequence[str]) -> tuple[Expression, ...]:
+    """The u of every sqrt(u^2) that changes along a motion, those that others contain first."""
+    moving: set[Expression] = {TIME, *map(Symbol, coordinates), *map(Velocity, coordinates)}
+    found = [
+        factor.base
+        for node in distinct_nodes([tree for tree in trees if tree is not None])
+        if is_root(node) and isinstance(node, Power)
+        for factor in factors_of(node.base)
+        if is_square(factor) and isinstance(factor, Power) and holds(factor.base, *moving)
+    ]
+    return tuple(dict.fromkeys(reversed(found)))
+
+
+def is_root(node: Expression) -> bool:
+    """Whether it is a power with a broken exponent."""
+    return isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator != 1
+
+
+def is_square(node: Expression) -> bool:
+    """Whether it is a power with an even exponent."""
+    exponent = node.exponent.value if isinstance(node, Power) and isinstance(node.exponent, Number) else 1
+    return exponent % 2 == 0 and exponent != 0
 
 
 def _walls_of(node: Expression) -> Iterator[Expression]:

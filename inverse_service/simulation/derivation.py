@@ -19,6 +19,7 @@ from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, ad
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
+from inverse_service.simulation.callables import switching_functions
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
 from inverse_service.simulation.initial import NO_VALUE, ended_at_start, is_degenerate
 from inverse_service.simulation.regular_motion import DEGENERATE, regular_accelerations
@@ -108,6 +109,8 @@ def derive(scene: Scene, find: Find) -> Derived:
         or compares
         or "lyapunov" in scene.observe
         or (scene.events and used & {EXACT, "modified"})
+        or any(event.acts or event.most > 1 for event in scene.events)
+        or switching_functions([scene.lagrangian, *scene.forces], scene.coordinates)
     ):
         with timed(seconds, "accelerations"):
             accelerations = _accelerations(scene)
@@ -178,8 +181,8 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
 def _exact(scene: Scene) -> ExactMotion | NoExactMotion:
     if scene.lagrangian is None:
         return NoExactMotion("The system is given by its equations.")
-    if scene.forces:
-        return NoExactMotion("Further forces act.")
+    if scene.forces or any(event.acts for event in scene.events):
+        return NoExactMotion("Further forces, or events, act.")
     if is_degenerate(scene):
         return NoExactMotion(_DEGENERATE)
     return motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)

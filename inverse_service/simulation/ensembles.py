@@ -25,6 +25,7 @@ from inverse_service.simulation.methods import check, kernel_of
 from inverse_service.simulation.outcomes import unknown_names, weights_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Stop
 
+WORTH_THREADS = 2_000  # steps of groups: to begin a thread takes as long
 STEPS_AT_ONCE = 100_000  # of groups, after which it is asked whether to stop
 ALL_METHODS = "Ensembles are run by methods that step with kernels: variational, nonholonomic, runge-kutta, and so on."
 
@@ -182,8 +183,11 @@ def _run_groups(
         return True
 
     parts = [part for part in np.array_split(np.arange(len(memory)), cores()) if len(part)]
-    with ThreadPoolExecutor(cores()) as pool:
-        ran = list(pool.map(call, parts))
+    if len(memory) * grid.steps * len(substeps) < WORTH_THREADS:
+        ran = list(map(call, parts))
+    else:
+        with ThreadPoolExecutor(cores()) as pool:
+            ran = list(pool.map(call, parts))
     return record, int(control[:, :, CONTROL.index("iterations")].sum()), not all(ran)
 
 

@@ -21,8 +21,7 @@ from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.observing import greatest
 from inverse_service.simulation.quantities import Observed
 from inverse_service.simulation.resolution import TOO_LARGE, energies_of
-from inverse_service.simulation.scene_data import Grid, Requested, Scene, Unavailable
-from inverse_service.simulation.truth import Truth, places_of
+from inverse_service.simulation.scene_data import Grid, Requested, Scene, Truth, Unavailable, places_of
 from inverse_service.simulation.watches import SMALLEST
 
 MOST_STEPS = 1_000_000

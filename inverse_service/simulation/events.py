@@ -9,7 +9,7 @@ continued by DOP853 from the point before.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,7 @@ ROUND_OFF, NOISE = 4e-16, 1e-14
 PIECES, LEAST_PIECES, MOST_PLACES = 16, 2, 2**18  # of a step, and of a run
 AT_ONCE = 2**17
 NEAR = 4.0  # differences between places: beyond them the formula does not reach 0 before the next
+FLAT = 1e-3
 GOLDEN, TURNS = (np.sqrt(5) - 1) / 2, 40
 TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
 LOOKED_AGAIN, OFF_GRID = 512, (0.1, 0.23, 0.382)  # places between those looked at, in parts of their distance
@@ -59,11 +60,16 @@ class Found:
     note: str = ""
 
 
+def located(run: Observed, events: Sequence[Event], motion: Problem | Unavailable) -> tuple[Found, ...]:
+    """All points of these events along a run."""
+    velocities = velocities_at_points(run)
+    follow = _follower(run, velocities, motion)
+    return tuple(_located(run, event, velocities, follow) for event in events)
+
+
 def with_events(run: Observed, motion: Problem | Unavailable) -> tuple[Trajectory, tuple[Found, ...]]:
     """The run, ended by the first event that stops it, and every event found before."""
-    ran, velocities = run.trajectory, velocities_at_points(run)
-    follow = _follower(run, velocities, motion)
-    found = tuple(_located(run, event, velocities, follow) for event in run.scene.events)
+    ran, found = run.trajectory, located(run, run.scene.events, motion)
     ends = [float(one.times[0]) for one in found if one.event.stops and len(one.times)]
     if not ends:
         return ran, found
@@ -279,6 +285,10 @@ def _turning_points(way: Way, fine: Array, pieces: int) -> tuple[Array, Array]:
         one, two = way.values(np.concatenate([a, b])).reshape(2, -1) * sign
         left = one <= two
         low, high = np.where(left, low, a), np.where(left, b, high)
+        # Below zero there are two zeros; where the values no longer fall much they stay above.
+        least = np.minimum(one, two)
+        if ((least <= 0) | (np.abs(one - two) < FLAT * least) | ~np.isfinite(least)).all():
+            break
     found = np.where(left, a, b)
     return found, np.where(left, one, two) * sign
 

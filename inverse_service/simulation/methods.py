@@ -97,8 +97,10 @@ def run(
     values: Mapping[str, float],
     observation: Observation | None = None,
     stop: Stop | None = None,
+    begun: bool = False,
 ) -> Trajectory:
-    """One trajectory; `values` gives every parameter (free constants too) a number.
+    """One trajectory; `values` gives every parameter (free constants too) a number. With `begun` it is a further part
+    of one, whose first steps are not looked at.
 
     Where the method cannot go on, the outcome says so and the rows up to there are kept. InputError for a choice
     that the problem does not allow. `stop` is asked about ten times a second; True ends the run as "cancelled".
@@ -115,7 +117,7 @@ def run(
     refused = begin.missing or refusal(formulas, choice, begin, grid, parameters)
     if refused:
         return failed_start(start, refused, grid.begin)
-    if choice.guard and choice.method not in OWN_STEPS and grid.steps >= FEW:
+    if choice.guard and not begun and choice.method not in OWN_STEPS and grid.steps >= FEW:
         unresolved = _first_steps(formulas, choice, begin, grid, parameters)
         if unresolved is not None:
             return failed_start(start, unresolved, grid.begin)

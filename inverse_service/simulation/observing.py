@@ -44,11 +44,11 @@ from inverse_service.simulation.matching_circle import (
     radial_distance,
     recorded_drift,
 )
-from inverse_service.simulation.scene_data import Grid, Observable, Observation, Problem, Scene
-from inverse_service.simulation.truth import Truth
+from inverse_service.simulation.scene_data import Grid, Observable, Observation, Problem, Scene, Truth
 
 WITH_TIME = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
 FORCED = "Further forces do work, so the energy is no constant of the motion: see the balance of energy and work."
+ACTED = "Events change the motion, so the energy is no constant."
 MOVING_CONSTRAINTS = (
     "A constraint has a part without velocities and may do work, so the energy is no constant of the motion: there is "
     "no error to tell."
@@ -127,6 +127,8 @@ def why_energy_varies(scene: Scene) -> str | None:
     rest: dict[Expression, Expression] = {Velocity(name): ZERO for name in scene.coordinates}
     if any(collect(substitute(w, rest)) != ZERO for w in scene.constraints):
         return MOVING_CONSTRAINTS
+    if any(event.acts for event in scene.events):
+        return ACTED
     return FORCED if scene.forces else None
 
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from inverse_service.codegen.symengine_trees import closure
 from inverse_service.errors import InputError
-from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     PI,
     TIME,
@@ -32,7 +31,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.callables import MOMENT, Formulas, kinks
+from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
 _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}
@@ -69,9 +68,6 @@ def run_heyoka(
     state = np.array([*start.positions, *start.velocities], dtype=float)
     code, rows, seconds = _propagated(problem, state, times, values, tolerance, abs(grid.step), stop)
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
-    kinked = _first_kink(problem, _table(problem, rows[:good], values, times[:good]), good) if good else None
-    if kinked:
-        good, code = kinked[0], f"kink {kinked[1]}"
     outcome, shown = _outcome(code, good, steps, times), rows[:good] if good else state[None]
     table = _table(problem, shown, values, times[: len(shown)])
     series = {item.name: array_value(item.expression, table) for item in observation.observables} if good else {}
@@ -117,25 +113,11 @@ def _table(problem: Problem, rows: Array, values: Mapping[str, float], times: Ar
     return table_of(problem.coordinates, positions, velocities, dict(values), times)
 
 
-def _first_kink(problem: Problem, table: dict[Expression, Any], rows: int) -> tuple[int, str] | None:
-    """(rows before it, text) of a kink of the accelerations that the motion passes: a Taylor series steps over it."""
-    found = []
-    for kink in {one for tree in problem.accelerations or () for one in kinks(tree)}:
-        signs = np.sign(array_value(kink, table))
-        turned = np.nonzero(signs[1:rows] != signs[0])[0]
-        if len(turned) and np.ndim(signs):
-            found.append((int(turned[0]) + 1, to_text(kink)))
-    return min(found) if found else None
-
-
 def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
     if "time_limit" in code and good == len(steps):
         return Outcome("completed", int(steps[-1]), float(times[-1]))
     place = max(good - 1, 0)
     at = int(steps[place]), float(times[place])
-    if code.startswith("kink"):
-        remedy = "a Taylor series has no kinks: use the method adaptive"
-        return Outcome("singular", *at, code.removeprefix("kink "), 0.0, remedy)
     if "cb_stop" in code:
         return Outcome("cancelled", *at)
     if "step_limit" in code:

@@ -30,8 +30,8 @@ from inverse_service.simulation.observing import (
 )
 from inverse_service.simulation.quantities import velocities_at_points
 from inverse_service.simulation.running import MethodRun, observed_run
-from inverse_service.simulation.scene_data import EXACT, Grid, Progress, Requested, Scene, Unavailable
-from inverse_service.simulation.truth import Truth, true_motion
+from inverse_service.simulation.scene_data import EXACT, Grid, Progress, Requested, Scene, Truth, Unavailable
+from inverse_service.simulation.truth import true_motion
 
 CHECKS = 8
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)

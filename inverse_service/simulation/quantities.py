@@ -27,8 +27,7 @@ from inverse_service.simulation.observing import (
     start_energy,
     why_energy_varies,
 )
-from inverse_service.simulation.scene_data import Problem, Requested, Scene, Unavailable
-from inverse_service.simulation.truth import Truth, places_of
+from inverse_service.simulation.scene_data import Problem, Requested, Scene, Truth, Unavailable, places_of
 
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations, and no Lagrangian of it was found, so there is no energy."
@@ -38,7 +37,8 @@ _WALL = "The energy is that of a Lagrangian that was found, which {}."
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """One run as it is observed: `problem` is None for the exact solution, `values` hold the free constants too."""
+    """One run as it is observed: `problem` is None for the exact solution, `values` hold the free constants too. A run
+    `in_pieces` has the velocities of its points, and no momenta."""
 
     scene: Scene
     requested: Requested
@@ -46,6 +46,7 @@ class Observed:
     problem: Problem | None
     values: Mapping[str, float]
     truth: Truth | Unavailable | None
+    in_pieces: bool = False
 
 
 def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -192,7 +193,7 @@ def _point_constraints(run: Observed) -> dict[str, Any]:
 
 def velocities_at_points(run: Observed) -> Array | None:
     """(m, n) at the recorded points, from the momenta where the method has them; None where it has neither."""
-    if run.problem is None or run.requested.alpha is None:
+    if run.problem is None or run.requested.alpha is None or run.in_pieces:
         return run.trajectory.velocities
     method, values = run.requested.method, dict(run.values)
     found = point_velocities(run.scene, run.problem, method, run.trajectory, values)

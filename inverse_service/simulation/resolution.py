@@ -26,7 +26,7 @@ from inverse_service.simulation.observing import (
     why_energy_varies,
 )
 from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.truth import Truth, places_of
+from inverse_service.simulation.scene_data import Truth, places_of
 from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE
 
 _JUMPS = "the change of the energy, a constant, in two steps: more than {} of the kinetic energy"

@@ -40,6 +40,7 @@ from inverse_service.simulation.ensemble_members import EnsembleRun, run_members
 from inverse_service.simulation.estimates import estimated
 from inverse_service.simulation.events import Found, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
+from inverse_service.simulation.hybrid import Pieces, has_pieces, run_pieces
 from inverse_service.simulation.initial import ended_at_start
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
@@ -63,9 +64,10 @@ from inverse_service.simulation.scene_data import (
     Scene,
     Start,
     Stop,
+    Truth,
     Unavailable,
 )
-from inverse_service.simulation.truth import Truth, exact_trajectory, true_motion
+from inverse_service.simulation.truth import exact_trajectory, true_motion
 from inverse_service.simulation.watches import RESOLVE
 
 LATE = "The time was over before its turn; take fewer methods or steps, or a longer time limit."
@@ -90,6 +92,7 @@ class MethodRun:
     free: FreeLagrangian | None = None
     events: tuple[Found, ...] = ()
     observed: Observed | None = None
+    pieces: Pieces | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +183,7 @@ def run_method(
     outcome, numbers, seconds = run_.outcome, dict(run_.numbers), dict(run_.seconds)
     if outcome.completed:
         with timed(seconds, "half the step"):
-            numbers |= estimated(run_.observed, partial(_again, problem, run_.free, stop))
+            numbers |= estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
     if COST in scene.observe:
         with timed(seconds, COST):
@@ -200,60 +203,76 @@ def observed_run(
     known = free if isinstance(free, FreeLagrangian) else None
     if (lost := ended_at_start(scene)) is not None:
         return MethodRun(requested, lost.outcome, lost, free=known)
-    problem, found = _motion(scene, requested, derived, known, stop)
-    if isinstance(found, Unavailable):
-        return MethodRun(requested, Outcome("unavailable", remedy=found.reason), None)
+    problem, ran = _motion(scene, requested, derived, known, stop)
+    if isinstance(ran, Unavailable):
+        return MethodRun(requested, Outcome("unavailable", remedy=ran.reason), None)
+    pieces = ran if isinstance(ran, Pieces) else None
+    found = ran.trajectory if isinstance(ran, Pieces) else ran
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
-    observed = Observed(scene, requested, found, problem, values_of(scene, requested, known), truth)
-    if found.outcome.completed and (unseen := other_motion(observed) or jump_of_energy(observed)) is not None:
-        found = found.ended(found.times <= (unseen.time or 0.0), unseen)
-        observed = replace(observed, trajectory=found)
-    events: tuple[Found, ...] = ()
-    if scene.events and len(found.times) > 1:
-        with timed(seconds, "events"):
-            found, events = with_events(observed, with_accelerations(scene, derived))
+    values = values_of(scene, requested, known)
+    observed = Observed(scene, requested, found, problem, values, truth, pieces is not None)
+    events: tuple[Found, ...] = () if pieces is None else pieces.events
+    if pieces is None:
+        if found.outcome.completed and (unseen := other_motion(observed) or jump_of_energy(observed)) is not None:
+            found = found.ended(found.times <= (unseen.time or 0.0), unseen)
             observed = replace(observed, trajectory=found)
+        if scene.events and len(found.times) > 1:
+            with timed(seconds, "events"):
+                found, events = with_events(observed, with_accelerations(scene, derived))
+                observed = replace(observed, trajectory=found)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     numbers, series = observed_quantities(observed, seconds)
-    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed)
+    return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed, pieces)
 
 
 def _motion(
     scene: Scene, requested: Requested, derived: Derived, free: FreeLagrangian | None, stop: Stop | None
-) -> tuple[Problem | None, Trajectory | Unavailable]:
-    """The problem that a method has, None of the exact solution, and its trajectory."""
+) -> tuple[Problem | None, Trajectory | Pieces | Unavailable]:
+    """The problem that a method has, None of the exact solution, and its trajectory, or its pieces."""
     if requested.method == EXACT:
         exact = exact_trajectory(scene, derived)
         return None, with_series(scene, exact) if isinstance(exact, Trajectory) else exact
     problem = problem_of(scene, requested, derived)
     if isinstance(problem, Unavailable):
         return None, problem
-    return problem, _integrated(scene, requested, problem, free, stop)
+    return problem, _integrated(scene, requested, problem, free, stop, derived)
 
 
 def _integrated(
-    scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None
-) -> Trajectory | Unavailable:
+    scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None,
+    derived: Derived | None = None,
+) -> Trajectory | Pieces | Unavailable:  # fmt: skip
     assert requested.choice is not None
     values = values_of(scene, requested, free)
-    problem, observation = observed_problem(scene, problem)
-    if ENERGY_START in problem.parameters:
+    if "energy" in scene.observe and scene.lagrangian is not None:
         values[ENERGY_START] = start_energy(scene) or 0.0
         if not np.isfinite(values[ENERGY_START]):
             return Unavailable("The energy has no finite value at the start: start somewhere else.")
+
+    def piece(what: Problem, choice: MethodChoice, start: Start, grid: Grid) -> Trajectory:
+        own, observation = observed_problem(scene, what)
+        return run(own, choice, start, grid, values, observation, stop, in_pieces)
+
+    in_pieces = derived is not None and has_pieces(scene, problem)
     try:
         start = start_of(scene, requested, free, values)
-        return run(problem, requested.choice, start, scene.grid, values, observation, stop)
+        if not in_pieces or derived is None:
+            return piece(problem, requested.choice, start, scene.grid)
+        every, whole = scene.grid.record_every, replace(scene, grid=replace(scene.grid, record_every=1))
+        found = run_pieces(whole, requested, problem, with_accelerations(scene, derived), start, values, piece, stop)
+        return found if every == 1 or isinstance(found, Unavailable) else found.thinned(scene.grid)
     except InputError as error:
         return Unavailable(error.detail)
 
 
 def _again(
-    problem: Problem, free: FreeLagrangian | None, stop: Stop | None, scene: Scene, requested: Requested
-) -> Trajectory | Unavailable:
+    problem: Problem, free: FreeLagrangian | None, stop: Stop | None, derived: Derived, scene: Scene,
+    requested: Requested,
+) -> Trajectory | Unavailable:  # fmt: skip
     """The method once more."""
-    return _integrated(scene, requested, problem, free, stop)
+    found = _integrated(scene, requested, problem, free, stop, derived)
+    return found.trajectory if isinstance(found, Pieces) else found
 
 
 def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:
@@ -272,7 +291,8 @@ def _costs(
         known = None
         if problem.free_lagrangian is not None:
             known = free or FreeLagrangian(problem.free_lagrangian, problem.free_hamiltonian, {}, "")
-        return _integrated(variant, requested, problem, known, stop)
+        found = _integrated(variant, requested, problem, known, stop)
+        return found.trajectory if isinstance(found, Pieces) else found
 
     means = Means(step, observed_problem, find or _no_free, stop or (lambda: False))
     return part_costs(scene, requested, derived, means)

@@ -190,11 +190,21 @@ class Requested:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Zeros of `formula`, rising (direction 1), falling (-1) or both (0); `stops`: the run ends at the first."""
+    """Zeros of `formula`, rising (direction 1), falling (-1) or both (0); `stops`: the run ends there.
+
+    `sets`: there each Symbol(x) or Velocity(x) gets the value of its formula. With the `most`-th time the run ends.
+    """
 
     formula: Expression
     direction: int
     stops: bool
+    sets: tuple[tuple[Expression, Expression], ...] = ()
+    most: int = 1
+
+    @property
+    def acts(self) -> bool:
+        """Whether it changes the motion."""
+        return bool(self.sets)
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,3 +260,33 @@ class Scene:
     found: FreeLagrangian | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     parts: tuple[Effect, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Positions and velocities (m, n) at the recorded times, nan from where they are not known; `reason` says why.
+
+    `against` is "exact" or "reference"; `bounds` (m,) bound the error of the positions up to each time, in the unit of
+    the errors; `by` names the reference and its check.
+    """
+
+    times: Array
+    positions: Array
+    velocities: Array
+    against: str
+    bounds: Array
+    seconds: float
+    reason: str = ""
+    by: str = ""
+
+    @property
+    def uncertainty(self) -> float:
+        """The bound at the last time that is known."""
+        known = self.bounds[np.isfinite(self.bounds)]
+        return float(known[-1]) if len(known) else np.inf
+
+
+def places_of(truth: Truth, times: Array) -> NDArray[np.int64]:
+    """The places of the times of a trajectory among those of the truth, which are the same or more."""
+    gap = 0.5 * float(np.diff(truth.times).min(initial=np.inf))
+    return np.clip(np.searchsorted(truth.times, times - gap), 0, len(truth.times) - 1)

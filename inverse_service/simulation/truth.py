@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.derivation import Derived, with_accelerations
 from inverse_service.simulation.exact_motion import ExactMotion, positions_of
+from inverse_service.simulation.hybrid import has_pieces, run_pieces
 from inverse_service.simulation.initial import NO_VALUE, ended_at_start
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.scene_data import (
@@ -24,9 +24,11 @@ from inverse_service.simulation.scene_data import (
     MethodChoice,
     Observation,
     Problem,
+    Requested,
     Scene,
     Start,
     Stop,
+    Truth,
     Unavailable,
 )
 
@@ -40,36 +42,6 @@ TAYLOR, EXPLICIT, IMPLICIT = (
 )  # fmt: skip
 NONE_FOUND = "No reference solution was found: the reference integrators did not get through."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
-
-
-@dataclass(frozen=True, slots=True)
-class Truth:
-    """Positions and velocities (m, n) at the recorded times, nan from where they are not known; `reason` says why.
-
-    `against` is "exact" or "reference"; `bounds` (m,) bound the error of the positions up to each time, in the unit of
-    the errors; `by` names the reference and its check.
-    """
-
-    times: Array
-    positions: Array
-    velocities: Array
-    against: str
-    bounds: Array
-    seconds: float
-    reason: str = ""
-    by: str = ""
-
-    @property
-    def uncertainty(self) -> float:
-        """The bound at the last time that is known."""
-        known = self.bounds[np.isfinite(self.bounds)]
-        return float(known[-1]) if len(known) else np.inf
-
-
-def places_of(truth: Truth, times: Array) -> NDArray[np.int64]:
-    """The places of the times of a trajectory among those of the truth, which are the same or more."""
-    gap = 0.5 * float(np.diff(truth.times).min(initial=np.inf))
-    return np.clip(np.searchsorted(truth.times, times - gap), 0, len(truth.times) - 1)
 
 
 def true_motion(scene: Scene, derived: Derived, stop: Stop | None = None) -> Truth | Unavailable:
@@ -135,7 +107,7 @@ def _rows(
     scene: Scene, problem: Problem, choice: MethodChoice, refinement: int, times: Array, stop: Stop | None
 ) -> Array:
     """Positions and velocities of a reference at the recorded times, (m, 2 n); nan where it did not arrive."""
-    grid, plain = scene.grid, Observation(momenta=False)
+    grid = scene.grid
     start = Start(tuple(scene.positions), velocities=tuple(scene.velocities))
     rows = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
     rows[0] = [*scene.positions, *scene.velocities]
@@ -148,7 +120,7 @@ def _rows(
             part = Grid(grid.step / refinement, every * count * refinement, every * refinement, begin)
         else:
             part = Grid(grid.step * every, count, 1, begin)
-        ran = run(problem, choice, start, part, dict(scene.values), plain, stop)
+        ran = _part(scene, problem, choice, start, part, stop)
         if ran.velocities is None:
             break
         table = np.column_stack([ran.positions, ran.velocities])[1:]
@@ -158,6 +130,27 @@ def _rows(
             break
         start = Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1]))
     return rows
+
+
+def _part(
+    scene: Scene, problem: Problem, choice: MethodChoice, start: Start, grid: Grid, stop: Stop | None
+) -> Trajectory:
+    """A part of the run, with the events that act and the switches in it."""
+
+    def piece(what: Problem, by: MethodChoice, begin: Start, over: Grid) -> Trajectory:
+        return run(what, by, begin, over, dict(scene.values), Observation(momenta=False), stop, in_pieces)
+
+    acting = tuple(event for event in scene.events if event.acts)
+    own = replace(scene, grid=replace(grid, record_every=1), events=acting)
+    in_pieces = has_pieces(own, problem)
+    if not in_pieces:
+        return piece(problem, choice, start, grid)
+    found = run_pieces(
+        own, Requested("", choice.method, None, choice), problem, problem, start, scene.values, piece, stop
+    )
+    if isinstance(found, Unavailable):
+        raise InputError(found.reason)
+    return found.thinned(grid).trajectory
 
 
 def _size(rows: Array) -> float:

@@ -20,13 +20,14 @@ from inverse_service.service.scenes.scene_methods import number_of, read_circle,
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
 from inverse_service.simulation.scene_data import OBSERVED, Effect, Event, Observable, Scene
 
+MOST_ACTS = 10_000
 FORCES, RAYLEIGH = "forces", "rayleigh"
 TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
 NO_INITIAL = "The key 'initial' is missing; it must be an object with positions and velocities or momenta."
 
 
 def _read(text: str, system: scene_system.MechanicalSystem, definitions: Definitions, pointer: str) -> Expression:
-    tree = define_functions(scene_system.formula(text, system.names, pointer), definitions)
+    tree = scene_system.without_steps(define_functions(scene_system.formula(text, system.names, pointer), definitions))
     scene_system.refuse_open_functions([tree], system.names)
     return tree
 
@@ -82,8 +83,24 @@ def read_events(
         left, equals, right = event.when.partition("=")
         if equals and right.strip() not in ("0", "0.0"):
             raise InputError('write the event as a formula, or as "formula = 0".', pointer)
-        found.append(Event(_read(left, system, definitions, pointer), event.direction, event.do == "stop"))
+        formula = _read(left, system, definitions, pointer)
+        sets: tuple[tuple[Expression, Expression], ...] = ()
+        if not isinstance(event.do, str):
+            sets = tuple(_set(key, text, system, definitions, place) for key, text in event.do.set.items())
+        stops = event.do == "stop" or (event.do == "record" and event.count is not None)
+        found.append(Event(formula, event.direction, stops, sets, event.count or (MOST_ACTS if sets else 1)))
     return tuple(found)
+
+
+def _set(
+    key: str, text: str, system: scene_system.MechanicalSystem, definitions: Definitions, place: int
+) -> tuple[Expression, Expression]:
+    """A coordinate or velocity and the formula of its new value."""
+    pointer = f"/events/{place}/do/set/{escape(key)}"
+    target, names = scene_system.formula(key, system.names, pointer), system.names.coordinates
+    if target not in (*map(Symbol, names), *map(Velocity, names)):
+        raise InputError(f"an event sets coordinates and velocities: {', '.join(names)}, {names[0]}'.", pointer)
+    return target, _read(text, system, definitions, pointer)
 
 
 def beginning(schema: SceneDocument) -> tuple[float, SceneInitial]:

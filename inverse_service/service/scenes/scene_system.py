@@ -221,11 +221,13 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
     functions = dict(system.functions)
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
-    # sign(u) is computed as u/sqrt(u^2), and so is a step.
-    accelerations = tuple(
-        trees.substitute(f, {n: to_kernels(n) for n in trees.walk(f) if _is_step(n)}) for f in system.accelerations
-    )
+    accelerations = tuple(map(without_steps, system.accelerations))
     return MechanicalSystem(names, None, (), accelerations, values, schema.name, document=document)
+
+
+def without_steps(tree: trees.Expression) -> trees.Expression:
+    """The tree with steps written by u/sqrt(u^2), as sign(u) is."""
+    return trees.substitute(tree, {node: to_kernels(node) for node in trees.walk(tree) if _is_step(node)})
 
 
 def _is_step(node: trees.Expression) -> bool:

@@ -23,10 +23,10 @@ from inverse_service.simulation.advice import advice
 from inverse_service.simulation.derivation import Derived, derive
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, where_ended
+from inverse_service.simulation.hybrid import Switch
 from inverse_service.simulation.quantities import columns_of, last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
-from inverse_service.simulation.scene_data import FreeLagrangian, Progress, Requested, Scene, Unavailable
-from inverse_service.simulation.truth import Truth
+from inverse_service.simulation.scene_data import FreeLagrangian, Progress, Requested, Scene, Truth, Unavailable
 
 FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.
@@ -201,7 +201,10 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
     if run.events:
         document["events"] = [_event(scene, one) for one in run.events]
     if run.observed is not None:
-        document["final"] = _final(scene, where_ended(run.events, run.outcome) or last_point(run.observed))
+        pieces = None if run.pieces is None else run.pieces.final
+        document["final"] = _final(scene, pieces or where_ended(run.events, run.outcome) or last_point(run.observed))
+    if run.pieces is not None and run.pieces.switches:
+        document["switches"] = _switches(run.pieces.switches)
     if run.free is not None:
         document["free_lagrangian"] = to_text(run.free.lagrangian)
         document["constants"] = dict(run.free.constants) | dict(requested.constants)
@@ -219,6 +222,18 @@ def _event(scene: Scene, found: Found) -> dict[str, Any]:
     columns = {name: column[:MOST_EVENTS] for name, column in columns.items()}
     note = {"note": found.note} if found.note else {}
     return {"when": to_text(found.event.formula), "count": len(found.times), "columns": columns, **note}
+
+
+def _switches(switches: tuple[Switch, ...]) -> dict[str, Any]:
+    """When which function went to which side, at most MOST_EVENTS."""
+    shown = {1: "above", -1: "below", 0: "sticks"}
+    listed = switches[:MOST_EVENTS]
+    columns = {
+        "t": [one.time for one in listed],
+        "when": [to_text(one.function) for one in listed],
+        "to": [shown[one.side] for one in listed],
+    }
+    return {"count": len(switches), "columns": columns}
 
 
 def event_table(scene: Scene, events: tuple[Found, ...]) -> dict[str, Any]:
