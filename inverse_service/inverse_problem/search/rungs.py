@@ -6,6 +6,7 @@ from inverse_service import bounds
 from inverse_service.inverse_problem.search import (
     constant_velocity,
     holomorphic,
+    one_matrix,
     other_coordinates,
     reductions,
     row_factors,
@@ -28,6 +29,14 @@ LEAVES = (
         "Each equation times a function of `t` and the coordinates, the equations are self-adjoint: then the matrix of "
         "their accelerations is the Hessian of `L`, which follows by integration.",
         exact=True,
+    ),
+    Leaf(
+        "one matrix",
+        0.4,
+        one_matrix.accepts,
+        one_matrix.propose,
+        "The algebraic conditions leave one matrix `G(t, q)` up to a factor, which is computed from them; the "
+        "derivatives of the factor, of `A` and of `V` in `L = phi G_ij v^i v^j/2 + A_i v^i - V` follow from it.",
     ),
     Leaf(
         "one function times a constant matrix",
