@@ -1,7 +1,7 @@
 """Sums of products of sines and cosines in the shortest of their forms.
 
-A polynomial in cos u, sin u, cos w, … is written as it is, with sin^2 for 1 - cos^2 in one angle or another, or as a sum of
-sines and cosines of sums of angles (cos u cos w + sin u sin w as cos(u - w)).
+A polynomial in cos u, sin u, cos w, … is written as it is, with sin^2 for 1 - cos^2 in one angle or another, or as a
+sum of sines and cosines of sums of angles (cos u cos w + sin u sin w as cos(u - w)).
 """
 
 from __future__ import annotations
@@ -57,7 +57,9 @@ def _with_sines(terms: Terms, argument: ex.Expression) -> Terms:
             half = int(e) // 2
             part = {times(key, monomial(cosine), -2 * half): value}
             for _ in range(half):
-                part = multiply_terms(part, {frozenset(): Fraction(1), times(frozenset(), monomial(sine), 2): Fraction(-1)})
+                part = multiply_terms(
+                    part, {frozenset(): Fraction(1), times(frozenset(), monomial(sine), 2): Fraction(-1)}
+                )
         result = add_terms(result, part)
     return result
 

@@ -1,8 +1,8 @@
 """Forces and their tensors as numbers: truncated series along the motion with gradients, at many points modulo a prime.
 
 At a random point the motion is a power series in s (order by order, q'' = f); f is evaluated once more on these series
-with its gradients in the 2 n directions of q and v. That gives J = f_v and K = f_q as matrix series along the flow, where
-Gamma is d/ds:
+with its gradients in the 2 n directions of q and v. That gives J = f_v and K = f_q as matrix series along the flow,
+where Gamma is d/ds:
 
     N = -J/2,  Phi = J' - 2 K - J^2/2 (twice the Jacobi endomorphism),  nabla T = T' + N T - T N.
 
@@ -103,7 +103,9 @@ def _power(a: Numbers, exponent: int, start: Numbers) -> Numbers:
     result, least = np.zeros_like(a), inverses(a[0])
     result[0] = start
     for k in range(1, a.shape[0]):
-        total = sum(((exponent * j - (k - j)) % PRIME) * (a[j] * result[k - j] % PRIME) % PRIME for j in range(1, k + 1))
+        total = sum(
+            ((exponent * j - (k - j)) % PRIME) * (a[j] * result[k - j] % PRIME) % PRIME for j in range(1, k + 1)
+        )
         result[k] = total % PRIME * least % PRIME * pow(k, -1, PRIME) % PRIME
     return result
 
@@ -148,14 +150,14 @@ class Units:
 class Points:
     """A batch of points: the values of all generators, drawn when asked for, and which points are still good.
 
-    `fixed` are generators with one value for all points, the others are random; `seed` makes them.
+    `fixed` are generators with given values, one for all points or one for each; the others are random.
     """
 
     coordinates: tuple[str, ...]
     units: Units
     count: int
     random: np.random.Generator
-    fixed: Mapping[Generator, int] = field(default_factory=dict)
+    fixed: Mapping[Generator, int | Numbers] = field(default_factory=dict)
     values: dict[Generator, Numbers] = field(default_factory=dict)
     good: npt.NDArray[np.bool_] = field(init=False)
 
@@ -259,7 +261,10 @@ class _Evaluation:
         self.points, self.size, self.order = points, size, q.shape[1]
         self.known: dict[ex.Expression, Jet] = {}
         for i, name in enumerate(names):
-            for series, leaf, direction in ((q[i], ex.Symbol(name), 1 + i), (v[i], ex.Velocity(name), 1 + len(names) + i)):
+            for series, leaf, direction in (
+                (q[i], ex.Symbol(name), 1 + i),
+                (v[i], ex.Velocity(name), 1 + len(names) + i),
+            ):
                 data = np.zeros((size, self.order, points.count), np.int64)
                 data[0] = series
                 if size > 1:
@@ -295,7 +300,11 @@ class _Evaluation:
             case ex.Product(factors):
                 total = self.jet(factors[0])
                 for factor in factors[1:]:
-                    total = total.scaled(residue(factor.value)) if isinstance(factor, ex.Number) else total * self.jet(factor)
+                    total = (
+                        total.scaled(residue(factor.value))
+                        if isinstance(factor, ex.Number)
+                        else total * self.jet(factor)
+                    )
                 return total
             case ex.Power(base, ex.Number(exponent)):
                 return self._rational_power(self.jet(base), exponent)
@@ -339,8 +348,8 @@ class _Evaluation:
                 exponent = int(value * scale)
                 unit = self.points.value(("exp", key))
                 start = start * powers(unit if exponent > 0 else inverses(unit), abs(exponent)) % PRIME
-            value = self._exponential(series, start)
-            return inner.with_series(value, value)
+            grown = self._exponential(series, start)
+            return inner.with_series(grown, grown)
         if function in ("sin", "cos"):
             sine, cosine = self._sine_and_cosine(argument, series)
             if function == "sin":
@@ -408,7 +417,7 @@ class _Evaluation:
                 term = np.zeros_like(total)
                 term[0] = self.points.value(("function", name))
                 for series, times in zip(moved, more, strict=True):
-                    for k in range(times):
+                    for _ in range(times):
                         term = _times(term, series)
                     term = term * pow(factorial(times), -1, PRIME) % PRIME
                 total = (total + term) % PRIME

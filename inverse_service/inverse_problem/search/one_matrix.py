@@ -1,7 +1,7 @@
 """The Lagrangian where the conditions leave one matrix G(t, q) up to a factor: computed, with nothing guessed.
 
-At points modulo a prime the conditions g T = (g T)^T for T = Phi, nabla Phi, … at several velocities over one (t, q) leave
-one vector of entries G_11 : … : G_nn. It is interpolated as a whole. Then (H2) gives, by any entry that is not 0,
+At points modulo a prime the conditions g T = (g T)^T for T = Phi, nabla Phi, … at several velocities over one (t, q)
+leave one vector of entries G_11 : … : G_nn. It is interpolated as a whole. Then (H2) gives, by any entry that is not 0,
 
     S = Gamma(log phi) = ((G N + N^T G)_e - Gamma G_e)/G_e = Q_k v_k + T
 
@@ -44,7 +44,8 @@ from inverse_service.inverse_problem.search.flow_points import (
 )
 from inverse_service.inverse_problem.search.gradients import ONE_TERM, Integrator
 from inverse_service.inverse_problem.search.material import Material
-from inverse_service.inverse_problem.search.projective import Interpolation, NoFit, kernel_of, whole_numbers
+from inverse_service.inverse_problem.search.motion_terms import has_velocity
+from inverse_service.inverse_problem.search.projective import Given, Interpolation, NoFit, kernel_of, whole_numbers
 from inverse_service.inverse_problem.search.quadratures import exponential
 from inverse_service.inverse_problem.search.terms import (
     EMPTY,
@@ -111,7 +112,7 @@ class OneMatrix:
                 break
         return found if last == 1 else None
 
-    def points(self, fixed: dict[Generator, int], count: int) -> Points:
+    def points(self, fixed: Given, count: int) -> Points:
         return Points(self.system.coordinates, self.units, count, self.random, fixed)
 
     def dimension(self) -> int:
@@ -122,7 +123,7 @@ class OneMatrix:
                 return len(kernels[0])
         raise NoFit("no point")
 
-    def _kernels(self, fixed: dict[Generator, int], count: int) -> tuple[list[list[list[int]]], Points]:
+    def _kernels(self, fixed: Given, count: int) -> tuple[list[list[list[int]]], Points]:
         """The kernel of the conditions at each good point."""
         n, base = len(self.forces), self.points(fixed, count)
         batches, good = list[list[Numbers]](), base.good
@@ -146,7 +147,7 @@ class OneMatrix:
                 rows[:, row, place[min(j, m), max(j, m)]] -= tensor[:, m, i]
         return rows % PRIME
 
-    def matrix_values(self, fixed: dict[Generator, int], count: int) -> tuple[Numbers, Points]:
+    def matrix_values(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
         """G_11 : … : G_nn at good points."""
         kernels, points = self._kernels(fixed, count)
         kept = [k for k, kernel in enumerate(kernels) if len(kernel) == 1]
@@ -164,9 +165,7 @@ class OneMatrix:
             return {"angle": 0, "exp": 1}.get(generator[0], 2 if generator[1] in own else 3)
 
         found = [
-            (kind, what)
-            for kind, what in points.values
-            if not (isinstance(what, ex.Velocity) or _holds_velocity(what))
+            (kind, what) for kind, what in points.values if not (isinstance(what, ex.Velocity) or _holds_velocity(what))
         ]
         return sorted(found, key=rank)
 
@@ -217,7 +216,7 @@ class OneMatrix:
     ) -> tuple[Terms, Terms] | None:
         """(phi, T): the factor, and the part of Gamma(log phi) without velocities."""
         points = self.points({}, 12)
-        values, along, turned = self._rates(points, matrix)
+        _, along, turned = self._rates(points, matrix)
         good = points.good
         defect = (turned - along) % PRIME
         if not defect[good].any():
@@ -233,7 +232,7 @@ class OneMatrix:
             values, along, turned = self._rates(points, matrix)
             return (turned - along)[:, e[0], e[1]] % PRIME * inverses(values[:, e[0], e[1]]) % PRIME
 
-        def form(fixed: dict[Generator, int], count: int) -> tuple[Numbers, Points]:
+        def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
             base = self.points(fixed, count)
             rest = base.again([zeros(count, np.int64)] * n)
             still = rate(rest)
@@ -267,7 +266,7 @@ class OneMatrix:
         n = len(self.forces)
         places = list(combinations(range(n), 2))
 
-        def form(fixed: dict[Generator, int], count: int) -> tuple[Numbers, Points]:
+        def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
             points = self.points(fixed, count).again([np.zeros(count, np.int64)] * n)
             flow, values = self._at(points, matrix, 2)
             by_velocity, _ = flow.slopes()
@@ -302,9 +301,7 @@ class OneMatrix:
             wanted[j] = add_terms(wanted[j], multiply_terms(terms, v))
         return wanted
 
-    def _in_symbols(
-        self, matrix: Sequence[Terms], drag: Terms, places: Sequence[tuple[int, int]]
-    ) -> list[Terms]:
+    def _in_symbols(self, matrix: Sequence[Terms], drag: Terms, places: Sequence[tuple[int, int]]) -> list[Terms]:
         """W and F by exact arithmetic, where f has roots."""
         from inverse_service.expressions.derivative import differentiate
 
@@ -324,5 +321,5 @@ class OneMatrix:
 
 def _holds_velocity(what: object) -> bool:
     """Whether a generator's tree or monomial holds a velocity."""
-    trees = [letter for letter, _ in what] if isinstance(what, frozenset) else [what]
-    return any(isinstance(node, ex.Velocity) for tree in trees for node in ex.walk(tree))
+    trees: list[ex.Expression] = [letter for letter, _ in what] if isinstance(what, frozenset) else [what]  # type: ignore[list-item]
+    return any(map(has_velocity, trees))

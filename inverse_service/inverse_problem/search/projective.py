@@ -1,17 +1,17 @@
 """A vector of polynomials that is known up to a factor at points modulo a prime (Zippel 1979, projectively).
 
 The vector (v_1 : ... : v_m) is one common polynomial vector (P_1, ..., P_m): with a reference entry r the unknown
-coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is asked for. For each variable alone the least degree
-for which there is a fit is found, the others fixed; then the variables are added one at a time, the support so far times
-powers of the new one, and what comes out as 0 is dropped. The least degrees make the vector primitive.
+coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is asked for. For each variable alone the least
+degree for which there is a fit is found, the others fixed; then the variables are added one at a time, the support so
+far times powers of the new one, and what comes out as 0 is dropped. The least degrees make the vector primitive.
 
-The basis in an angle is c^a s^b with b <= 1, in any other variable its powers. Coefficients are divided by one of them and
-reconstructed as rational numbers; that the result is right is for the caller to check.
+The basis in an angle is c^a s^b with b <= 1, in any other variable its powers. Coefficients are divided by one of them
+and reconstructed as rational numbers; that the result is right is for the caller to check.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -26,11 +26,14 @@ from inverse_service.inverse_problem.search.terms import Monomial, Terms, add_te
 
 # Degrees in one variable, unknown coefficients, and draws for one batch of points.
 _DEGREE, _UNKNOWNS, _DRAWS = 8, 1_200, 24
+# Points for the degree in one variable.
+_BLOCK = 24
 # Numerators and denominators that one prime of 31 bits can tell apart.
 _LARGEST = 32_767
 Power = tuple[int, int]
 # The vector at points with these generators fixed, (entries, points), and the good points themselves.
-Values = Callable[[dict[Generator, int], int], tuple[Numbers, Points]]
+Given = Mapping[Generator, int | Numbers]
+Values = Callable[[Given, int], tuple[Numbers, Points]]
 
 
 class NoFit(ArithmeticError):
@@ -55,7 +58,7 @@ class Interpolation:
         done: list[Generator] = []
         vector: list[int] = [1] * len(entries)
         if len(entries) > 1:
-            degrees = {variable: self._degree(variable, entries, fixed) for variable in self.variables}
+            degrees = self._degrees(entries, fixed)
             for variable in self.variables:
                 if degrees[variable] == 0:
                     continue
@@ -71,7 +74,7 @@ class Interpolation:
             whole[e] = terms
         return whole
 
-    def drawn(self, fixed: dict[Generator, int], count: int) -> tuple[Numbers, Points]:
+    def drawn(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
         """At least so many points, all good."""
         for k in range(_DRAWS):
             check(count)
@@ -84,25 +87,42 @@ class Interpolation:
         values, _ = self.drawn({}, 3)
         return {e for e in range(size) if values[e].any()}
 
-    def _degree(self, variable: Generator, entries: Sequence[int], fixed: dict[Generator, int]) -> int:
-        """The least degree in one variable, the others fixed."""
-        others = {key: value for key, value in fixed.items() if key != variable}
-        for degree in range(_DEGREE + 1):
-            basis = [[(power,) for power in _basis(variable, degree)] for _ in entries]
-            if self._kernel(basis, entries, [variable], others):
-                return degree
-        raise NoFit("the degree in one variable is high")
+    def _degrees(self, entries: Sequence[int], fixed: Mapping[Generator, int]) -> dict[Generator, int]:
+        """The least degree in each variable, the others fixed: all of them from one batch of points."""
+        block, generator = _BLOCK, np.random.default_rng(block_seed(fixed))
+        total = block * len(self.variables)
+        given: dict[Generator, int | Numbers] = {}
+        for place, variable in enumerate(self.variables):
+            values = np.full(total, fixed[variable], np.int64)
+            values[place * block : (place + 1) * block] = generator.integers(2, PRIME - 2, block)
+            given[variable] = values
+        values, points = self.values(given, total)
+        own = np.arange(total)[points.good] // block
+        found = {}
+        for place, variable in enumerate(self.variables):
+            mine = np.flatnonzero(own == place)
+            for degree in range(_DEGREE + 1):
+                basis = [[(power,) for power in _basis(variable, degree)] for _ in entries]
+                if _needed(basis) <= len(mine):
+                    fits = _fits(basis, entries, values, _powers(basis, [variable], points), mine)
+                else:
+                    fits = self._kernel(basis, entries, [variable], _without(fixed, [variable]))
+                if fits:
+                    found[variable] = degree
+                    break
+            else:
+                raise NoFit("the degree in one variable is high")
+        return found
 
     def _fitted(
         self,
         candidates: list[list[tuple[Power, ...]]],
         entries: Sequence[int],
         done: Sequence[Generator],
-        fixed: dict[Generator, int],
+        fixed: Mapping[Generator, int],
     ) -> tuple[list[list[tuple[Power, ...]]], list[int]]:
         """The support and the coefficients of the only vector in the span of the candidates."""
-        others = {key: value for key, value in fixed.items() if key not in done}
-        kernel = self._kernel(candidates, entries, done, others)
+        kernel = self._kernel(candidates, entries, done, _without(fixed, done))
         if len(kernel) != 1:
             raise NoFit("the vector is not the only one in its support")
         (vector,), place = kernel, 0
@@ -119,40 +139,15 @@ class Interpolation:
         candidates: Sequence[Sequence[tuple[Power, ...]]],
         entries: Sequence[int],
         done: Sequence[Generator],
-        others: dict[Generator, int],
+        others: Given,
     ) -> list[list[int]]:
         """A basis of the coefficients of all fits."""
         unknowns = sum(map(len, candidates))
         if unknowns > _UNKNOWNS:
             raise NoFit("too many unknown coefficients")
-        count = -(-unknowns // max(1, len(entries) - 1)) + 4
+        count = _needed(candidates)
         values, points = self.drawn(others, count)
-        values = values[:, :count]
-        powers = {
-            old: self._value(old, done, points)[:count] for olds in candidates for old in dict.fromkeys(olds)
-        }
-        reference = min(range(len(entries)), key=lambda k: (len(candidates[k]), k))
-        starts = np.cumsum([0, *map(len, candidates)])
-        blocks = []
-        for k, e in enumerate(entries):
-            if k == reference:
-                continue
-            block = np.zeros((count, unknowns), np.int64)
-            for j, old in enumerate(candidates[reference]):
-                block[:, starts[reference] + j] = values[e] * powers[old] % PRIME
-            for j, old in enumerate(candidates[k]):
-                block[:, starts[k] + j] = (PRIME - values[entries[reference]]) * powers[old] % PRIME
-            blocks.append(block)
-        rows = np.concatenate(blocks)
-        return kernel_of(rows)
-
-    def _value(self, powers: tuple[Power, ...], done: Sequence[Generator], points: Points) -> Numbers:
-        result = np.ones(points.count, np.int64)[points.good]
-        for power, variable in zip(powers, done, strict=True):
-            for base, e in zip(letters_at(variable, points), power, strict=True):
-                for _ in range(e):
-                    result = result * base[points.good] % PRIME
-        return result
+        return _fits(candidates, entries, values, _powers(candidates, done, points), np.arange(count))
 
     def _trees(
         self, support: Sequence[Sequence[tuple[Power, ...]]], vector: Sequence[int], done: Sequence[Generator]
@@ -176,6 +171,60 @@ class Interpolation:
                 place += 1
             found.append(total)
         return found
+
+
+def _without(fixed: Mapping[Generator, int], done: Sequence[Generator]) -> dict[Generator, int]:
+    return {key: value for key, value in fixed.items() if key not in done}
+
+
+def block_seed(fixed: Mapping[Generator, int]) -> int:
+    """A seed that follows from the anchor."""
+    return sum(fixed.values()) % PRIME
+
+
+def _needed(candidates: Sequence[Sequence[tuple[Power, ...]]]) -> int:
+    """Points that determine all coefficients: each entry has one equation with the reference at each."""
+    least = min(map(len, candidates))
+    together = -(-sum(map(len, candidates)) // max(1, len(candidates) - 1))
+    return max(together, least + max(map(len, candidates))) + 4
+
+
+def _powers(
+    candidates: Sequence[Sequence[tuple[Power, ...]]], done: Sequence[Generator], points: Points
+) -> dict[tuple[Power, ...], Numbers]:
+    """The value of each product of powers at the good points."""
+    found = {}
+    for old in dict.fromkeys(old for olds in candidates for old in olds):
+        result = np.ones(int(points.good.sum()), np.int64)
+        for power, variable in zip(old, done, strict=True):
+            for base, e in zip(letters_at(variable, points), power, strict=True):
+                for _ in range(e):
+                    result = result * base[points.good] % PRIME
+        found[old] = result
+    return found
+
+
+def _fits(
+    candidates: Sequence[Sequence[tuple[Power, ...]]],
+    entries: Sequence[int],
+    values: Numbers,
+    powers: Mapping[tuple[Power, ...], Numbers],
+    chosen: Numbers,
+) -> list[list[int]]:
+    """A basis of the coefficients with v_e P_r = v_r P_e at the chosen points."""
+    reference = min(range(len(entries)), key=lambda k: (len(candidates[k]), k))
+    starts = np.cumsum([0, *map(len, candidates)])
+    blocks = []
+    for k, e in enumerate(entries):
+        if k == reference:
+            continue
+        block = np.zeros((len(chosen), int(starts[-1])), np.int64)
+        for j, old in enumerate(candidates[reference]):
+            block[:, starts[reference] + j] = values[e][chosen] * powers[old][chosen] % PRIME
+        for j, old in enumerate(candidates[k]):
+            block[:, starts[k] + j] = (PRIME - values[entries[reference]][chosen]) * powers[old][chosen] % PRIME
+        blocks.append(block)
+    return kernel_of(np.concatenate(blocks))
 
 
 def kernel_of(rows: Numbers) -> list[list[int]]:
