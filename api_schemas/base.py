@@ -76,14 +76,57 @@ class ParseAnswer(Document):
     guessed: list[str] = Field(default_factory=list)
 
 
+class ProvenStatement(Document):
+    """What the checker proved, in its own words; parts that were not proven are left out.
+
+    `domain` and `near` say where: `near` is a point of the set. With several cells the main fields are about the first.
+    """
+
+    system: dict[str, Any]
+    question: str
+    verdict: str
+    domain: list[str] = Field(default_factory=list)
+    near: dict[str, str] = Field(default_factory=dict)
+    lagrangian: str | None = None
+    hamiltonian: str | None = None
+    momenta: dict[str, str] | None = None
+    exceptions: list[str] | None = None
+    text: str
+    latex: str
+
+
+class CheckedCell(Document):
+    """A set on which a claim was judged; `at` is a point where a Lagrangian fails, with both accelerations there."""
+
+    domain: list[str]
+    near: dict[str, str] = Field(default_factory=dict)
+    verdict: str
+    at: dict[str, str] | None = None
+    accelerations: dict[str, dict[str, str]] | None = None
+
+
+class Contradiction(Document):
+    """A field of a result (a JSON pointer) that does not say what is proven."""
+
+    field: str
+    says: Any = None
+    proven: str
+
+
 class CheckAnswer(Document):
     """The independent checker's verdict on a result, or on a Lagrangian of the user for given equations.
 
-    For the latter, `residual` has d/dt(dL/dq') - dL/dq along the equations for each coordinate, all zero where L is
-    right, and `equations` the accelerations that L gives instead where it is regular and wrong.
+    `statement` is what was proven. `not_checked` has JSON pointers of what a result says and nothing was compared with.
+    Of one's own Lagrangian, `residual` has d/dt(dL/dq') - dL/dq along the equations for each coordinate, all zero where
+    L is right, and `equations` the accelerations that L gives instead where it is regular and wrong; `differs`: it is
+    right on some cells and wrong on others.
     """
 
-    verdict: Literal["valid", "incomplete", "invalid"]
+    verdict: Literal["valid", "incomplete", "invalid", "differs"]
+    statement: ProvenStatement | None = None
+    cells: list[CheckedCell] = Field(default_factory=list)
+    contradictions: list[Contradiction] = Field(default_factory=list)
+    not_checked: list[str] = Field(default_factory=list)
     reasons: list[str]
     residual: dict[str, dict[str, str]] | None = None
     equations: dict[str, dict[str, str]] | None = None

@@ -11,6 +11,7 @@ from api_schemas.system import Name, NamedDocument, Text
 
 FORMAT: Final = "inverse-service/result/1"
 Verdict = Literal["variational", "not_variational", "undetermined"]
+MainVerdict = Literal["variational", "not_variational", "undetermined", "differs"]
 Checked = Literal["valid", "incomplete", "invalid"]
 TextMatrix = list[list[str]]
 
@@ -170,6 +171,7 @@ class OtherAnswer(Document):
     checked: Checked | None = None
     reason: str = ""
     domain: list[str] = Field(default_factory=list)
+    near: dict[str, str] = Field(default_factory=dict)
 
 
 class BranchPart(OtherAnswer):
@@ -178,6 +180,14 @@ class BranchPart(OtherAnswer):
     verdict_with_time: Verdict | None = None
     with_time: OtherAnswer | None = None
     first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
+
+
+class NotAnsweredPart(Document):
+    """A cell of the system without an answer: where it is, a point of it if one is known, and why."""
+
+    domain: list[str] = Field(default_factory=list)
+    near: dict[str, str] = Field(default_factory=dict)
+    reason: str
 
 
 class KindPart(Document):
@@ -247,8 +257,10 @@ class IncompletePart(Document):
 class ResultDocument(OtherAnswer):
     """Everything found out about one system; the main fields answer `question`.
 
-    They hold, generically, on the open connected set that the strict inequalities of `domain` cut out. Where the
-    answers differ with the signs of what stands under roots, `branches` has them all, that of the main fields first.
+    They hold, generically, where the inequalities of `domain` hold; `near` is a point there. Where other relations hold
+    elsewhere, `branches` has the answers for all cells, that of the main fields first, and `not_answered` the cells
+    without one; `verdict` is `differs` where the cells have different verdicts. `exceptions`: special values of the
+    parameters that are not decided here.
     `guessed` are names that the document did not declare and asked to be taken as constants (or functions).
     `kinds` answers what the document asks about kinds of Lagrangians; `instead` is what a system without L(q, q') has.
     """
@@ -256,11 +268,14 @@ class ResultDocument(OtherAnswer):
     format: Literal["inverse-service/result/1"] = FORMAT
     system: UnderstoodSystem | None
     question: Literal["L(q, q')", "L(t, q, q')"] = "L(q, q')"
-    verdict_with_time: Verdict | None = None
+    verdict: MainVerdict  # type: ignore[assignment]
+    verdict_with_time: MainVerdict | None = None
     first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
     conditions: ConditionsPart | None = None
     with_time: OtherAnswer | None = None
     branches: list[BranchPart] = Field(default_factory=list)
+    not_answered: list[NotAnsweredPart] = Field(default_factory=list)
+    exceptions: list[str] = Field(default_factory=list)
     special_cases: SpecialCasesPart | None = None
     kinds: dict[str, KindPart] | None = None
     instead: InsteadPart | None = None

@@ -9,6 +9,7 @@ import math
 import random
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from itertools import pairwise
 
 import mpmath
 
@@ -28,6 +29,7 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    add,
     apply,
     distinct_nodes,
     walk,
@@ -37,6 +39,7 @@ _DIGITS = 40
 _TRIES_PER_SCALE = 60
 _SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
 _LARGEST = 10_000
+_STARTS, _NODES = 4, (0, 1, -1, 2, -2, 3)  # of walks along the axes
 _FINEST = 720  # of parts of pi
 _TINY = mpmath.mpf(10) ** -12
 
@@ -64,7 +67,63 @@ def find_real_point(
                     table[RADIAN] = mpmath.mpf(1)
                     if are_positive(inside, table) and is_defined(expressions, table):
                         return table
+        for _ in range(_STARTS if positive else 0):
+            table = {RADIAN: mpmath.mpf(1)}
+            table.update({name: _draw(generator, mpmath.mpf(2), False) for name in names})
+            for name in [*variables, *reversed(variables)]:
+                _move_along(name, positive, table)
+            if are_positive(positive, table) and is_defined(expressions, table):
+                return _off_axes(table, positive, expressions)
     return None
+
+
+def _off_axes(table: RealTable, positive: Sequence[Expression], expressions: Sequence[Expression]) -> RealTable:
+    """The point with a small number in the place of each 0."""
+    for name in [name for name, value in table.items() if not value]:
+        for k in range(1, 4 * _DIGITS):
+            moved = table | {name: mpmath.mpf(10) ** -k}
+            if are_positive(positive, moved) and is_defined(expressions, moved):
+                table = moved
+                break
+    return table
+
+
+def _move_along(name: Variable, positive: Sequence[Expression], table: RealTable) -> None:
+    """Move the point along the axis of a name to where most of the trees are positive, the least as much as can be.
+
+    Along it they are polynomials of degree 4 at most, or are not looked at: small sets between zeros are found so.
+    """
+    places, trees = [mpmath.mpf(0)], [tree for tree in positive if name in walk(tree)]
+    for tree in trees:
+        try:
+            values = [evaluate(tree, table | {name: node}) for node in map(mpmath.mpf, _NODES)]
+            found = mpmath.lu_solve(mpmath.matrix([[mpmath.mpf(x) ** k for k in range(5)] for x in _NODES[:5]]),
+                                    mpmath.matrix(values[:5]))  # fmt: skip
+            least = mpmath.mpf(10) ** (8 - _DIGITS) * max(map(abs, values))
+            shape = [a if abs(a) > least else mpmath.mpf(0) for a in found]
+            while shape and not shape[-1]:
+                shape.pop()
+            if abs(mpmath.polyval(shape[::-1] or [0], _NODES[5]) - values[5]) > least * 10**6 or len(shape) < 2:
+                continue
+            slope = [k * a for k, a in enumerate(shape)][1:]
+            for coefficients in (shape, slope):
+                if len(coefficients) > 1:
+                    roots = mpmath.polyroots(coefficients[::-1], maxsteps=200, extraprec=200)
+                    places += [mpmath.re(z) for z in roots if abs(mpmath.im(z)) <= abs(z) * least + least]
+        except (NoRealValue, mpmath.libmp.NoConvergence, ZeroDivisionError):
+            continue
+    places = sorted({*places})
+    between = [(a + b) / 2 for a, b in pairwise(places)]
+    choices = [*places, *between, places[0] - 1 - abs(places[0]), places[-1] + 1 + abs(places[-1]), table[name]]
+    table[name] = max(choices, key=lambda x: _fit(trees, table | {name: x}))
+
+
+def _fit(trees: Sequence[Expression], table: RealTable) -> tuple[int, mpmath.mpf]:
+    try:
+        values = [evaluate(tree, table) for tree in trees]
+    except NoRealValue:
+        return -1, mpmath.mpf(0)
+    return sum(value > 0 for value in values), min(values, default=mpmath.mpf(0))
 
 
 def _sizes(trees: Iterable[Expression]) -> list[int]:
@@ -221,3 +280,38 @@ def _poles(node: Expression) -> list[Expression]:
             return [u]
         case _:
             return []
+
+
+def known_positive(trees: Sequence[Expression]) -> set[Expression]:
+    """What is positive where these trees are: they, and z for bounds z > a with a number a that is not below 0."""
+    known, bounds = set(trees), [bound for tree in trees if (bound := bound_of(tree)) is not None]
+    with mpmath.workdps(_DIGITS):
+        return known | {variable for variable, side, value in bounds if side > 0 and evaluate(value, {}) >= 0}
+
+
+def strongest(trees: Iterable[Expression]) -> list[Expression]:
+    """Without those bounds z > a, z < b of one variable that follow from another."""
+    best: dict[object, tuple[mpmath.mpf, Expression]] = {}
+    for tree in trees:
+        found = bound_of(tree)
+        with mpmath.workdps(_DIGITS):
+            limit = mpmath.mpf(0) if found is None else evaluate(found[2], {}) * found[1]
+        key = tree if found is None else found[:2]
+        if key not in best or limit > best[key][0]:
+            best[key] = limit, tree
+    return [tree for _, tree in best.values()]
+
+
+def bound_of(tree: Expression) -> tuple[Variable, int, Expression] | None:
+    """(z, 1, a) for z > a, (z, -1, a) for z < a, where the tree > 0 says just that and a is a number; else None."""
+    terms = getattr(tree, "terms", (tree,))
+    varying = [term for term in terms if varies(term)]
+    if len(varying) != 1:
+        return None
+    parts = getattr(varying[0], "factors", (varying[0],))
+    slope = parts[0].value if isinstance(parts[0], Number) else Fraction(1)
+    variable = parts[-1]
+    if len(parts) > 2 or (len(parts) == 2 and slope == 1) or not isinstance(variable, Symbol | Velocity):
+        return None
+    rest = [-1 / slope * term for term in terms if term is not varying[0]]
+    return variable, 1 if slope > 0 else -1, add(*rest)

@@ -18,9 +18,11 @@ from flint import fmpz_mat
 from inverse_service.algebra.elementary import is_root
 from inverse_service.algebra.generators import Generators, factors, to_quotient
 from inverse_service.algebra.modular import prime_factors
+from inverse_service.algebra.real_point import RealTable, real_sign, varies
 from inverse_service.algebra.tower import Tower, atoms_in_order
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.inequalities import is_plainly_positive
 from inverse_service.expressions.pieces import STEP
 from inverse_service.expressions.tree import (
     HALF,
@@ -72,12 +74,14 @@ def _split(case: Case) -> Iterator[Case]:
         yield case
         return
     for way in ways:
-        if not _is_empty(way.positive):
+        if not is_empty(way.positive):
             yield from _split(way)
 
 
-def _is_empty(positive: Sequence[Expression]) -> bool:
-    """Whether two of these cannot be positive at once because their sum is a number that is not: x - 3 and 2 - x."""
+def is_empty(positive: Sequence[Expression]) -> bool:
+    """Whether these are seen not to be positive at once: one is negative, or two have a sum that is not positive."""
+    if any(is_plainly_positive(collect(-tree)) for tree in positive):
+        return True
     sums = (collect(one + other) for one, other in combinations(positive, 2))
     return any(isinstance(each, Number) and each.value <= 0 for each in sums)
 
@@ -115,6 +119,11 @@ def _inverse_ways(node: Apply) -> list[Way]:
 
 
 _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
+
+
+def root_ways(node: Expression) -> list[tuple[tuple[Expression, ...], Expression]]:
+    """(what is positive, what the root is there) for each way to write a root of a square without it."""
+    return [(side, value) for value, side in _root_ways(node, ())]
 
 
 def _root_ways(node: Expression, positive: Sequence[Expression]) -> list[Way]:
@@ -167,6 +176,13 @@ def root_factors(tree: Expression) -> tuple[Fraction, Factors]:
         for piece, times in pieces.items():
             found[piece] = found.get(piece, 0) + k * times
     return content, {factor: k for factor, k in found.items() if k}
+
+
+def signed_factors(trees: Iterable[Expression], table: RealTable) -> list[Expression]:
+    """The factors of trees, or their negatives: as they are positive at the point."""
+    found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if varies(factor))
+    signed = (factor if real_sign(factor, table) > 0 else -factor for factor in found)
+    return [factor for factor in signed if not is_plainly_positive(factor)]
 
 
 def _factored(tree: Expression) -> tuple[Fraction, Factors]:

@@ -13,17 +13,16 @@ import random
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
 from itertools import accumulate
 from typing import Any, Literal
 
 from flint import arb, ctx, fmpz, fmpz_mat
 
+from .cell import Cell, cell_of
 from .formulas import (
     CERTIFICATE,
-    FORMAT,
     MAX_LISTED,
     MAX_NAMES,
     MAX_ORDER,
@@ -66,6 +65,7 @@ class CheckResult:
 
     verdict: Literal["valid", "incomplete", "invalid"]
     reasons: tuple[str, ...] = ()
+    cell: Cell | None = None  # of a certificate that is valid: where its claim holds
 
 
 @dataclass(slots=True)
@@ -102,6 +102,7 @@ class Question:
         self.integrals = dict[str, tuple[list[str], tuple[str, tuple[str, ...]]]]()
         self.kinds_of_rows = self.listed_rows()
         self.held = False
+        self.partly = False  # whether a matrix is regular for some choices of the roots only
         self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
         self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
 
@@ -344,7 +345,9 @@ class Question:
             found = claims(ring)
             doubts.update({k: text for k, (value, text) in enumerate(found.zeros) if ring.arithmetic.settle(value)})
             needed.update({k: text for k, (_, text) in enumerate(found.regular)})
-            regular.update(k for k, (matrix, _) in enumerate(found.regular) if ring.arithmetic.regular(matrix))
+            here = [ring.arithmetic.regular(matrix) for matrix, _ in found.regular]
+            regular.update(k for k, good in enumerate(here) if good)
+            self.partly |= not all(here)
 
         def real(ring: Expansion) -> None:
             found = claims(ring)
@@ -559,22 +562,13 @@ def judged(work: Callable[[Tools], list[str]], time_limit: float, seed: int | No
 
 def check_certificate(certificate: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on a certificate by itself; never raises. `seed` makes the checker's choices repeatable."""
-    return judged(lambda tools: [certified(certificate, tools)], time_limit, seed)
-
-
-def check_result(result: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
-    """The verdict on a result document, its certificates and their agreement with it; never raises.
-
-    That on the worst of its branches; `time_limit` is that of each.
-    """
-    from .results import compared, each_branch
-
-    found = [judged(partial(compared, one), time_limit, seed) for one in each_branch(result)]
-    return max(found, key=lambda one: ("valid", "incomplete", "invalid").index(one.verdict))
+    proven: list[Cell] = []
+    found = judged(lambda tools: [certified(certificate, tools, proven)], time_limit, seed)
+    return replace(found, cell=proven[0]) if found.verdict == "valid" else found
 
 
 def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
-    """The verdict on the JSON text of a result or of a certificate; never raises."""
+    """The verdict on the JSON text of a certificate; never raises."""
 
     def members(pairs: list[tuple[str, object]]) -> dict[str, object]:
         if len(dict(pairs)) < len(pairs):
@@ -585,8 +579,7 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
         document = json.loads(text, object_pairs_hook=members, parse_constant=int)  # int("NaN") is a ValueError
     except (ValueError, TypeError, RecursionError):
         return CheckResult("invalid", ("The text is no JSON document, repeats a key, or is nested too deeply.",))
-    kind = document.get("format") if isinstance(document, dict) else None
-    return (check_certificate if kind in (FORMAT, OLD_FORMAT) else check_result)(document, time_limit, seed)
+    return check_certificate(document, time_limit, seed)
 
 
 def read_condition(text: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -603,11 +596,8 @@ def check_certificate_shape(document: Any) -> None:
     check_shape(document, CERTIFICATE, "certificate")
 
 
-def certified(document: Any, tools: Tools, everywhere: bool = False) -> str:
-    """Check a certificate; the sentence that says what was found.
-
-    `everywhere`: also look whether the formulas are defined wherever the conditions hold.
-    """
+def certified(document: Any, tools: Tools, cells: list[Cell]) -> str:
+    """Check a certificate; the sentence that says what was found. `cells` gets the one on which it holds."""
     check_certificate_shape(document)
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
@@ -624,6 +614,5 @@ def certified(document: Any, tools: Tools, everywhere: bool = False) -> str:
     require(plain or not asked.unsolved, "Equations that are not solved for q'' are proven variational by an L alone.")
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
     sentence = checks[kind](document)
-    if everywhere and not asked.rational:
-        asked.look_around()
+    cells.append(cell_of(asked))
     return sentence + (f" Only Lagrangians of a kind are meant: {among}." if among is not None else "")

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import sys
 import tempfile
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from inverse_service.cli.batching import NAMES, progress
 from inverse_service.cli.exits import ExitCode, read_bytes, write
 from inverse_service.errors import InputError
+from inverse_service.service.documents.own_lagrangian import document_of
 from inverse_service.service.documents.plain_data import decode, read_document, read_json
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
@@ -22,38 +25,70 @@ from inverse_service.settings import read_settings
 MAX_RESULT_BYTES = 200_000_000
 
 
-def check_file(name: str, document: str | None = None) -> ExitCode:
-    """Run the checker in a process of its own; print its verdict and its reasons.
+def check_file(name: str, document: str | None = None, form: str | None = None) -> ExitCode:
+    """Run the checker in a process of its own; print what it proved and what it did not compare.
 
     `document` names the file of the system that was given; left out, it is the one that the result carries.
     """
-    text = decode(read_bytes(name, MAX_RESULT_BYTES))
-    if name.lower().endswith((".yaml", ".yml", ".toml")):
-        text = write_json(read_document(text, name))
-    result = read_json(text)
-    if not isinstance(result, dict):
-        raise InputError("The file is not a result: a JSON object with verdict, system and certificate is needed.")
+    result = _read(name)
+    text = write_json(result)
     if document is not None:
         given, _ = split_options(read_document(read_bytes(document), document))
         text = write_json({"document": given, "result": result})
-    found = _checked(text)
-    write(_lines(found))
-    return _exit(found)
+    return _told(_checked(text), form)
 
 
-def check_own(name: str, lagrangian: str) -> ExitCode:
-    """Whether a Lagrangian has the equations of the document in the file; prints what is left."""
-    given, _ = split_options(read_document(read_bytes(name), name))
-    found = _checked(write_json({"system": given, "lagrangian": lagrangian}))
-    residual = (found.get("residual") or {}) if found["verdict"] != "valid" else {}
-    left = [f"  d/dt(dL/d{x}') - dL/d{x} = {part['text']}, where it should be 0" for x, part in residual.items()]
-    own = [f"  this L gives {x}'' = {part['text']}" for x, part in (found.get("equations") or {}).items()]
-    write(_lines(found, *left, *own))
-    return _exit(found)
+def check_own(name: str, lagrangian: str, form: str | None = None) -> ExitCode:
+    """Whether a Lagrangian has the equations of the document, or of the result, in the file."""
+    found = _read(name) if name.lower().endswith(".json") or name == "-" else read_document(read_bytes(name), name)
+    given, _ = split_options(document_of(found))
+    return _told(_checked(write_json({"system": given, "lagrangian": lagrangian})), form)
 
 
-def _lines(found: dict[str, Any], *more: str) -> str:
-    return "\n".join([found["verdict"], *found["reasons"], *more]) + "\n"
+def _read(name: str) -> dict[str, Any]:
+    text = decode(read_bytes(name, MAX_RESULT_BYTES))
+    if name.lower().endswith((".yaml", ".yml", ".toml")):
+        text = write_json(read_document(text, name))
+    found = read_json(text)
+    if not isinstance(found, dict):
+        raise InputError("The file is not a result: a JSON object with verdict, system and certificate is needed.")
+    return found
+
+
+def _told(found: dict[str, Any], form: str | None) -> ExitCode:
+    if form == "json" or (form is None and not sys.stdout.isatty()):
+        write(json.dumps(found, ensure_ascii=False, indent=2) + "\n")
+    else:
+        write("\n".join(check_lines(found)) + "\n")
+    return ExitCode.DONE if found["verdict"] == "valid" else ExitCode.OPEN
+
+
+def check_lines(found: dict[str, Any]) -> list[str]:
+    """An answer of the checker for a person to read."""
+    lines = [found["verdict"]]
+    if found.get("statement"):
+        lines += ["", *found["statement"]["text"].split("\n")]
+    cells = found.get("cells") or []
+    if found.get("residual") is not None or len(cells) > 1:
+        lines += ["", *(line for cell in cells for line in _cell_lines(cell))]
+    lines += [""] if found.get("contradictions") else []
+    lines += [f"{one['field'] or '/'}: {one['proven']}" for one in found.get("contradictions") or []]
+    if found["verdict"] != "valid":
+        told = {f"{one['field'] or 'the result'}: {one['proven']}" for one in found.get("contradictions") or []}
+        lines += [reason for reason in found["reasons"] if reason not in told]
+    residual = (found.get("residual") or {}) if found["verdict"] in ("invalid", "differs") else {}
+    lines += [f"  d/dt(dL/d{x}') - dL/d{x} = {part['text']}, where it should be 0" for x, part in residual.items()]
+    lines += [f"  this L gives {x}'' = {part['text']}" for x, part in (found.get("equations") or {}).items()]
+    left = found.get("not_checked") or []
+    return [*lines, "", f"Not checked: {', '.join(left)}."] if left else lines
+
+
+def _cell_lines(cell: dict[str, Any]) -> Iterator[str]:
+    yield f"{', '.join(cell['domain']) or 'everywhere'}: {cell['verdict'].replace('_', ' ')}"
+    if cell.get("at"):
+        yield f"  at {', '.join(f'{name} = {value}' for name, value in cell['at'].items())}:"
+        for name, value in (cell.get("accelerations") or {}).get("given", {}).items():
+            yield f"  {name}'' = {value}, by this L {cell['accelerations']['lagrangian'][name]}"
 
 
 def _checked(text: str) -> dict[str, Any]:
@@ -66,10 +101,6 @@ def _checked(text: str) -> dict[str, Any]:
 
     found: dict[str, Any] = value_of(outcome)
     return found
-
-
-def _exit(found: dict[str, Any]) -> ExitCode:
-    return ExitCode.DONE if found["verdict"] == "valid" else ExitCode.OPEN
 
 
 def is_batch(name: str) -> bool:

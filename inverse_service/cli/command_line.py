@@ -8,7 +8,7 @@ import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -142,15 +142,18 @@ def check(
         str | None, typer.Option("--document", help="The system that was given; default the one in the result.")
     ] = None,
     lagrangian: Annotated[
-        str | None, typer.Option("--lagrangian", help="A Lagrangian of yours for the document in FILE: is it one?")
+        str | None, typer.Option("--lagrangian", help="A Lagrangian of yours for the system in FILE: is it one?")
+    ] = None,
+    form: Annotated[
+        Literal["text", "json"] | None, typer.Option("--format", help="Default: text on a terminal, else json.")
     ] = None,
 ) -> None:
-    """The independent checker on a result, or on a Lagrangian. Exit 0 valid, 1 invalid or incomplete, 2 unreadable."""
+    """What the independent checker proves of a result, or of a Lagrangian. Exit 0 valid, 1 else, 2 unreadable."""
     from inverse_service.cli.check_command import check_batch, check_file, check_own, is_batch
 
     if is_batch(file) and lagrangian is None and document is None:
         sys.exit(check_batch(file))
-    sys.exit(check_file(file, document) if lagrangian is None else check_own(file, lagrangian))
+    sys.exit(check_file(file, document, form) if lagrangian is None else check_own(file, lagrangian, form))
 
 
 @application.command()

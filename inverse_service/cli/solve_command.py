@@ -81,13 +81,16 @@ def kind_of_option(text: str) -> str | dict[str, list[str]]:
 
 
 def _is_open(result: dict[str, Any]) -> bool:
-    """Whether a verdict is missing: about the motion where a nonholonomic document names no associated system."""
+    """Whether a verdict is missing: about the motion where a nonholonomic document names no associated system.
+
+    Or a cell has no answer.
+    """
     given = (result.get("system") or {"given": {}})["given"]
     named = given.get("associated") not in (None, "any") or given.get("multiples")
     from inverse_service.service.documents.text_page import motions_of
 
     answers = ([] if named else motions_of(result)) or [result, *result.get("branches", ())]
-    return any(answer.get("verdict") == "undetermined" for answer in answers)
+    return bool(result.get("not_answered")) or any(answer.get("verdict") == "undetermined" for answer in answers)
 
 
 def warm_alone(memory_limit: int) -> ExitCode:

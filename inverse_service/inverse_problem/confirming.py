@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.certificate.checker import CheckResult, check_certificate
+from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import left, now
-from inverse_service.errors import CertificateRefused, IrreducibleAtoms
+from inverse_service.errors import CertificateRefused
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
 from inverse_service.inverse_problem.decision import certify
@@ -54,9 +54,8 @@ class Work:
     reasons: tuple[Step, ...] = ()
     refused: set[tuple[str, bool]] = field(default_factory=set)
     began: float = field(default_factory=now)
-    # Where the answers hold, the conditions written out, what is confirmed of each question (with t: True), and the
+    # The conditions written out, what is confirmed of each question (with t: True), and the
     # parts for which the time was over.
-    domain: tuple[Expression, ...] = ()
     printed: Conditions | None = None
     answers: dict[bool, Answer] = field(default_factory=dict)
     cut: dict[str, str] = field(default_factory=dict)
@@ -69,7 +68,25 @@ class Work:
 
     def open_answer(self) -> Answer:
         """That of a question which is not settled."""
-        return Answer("undetermined", reason=NOT_YET, positive=self.domain)
+        return Answer("undetermined", reason=NOT_YET)
+
+
+def _placed(work: Work, answer: Answer) -> Answer:
+    """The answer with the set on which the checker proved it."""
+    if answer.certificate is None:
+        return answer
+    certificate, proof = certify.proved(work.analysis, dict(answer.certificate), left(work.deadline, 1.0))
+    names = work.analysis.system.names
+    integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
+    where = certify.where_of(proof.cell, replace(names, functions={**names.functions, **integrals}))
+    return replace(
+        answer,
+        certificate=certificate,
+        positive=where.positive,
+        nonzero=where.nonzero,
+        sides=where.sides,
+        one_side=where.one_side,
+    )
 
 
 def telling(work: Work, decision: Decision) -> Progress:
@@ -90,7 +107,7 @@ def telling(work: Work, decision: Decision) -> Progress:
 def tell(work: Work, answer: Answer, with_time: bool) -> None:
     """Hand over a confirmed answer while there is more to find."""
     found = answer.lagrangian
-    work.answers[with_time] = replace(answer, positive=work.domain if found is None else found.positive)
+    work.answers[with_time] = answer = _placed(work, answer)
     is_main = with_time is (work.analysis.system.depends_on_time or work.options.time_dependent is True)
     parts = [named("existence", with_time), "certificate"]
     # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question has both names.
@@ -128,10 +145,7 @@ def _so_far(work: Work) -> tuple[Solution, ...]:
 
 def is_confirmed(work: Work, tree: Expression, with_time: bool) -> bool:
     """Whether the checker finds the Lagrangian valid; one that it refused is logged, counted and not offered again."""
-    try:
-        certificate = certify.of_lagrangian(work.analysis, tree, with_time)
-    except IrreducibleAtoms:
-        return False  # no connected set was found on which it is defined
+    certificate = certify.of_lagrangian(work.analysis, tree, with_time)
     offered = (certificate["lagrangian"], with_time)
     if offered in work.refused:
         return False
@@ -144,6 +158,7 @@ def is_confirmed(work: Work, tree: Expression, with_time: bool) -> bool:
 
 def completed(work: Work, answer: Answer, others: Found | None, with_time: bool) -> Answer:
     """With the Hamiltonian, and those Lagrangians besides its own that were found and the checker confirms."""
+    answer = _placed(work, answer)
     assert answer.lagrangian is not None
     tell(work, answer, with_time)
     began = now()
@@ -171,7 +186,7 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
 def check(work: Work, certificate: Mapping[str, Any]) -> CheckResult:
     began = now()
     work.progress("check")
-    found = check_certificate(certificate, time_limit=left(work.deadline, 1.0))
+    _, found = certify.proved(work.analysis, dict(certificate), left(work.deadline, 1.0))
     work.add_seconds("check", began)
     return found
 
@@ -187,7 +202,7 @@ def confirmed(work: Work, answer: Answer) -> Answer:
         if work.left() <= 0:
             work.cut["certificate"] = reason
         return Answer("undetermined", reason=reason)
-    return replace(answer, checked="valid")
+    return replace(_placed(work, answer), checked="valid")
 
 
 def _has_signed_functions(system: SecondOrderSystem) -> bool:

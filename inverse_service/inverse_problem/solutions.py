@@ -57,7 +57,7 @@ class SolutionSpace:
 class Lagrangian:
     """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family.
 
-    Where all trees of `positive` are > 0, an open connected set, it is a Lagrangian of the system.
+    Where all trees of `positive` are > 0 it is a Lagrangian of the system.
     """
 
     expression: Expression
@@ -120,7 +120,8 @@ class Step:
 class Answer:
     """The answer to one question: is there L(q, q'), or is there L(t, q, q')?
 
-    It holds on the open connected set where all trees of `positive` are > 0, at generic points of it.
+    It holds, at generic points, where all trees of `positive` are > 0 and none of `nonzero` is 0; if `one_side`, on the
+    part of that set that is connected with the point of the certificate. Its proof rests on the signs of `sides`.
     """
 
     verdict: Verdict
@@ -133,6 +134,9 @@ class Answer:
     checked: Literal["valid", "incomplete", "invalid"] | None = None
     explanation: tuple[Step, ...] = ()
     positive: tuple[Expression, ...] = ()
+    nonzero: tuple[Expression, ...] = ()
+    sides: tuple[Expression, ...] = ()
+    one_side: bool = False
 
 
 @dataclass(frozen=True, slots=True)

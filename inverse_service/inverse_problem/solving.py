@@ -29,7 +29,6 @@ from inverse_service.inverse_problem.confirming import (
 )
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.decision.certify import domain_of
 from inverse_service.inverse_problem.decision.deciding import Decision, decide
 from inverse_service.inverse_problem.explanation.finding import (
     as_given_steps,
@@ -127,15 +126,14 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     seconds = {"conditions": now() - began}
     try:
         analysis = analyze(system)
-        domain = domain_of(analysis).positive
     except IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)
     seconds["analysis"] = now() - began - seconds["conditions"]
     work = Work(
-        analysis, options, report, began + options.time_limit, seconds, began=began, domain=domain, printed=printed
+        analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed
     )
     hand_over(work, "conditions")
-    autonomous, with_time = _placed(_explained(_answers(work), system), system, domain)
+    autonomous, with_time = _placed(_explained(_answers(work), system), system)
     provenance: dict[str, Any] = {
         "seed": options.seed,
         "time_limit": options.time_limit,
@@ -250,16 +248,15 @@ def _explained(
 
 
 def _placed(
-    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem, domain: tuple[Expression, ...]
+    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
 ) -> tuple[Answer | None, Answer | None]:
-    """Both with the set on which they hold; one answer to both questions stays one."""
+    """Both with a word on the set on which they hold; one answer to both questions stays one."""
 
     def placed(answer: Answer | None) -> Answer | None:
-        if answer is None:
-            return None
-        where = domain if answer.lagrangian is None else answer.lagrangian.positive
-        steps = branch_steps(system, where) if answer.explanation else ()
-        return replace(answer, positive=where, explanation=(*steps, *answer.explanation))
+        if answer is None or not answer.explanation:
+            return answer
+        steps = branch_steps(system, answer.positive, answer.nonzero)
+        return replace(answer, explanation=(*steps, *answer.explanation))
 
     autonomous = placed(answers[0])
     return autonomous, autonomous if answers[0] is answers[1] else placed(answers[1])

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import islice
 from typing import TypeVar
 
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Variable
-from inverse_service.algebra.real_point import are_positive, find_real_point
-from inverse_service.algebra.sign_cases import Case, sign_cases
+from inverse_service.algebra.real_point import are_positive, find_real_point, own_requirements
+from inverse_service.algebra.sign_cases import Case, is_empty, sign_cases
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, distinct_nodes, substitute, walk
 from inverse_service.reading.names import Names
@@ -109,7 +110,7 @@ def branches_of(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
     """
     if system.branch is not None:
         return (system,)
-    found = tuple(islice(_branches(system), MOST_COUNTED))
+    found = tuple(one for one, reached in _cases(system) if reached)
     if not found or (len(found) > 1 and len({branch.accelerations for branch in found}) == 1):
         formulas = found[0].accelerations if found else system.accelerations  # |u|^2 is u^2 on both sides
         return (replace(system, accelerations=formulas, branch=Branch(system.accelerations)),)
@@ -131,12 +132,33 @@ def on_branch(tree: Expression, system: SecondOrderSystem) -> Expression:
     return tree
 
 
-def _branches(system: SecondOrderSystem) -> Iterator[SecondOrderSystem]:
-    for case in sign_cases(system.accelerations):
-        if not case.positive or _has_point(system, case):
+def unreached(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
+    """The cases of signs that may have a real point, of which none was found."""
+    return () if system.branch is not None else tuple(one for one, reached in _cases(system) if not reached)
+
+
+@lru_cache(maxsize=16)
+def _cases(system: SecondOrderSystem) -> tuple[tuple[SecondOrderSystem, bool], ...]:
+    """The system on each case of signs, and whether a real point of it is known; without those seen to be empty."""
+    found = []
+    for case in islice(sign_cases(system.accelerations), 4 * MOST_COUNTED):
+        reached = not case.positive or _has_point(system, case)
+        if reached or not is_empty([*case.positive, *own_requirements(case.formulas)]):
             branch = Branch(system.accelerations, case.positive, case.roots)
             formulas = tuple(map(collect, case.formulas)) if case.roots else system.accelerations
-            yield replace(system, accelerations=formulas, branch=branch)
+            found.append((replace(system, accelerations=formulas, branch=branch), reached))
+        if sum(reached for _, reached in found) == MOST_COUNTED:
+            break
+    return tuple(found)
+
+
+def on_side(system: SecondOrderSystem, positive: Sequence[Expression]) -> SecondOrderSystem | None:
+    """A system where these trees are positive too; None where they are seen not to be so at once."""
+    branch = system.branch or Branch(system.accelerations)
+    whole = tuple(dict.fromkeys((*branch.positive, *positive)))
+    if is_empty([*whole, *own_requirements(system.accelerations)]):
+        return None
+    return replace(system, branch=replace(branch, positive=whole))
 
 
 def _has_point(system: SecondOrderSystem, case: Case) -> bool:

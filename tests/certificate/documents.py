@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from itertools import combinations_with_replacement
 from typing import Any
 
+from inverse_service.certificate.checker import CheckResult
+from inverse_service.service.documents.checking import check_plain
+
 Document = dict[str, Any]
 
 FORCES: dict[str, dict[str, str]] = {
@@ -133,3 +136,9 @@ def changed(document: Document, path: str, value: Any) -> Document:
     else:
         place[last] = value
     return twin
+
+
+def check_result(document: object, **_: Any) -> CheckResult:
+    """What `check` says of a result."""
+    found = check_plain(document)
+    return CheckResult(found["verdict"], tuple(found["reasons"]))

@@ -74,7 +74,7 @@ class Unlucky(random.Random):
 
 def test_directions_are_drawn_again_until_they_are_independent() -> None:
     tools = Unlucky(1), time.thread_time() + 60
-    assert "involutive" in certified(existence("free-pair", 2, [3, 8], [5, 7, 3, 2]), tools)
+    assert "involutive" in certified(existence("free-pair", 2, [3, 8], [5, 7, 3, 2]), tools, [])
     assert tools[0].left == 0
 
 

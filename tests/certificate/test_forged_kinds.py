@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from inverse_service.certificate.checker import check_certificate, check_result
+from inverse_service.certificate.checker import check_certificate
+from tests.certificate.documents import check_result
 
 Document = dict[str, Any]
 FORMAT, GENERAL = "inverse-service/certificate/2", "rayleigh_general"

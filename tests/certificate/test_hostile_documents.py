@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text
-from tests.certificate.documents import Document, changed, existence, lagrangian, nonexistence, result
+from inverse_service.certificate.checker import CheckResult, check_certificate, check_text
+from tests.certificate.documents import Document, changed, check_result, existence, lagrangian, nonexistence, result
 
 
 def nested(depth: int) -> Any:

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from inverse_service.certificate.checker import Question, check_certificate, check_result
+from inverse_service.certificate.checker import Question, check_certificate
 from inverse_service.certificate.numbers import Residues
 from inverse_service.certificate.series import Elimination, Expansion
 from inverse_service.certificate.series import symbol_of as sizes_of
-from tests.certificate.documents import Document, changed, existence, lagrangian, nonexistence, result
+from tests.certificate.documents import Document, changed, check_result, existence, lagrangian, nonexistence, result
 from tests.certificate.test_nonexistence_certificates import BAD_ROWS
 
 TIMED = "time_dependent"

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-
 from inverse_service.algebra.components import extent
+
 from inverse_service.algebra.real_point import real_sign
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.decision import certify

@@ -49,23 +49,58 @@ def test_a_wrong_sign_is_shown_with_the_equations_that_l_has() -> None:
 
 
 @pytest.mark.parametrize(
-    ("equations", "lagrangian", "there"),
+    ("equations", "lagrangian", "right", "wrong"),
     [
-        ("x'' = abs(x)", "x'^2/2 + x^2/2", "x < 0"),
-        ("x'' = x", "x'^2/2 + x*abs(x)/2", "x < 0"),
-        ("x'' = abs(a)*x", "x'^2/2 + a*x^2/2", "a < 0"),
-        ("x'' = asin(sin(x))", "x'^2/2 + x^2/2", "x > pi/2 and x < 3*pi/2"),
-        ("x'' = abs(x)*y' - y^2; y'' = -abs(x)*x' - 2*x*y", "(x'^2 + y'^2 + x^2*y')/2 - x*y^2", "x < 0"),
+        ("x'' = abs(x)", "x'^2/2 + x^2/2", ["x > 0"], ["x < 0"]),
+        ("x'' = x", "x'^2/2 + x*abs(x)/2", ["x > 0"], ["x < 0"]),
+        ("x'' = abs(a)*x", "x'^2/2 + a*x^2/2", ["a > 0"], ["a < 0"]),
+        ("x'' = asin(sin(x))", "x'^2/2 + x^2/2", ["x > -pi/2", "x < pi/2"], ["x > pi/2"]),
+        ("x'' = abs(x)*y' - y^2; y'' = -abs(x)*x' - 2*x*y", "(x'^2 + y'^2 + x^2*y')/2 - x*y^2", ["x > 0"], ["x < 0"]),
     ],
 )
-def test_a_lagrangian_that_is_right_on_one_branch_only_is_wrong_and_says_where(
-    equations: str, lagrangian: str, there: str
+def test_a_lagrangian_that_is_right_on_some_cells_only_differs_and_says_where(
+    equations: str, lagrangian: str, right: list[str], wrong: list[str]
 ) -> None:
     found = verdict({"equations": equations, "parameters": ["a"]}, lagrangian)
-    assert found["verdict"] == "invalid"
-    right, wrong = found["reasons"]
-    assert right.endswith("its Hessian is regular.")
-    assert wrong.startswith(f"Where {there}: The Euler-Lagrange equation of x does not hold")
+    assert found["verdict"] == "differs"
+    cells = {cell["verdict"]: cell for cell in reversed(found["cells"])}
+    assert set(right) <= set(cells["valid"]["domain"])
+    assert set(wrong) <= set(cells["invalid"]["domain"])
+    given, own = (cells["invalid"]["accelerations"][key] for key in ("given", "lagrangian"))
+    assert given != own
+
+
+# Each is 0 on a part of the line only, as a function of x (its complement in brackets).
+PARTLY = [
+    "atan(x) + atan(1/x) - pi/2",  # x < 0
+    "atan(x) - atan(-1/x) - pi/2",  # x < 0
+    "atan(2*x/(1-x^2)) - 2*atan(x)",  # |x| > 1
+    "acos(1-2*x^2) - 2*asin(x)",  # -1 < x < 0
+    "acos(1/sqrt(1+x^2)) - atan(x)",  # x < 0
+    "atan(cot(x)) - pi/2 + x",  # outside (0, pi)
+    "atan(sin(x)/(1+cos(x))) - x/2",  # outside (-pi, pi)
+    "abs(x^2-1/10^6) - (x^2-1/10^6)",  # |x| < 0.001
+    "abs(x^2-1/10^20) - (x^2-1/10^20)",  # |x| < 10^-10
+    "abs((x-33)^2-1/25) - ((x-33)^2-1/25)",  # |x - 33| < 0.2
+    "asin(sin(x/30)) - x/30",
+    "sqrt((x+10^8)^2) - x - 10^8",  # x < -10^8
+    "asin(2*x/(1+x^2)) - 2*atan(x)",  # |x| > 1
+    "log(x^2) - 2*log(x)",
+]
+
+
+@pytest.mark.parametrize("zero", PARTLY)
+def test_what_holds_on_a_part_of_the_line_is_never_valid_beyond_it(zero: str) -> None:
+    found = verdict({"equations": {"x": "-x"}}, f"x'^2/2 - x^2/2 + x^3*({zero})")
+    assert found["verdict"] in ("differs", "invalid", "incomplete") or found["statement"]["domain"]
+    for cell in found["cells"]:
+        assert cell["verdict"] != "valid" or cell["domain"]
+
+
+@pytest.mark.parametrize("zero", ["sin(2*x) - 2*sin(x)*cos(x)", "sqrt(x^4) - x^2", "log(exp(x)) - x", "abs(x)^2 - x^2"])
+def test_what_is_zero_everywhere_is_valid_everywhere(zero: str) -> None:
+    found = verdict({"equations": {"x": "-x"}}, f"x'^2/2 - x^2/2 + x^3*({zero})")
+    assert (found["verdict"], found["statement"]["domain"]) == ("valid", [])
 
 
 def test_a_singular_lagrangian_is_none_even_where_its_equations_hold() -> None:
@@ -77,7 +112,7 @@ def test_a_singular_lagrangian_is_none_even_where_its_equations_hold() -> None:
 def test_the_command_says_what_is_left_and_what_l_gives(tmp_path: Path) -> None:
     path = tmp_path / "system.json"
     path.write_text(json.dumps(OSCILLATOR))
-    wrong = CliRunner().invoke(application, ["check", "--lagrangian", "x'^2/2", str(path)])
+    wrong = CliRunner().invoke(application, ["check", "--format", "text", "--lagrangian", "x'^2/2", str(path)])
     assert wrong.exit_code == 1
     assert "= -k*x, where it should be 0" in wrong.output
     assert "this L gives x'' = 0" in wrong.output

@@ -187,8 +187,9 @@ def _of_reduced(work: _Work, analyzed: AnalyzedMotion, reduced: Answer) -> Motio
     if reduced.lagrangian is None:
         return MotionAnswer("variational", "variational", "", (reduced.certificate,), None, "", steps)
     whole = on_whole_motion(work.motion, closed, reduced.lagrangian)
-    certificate = motion_certificate.of_lagrangian(analyzed, whole.expression, False)
-    if not _is_valid(certificate, work.left()):
+    plain = motion_certificate.of_lagrangian(analyzed, whole.expression, False)
+    certificate = _confirmed(work, analyzed, plain, [whole.expression])
+    if certificate is None:
         return None
     found = _carried_on(work, whole)
     steps += lagrangian_steps(whole.expression, found.jet)
@@ -206,8 +207,9 @@ def _answer(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bo
     if found.exists and work.tell is not None and not any(with_time or not one.with_time for one in work.known):
         work.tell(_proven(work, analyzed, found, with_time, "variational"))
     for lagrangian in _lagrangians(work, with_time):
-        certificate = motion_certificate.of_lagrangian(analyzed, lagrangian.lagrangian.expression, with_time)
-        if _is_valid(certificate, work.left()):
+        tree = lagrangian.lagrangian.expression
+        certificate = _confirmed(work, analyzed, motion_certificate.of_lagrangian(analyzed, tree, with_time), [tree])
+        if certificate is not None:
             steps = (
                 *finding_steps(analyzed, found, with_time),
                 *lagrangian_steps(lagrangian.lagrangian.expression, lagrangian.jet),
@@ -220,9 +222,9 @@ def _answer(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bo
 
 
 def _proven(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool, verdict: Verdict) -> MotionAnswer:
-    certificate = motion_certificate.of_finding(analyzed, found, with_time)
+    certificate = _confirmed(work, analyzed, motion_certificate.of_finding(analyzed, found, with_time))
     size = freedom(found, len(work.motion.coordinates), with_time)
-    if not _is_valid(certificate, work.left()):
+    if certificate is None:
         reason = f"the solver found {verdict.replace('_', ' ')} at order {found.order}, but {_NOT_CONFIRMED}"
         return MotionAnswer("undetermined", "undetermined", reason, (), None, size)
     steps = finding_steps(analyzed, found, with_time)
@@ -230,8 +232,15 @@ def _proven(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bo
     return MotionAnswer(verdict, verdict, "", (certificate,), None, size, steps)
 
 
-def _is_valid(certificate: Mapping[str, Any], time_limit: float) -> bool:
-    return check_certificate(certificate, time_limit=max(1.0, time_limit)).verdict == "valid"
+def _confirmed(
+    work: _Work, analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
+) -> dict[str, Any] | None:
+    """The certificate that the checker finds valid: as it is, or about one side of what is under roots."""
+    found = check_certificate(certificate, time_limit=max(1.0, work.left()))
+    if found.verdict == "incomplete":
+        certificate = motion_certificate.on_one_side(analyzed, certificate, more)
+        found = check_certificate(certificate, time_limit=max(1.0, work.left()))
+    return certificate if found.verdict == "valid" else None
 
 
 def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from inverse_service.algebra.components import component
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.real_point import find_real_point, is_defined, requirements
+from inverse_service.algebra.sign_cases import signed_factors
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, substitute
 from inverse_service.inverse_problem.constrained.existence import AnalyzedMotion, variables_of
-from inverse_service.inverse_problem.decision.certify import head_of, involution_data, near_of
+from inverse_service.inverse_problem.decision.certify import conditions_of, head_of, involution_data, near_of
 from inverse_service.inverse_problem.kinds.bivectors import last_of
 from inverse_service.inverse_problem.kinds.constrained import Shape
 from inverse_service.linear_pde.involutive_form import Finding
@@ -30,7 +32,7 @@ def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: b
     if table is not None and not is_defined([on], table):
         formulas = [*analyzed.velocities, *analyzed.forces, on]
         table = find_real_point(formulas, variables_of(analyzed.motion), _SEED) or table
-    head = _head(replace(analyzed, real_point=table), with_time, "variational", "lagrangian", [lagrangian])
+    head = _head(replace(analyzed, real_point=table), with_time, "variational", "lagrangian")
     return head | {"lagrangian": to_text(lagrangian)}
 
 
@@ -53,26 +55,25 @@ def _bivectors(analyzed: AnalyzedMotion, with_time: bool) -> dict[str, int]:
     return {"bivectors": last} if last else {}
 
 
-def _head(
-    analyzed: AnalyzedMotion, with_time: bool, claim: str, kind: str, more: Sequence[Expression] = ()
-) -> dict[str, Any]:
+def _head(analyzed: AnalyzedMotion, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
     motion = analyzed.motion
     symbols = map(Symbol, (*analyzed.names, "t", *motion.parameters))
     near = near_of(analyzed.real_point, [*symbols, *map(Velocity, motion.free)])
-    return head_of(_system(analyzed), with_time, claim, kind, near, _positive(analyzed, more))
+    return head_of(_system(analyzed), with_time, claim, kind, near, ())
 
 
-def _positive(analyzed: AnalyzedMotion, more: Sequence[Expression]) -> Sequence[Expression]:
-    """What cuts out the connected set of D on which the motion, and L on D, are one analytic function each."""
+def on_one_side(
+    analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
+) -> dict[str, Any]:
+    """The certificate with the signs that all that is under roots has at its point, for those that depend on them."""
     motion, table = analyzed.motion, analyzed.real_point
     if table is None:
-        return []
+        return certificate
     placed = (substitute(tree, motion.on_constraints) for tree in more)
     formulas = [*motion.dependent_velocities, *motion.free_accelerations, *placed]
-    try:
-        return component(requirements(formulas, table), table, [Symbol(name) for name in motion.parameters])
-    except IrreducibleAtoms:
-        return []
+    with suppress(IrreducibleAtoms, NoRealValue):
+        return certificate | {"conditions": conditions_of(signed_factors(requirements(formulas, table), table))}
+    return certificate
 
 
 def _system(analyzed: AnalyzedMotion) -> dict[str, Any]:

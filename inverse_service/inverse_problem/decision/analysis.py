@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from inverse_service.algebra.elementary import to_kernels
 from inverse_service.algebra.point import Expansion, Point, Variable
@@ -28,6 +28,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 
 if TYPE_CHECKING:
+    from inverse_service.certificate.checker import CheckResult
     from inverse_service.inverse_problem.search.sample_points import KnownTower
 
 
@@ -36,7 +37,7 @@ class Analysis:
     """f in kernels and the tower of its atoms; made once, used for both questions.
 
     `towers` keeps those that ansätze needed, with their random points; these lie on the constraints where
-    velocities are `constrained` to be functions of the others.
+    velocities are `constrained` to be functions of the others. `proofs` keeps what the checker said of certificates.
     """
 
     system: SecondOrderSystem
@@ -45,6 +46,7 @@ class Analysis:
     real_point: RealTable | None
     constrained: Mapping[Velocity, Expression] = field(default_factory=dict)
     towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
+    proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
 
     def series(self, point: Point, with_time: bool, order: int) -> tuple[SeriesRing, list[Series], list[Series]]:
         """The ring of series in (t?, q, v) about the point, and v and f in it; SingularPoint where f has none."""

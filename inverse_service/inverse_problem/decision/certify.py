@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import mpmath
 
 from inverse_service import bounds
-from inverse_service.algebra.components import component, extent
 from inverse_service.algebra.elementary import is_even_root, to_kernels
 from inverse_service.algebra.real_point import (
     RealTable,
+    are_positive,
     find_real_point,
     is_defined,
     own_requirements,
@@ -22,7 +23,11 @@ from inverse_service.algebra.real_point import (
     varies,
 )
 from inverse_service.algebra.rules import AngleRule
+from inverse_service.algebra.sign_cases import root_ways, signed_factors
+from inverse_service.certificate.cell import Cell
+from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
@@ -44,6 +49,8 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, variables_of
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.deciding import Decision
@@ -55,8 +62,6 @@ if TYPE_CHECKING:
 FORMAT = "inverse-service/certificate/2"
 _DIGITS = 20
 _SEED = 3
-# A box of less than this times its point is narrow; by how much another point has to be inside.
-_NARROW, _INSIDE = 1, Fraction(1, 2)
 # Series are written for so many coordinates.
 _MOST_COORDINATES = 4
 _MOST_CONDITIONS = 100  # that a certificate may have
@@ -65,10 +70,10 @@ _MOST_CONDITIONS = 100  # that a certificate may have
 def of_lagrangian(
     analysis: Analysis, lagrangian: Expression, with_time: bool, kind: LagrangianKind | None = None
 ) -> dict[str, Any]:
-    """L itself is the proof, also that there is one of a kind."""
-    domain = domain_of(analysis, lagrangian)
-    head = _head(analysis, domain, with_time, "variational", "lagrangian")
-    return head | _among(kind) | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
+    """L itself is the proof, also that there is one of a kind; as it was `proved`, if it was."""
+    head = _head(analysis, point_of(analysis, lagrangian), with_time, "variational", "lagrangian")
+    found = head | _among(kind) | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
+    return analysis.proofs.get(json.dumps(found), (found,))[0]
 
 
 def _among(kind: LagrangianKind | None) -> dict[str, Any]:
@@ -103,42 +108,114 @@ def walk_integrals(tree: Expression) -> Iterator[Integral]:
 
 
 @dataclass(frozen=True, slots=True)
-class Domain:
-    """An open connected set, where all trees of `positive` are > 0, and a real point of it."""
+class Where:
+    """The set on which an answer holds: trees that are positive, that are not 0, and on whose sides its proof rests.
 
-    positive: tuple[Expression, ...]
-    point: RealTable | None
-
-
-def domain_of(analysis: Analysis, lagrangian: Expression | None = None) -> Domain:
-    """Where f, and L, are one analytic function each; poles outside of roots and the like do not matter to that.
-
-    A narrow box about a point that is close to the end of a domain gives way to a wider one about another point.
-    Raises IrreducibleAtoms where no such set is found.
+    `one_side`: only the part is meant that is connected with the point of the proof.
     """
-    system, formulas = analysis.system, list(analysis.system.accelerations)
-    table = analysis.real_point
-    if lagrangian is not None:
-        slopes = (slope for node in walk_integrals(lagrangian) for slope in node.slopes)
-        formulas += [lagrangian, *(slope for slope in slopes if slope is not None)]
-        table = _point_of(analysis, [to_kernels(tree) for tree in formulas])
+
+    positive: tuple[Expression, ...] = ()
+    nonzero: tuple[Expression, ...] = ()
+    sides: tuple[Expression, ...] = ()
+    one_side: bool = False
+
+
+def where_of(cell: Cell | None, names: Names) -> Where:
+    """The cell that the checker proved a claim on, as trees."""
+    if cell is None:
+        return Where()
+    positive = tuple(_members(cell.domain, " > 0", names))
+    nonzero = tuple(map(_unsigned, _members(cell.domain, " != 0", names)))
+    return Where(positive, nonzero, tuple(_members(cell.sides, " > 0", names)), cell.one_side)
+
+
+def _members(texts: Sequence[str], ending: str, names: Names) -> Iterator[Expression]:
+    return (collect(read_formula(text.removesuffix(ending), names)) for text in texts if text.endswith(ending))
+
+
+def _unsigned(tree: Expression) -> Expression:
+    """The tree or its negative: that with fewer signs."""
+    return min(tree, collect(-tree), key=lambda one: to_text(one).count("-"))
+
+
+def proved(analysis: Analysis, certificate: dict[str, Any], time_limit: float) -> tuple[dict[str, Any], CheckResult]:
+    """The checker's verdict, found once; where it is incomplete, of the certificate with hints about roots.
+
+    Each hint is a side that the claim then keeps to: what has no need of it holds on a larger cell.
+    """
+    key = json.dumps(certificate)
+    if key not in analysis.proofs:
+        found = certificate, check_certificate(certificate, time_limit=time_limit)
+        if found[1].verdict == "incomplete":
+            for hinted in _hinted(analysis, certificate):
+                proof = check_certificate(hinted, time_limit=time_limit)
+                if proof.verdict != "incomplete":
+                    found = hinted, proof
+                    break
+        analysis.proofs[key] = found
+        analysis.proofs[json.dumps(found[0])] = found
+    return analysis.proofs[key]
+
+
+def where_proved(analysis: Analysis, lagrangian: Expression, time_limit: float) -> Where:
+    """Where the checker finds a Lagrangian right; where all is defined, if it finds it wrong or does not find out."""
+    with_time = analysis.system.depends_on_time or TIME in walk(lagrangian)
+    certificate = of_lagrangian(analysis, lagrangian, with_time)
+    _, proof = proved(analysis, certificate, time_limit)
+    integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
+    if proof.verdict != "valid":
+        return Where((*analysis.system.positive, *own_requirements([lagrangian])))
+    names = analysis.system.names
+    return where_of(proof.cell, replace(names, functions={**names.functions, **integrals}))
+
+
+def _hinted(analysis: Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The certificate with roots that functions stand for, then with the signs of all that is under roots at P."""
+    table, system = analysis.real_point, analysis.system
+    formulas = [*system.given]
+    if "lagrangian" in certificate:
+        integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
+        names = replace(system.names, functions={**system.names.functions, **integrals})
+        formulas.append(read_formula(certificate["lagrangian"], names))
+    known = certificate.get("roots", [])
+    for roots in (_inverse_roots(formulas, table), [*_inverse_roots(formulas, table), *_signs(analysis)]):
+        if roots:
+            yield certificate | {"roots": [*known, *roots]}
+    if table is not None:
+        with suppress(IrreducibleAtoms, NoRealValue):
+            positive = [*system.positive, *signed_factors(requirements([*map(to_kernels, formulas)], table), table)]
+            yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *_signs(analysis)]}
+
+
+def _inverse_roots(formulas: Sequence[Expression], table: RealTable | None) -> list[dict[str, str]]:
+    """The roots that inverse functions stand for, where these hold squares: sqrt(1 - u^2) for asin u, acos u.
+
+    Each is what it is on the side of the point.
+    """
+    found = list[dict[str, str]]()
     if table is None:
-        return Domain((), None)
-    first = _domain_about(table, system, formulas)
-    if lagrangian is None or extent(first.positive, table) > _NARROW:
-        return first
-    inside = [*system.positive, *own_requirements(formulas)]
-    kernels = [*analysis.accelerations, to_kernels(lagrangian)]
-    with suppress(IrreducibleAtoms):
-        inner = find_real_point(kernels, variables_of(system), _SEED, inside, (_INSIDE,))
-        other = first if inner is None else _domain_about(inner, system, formulas)
-        return max(first, other, key=lambda one: extent(one.positive, one.point or {}))
-    return first
+        return found
+    for node in distinct_nodes(formulas):
+        match node:
+            case Apply("asin" | "acos", u):
+                under = 1 - u**2
+            case Apply("acosh", u):
+                under = u**2 - 1
+            case Apply("asinh", u):
+                under = u**2 + 1
+            case _:
+                continue
+        with suppress(IrreducibleAtoms, NoRealValue):
+            root = square_root(collect(under))
+            values = (value for side, value in root_ways(root) if are_positive(side, table))
+            found += [{"root": to_text(root), "is": to_text(value)} for value in values]
+    return found
 
 
-def _domain_about(table: RealTable, system: SecondOrderSystem, formulas: Sequence[Expression]) -> Domain:
-    positive = [*system.positive, *requirements(formulas, table)]
-    return Domain(tuple(component(positive, table, [Symbol(name) for name in system.parameters])), table)
+def point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
+    """A real point at which f, L and what is under integral signs are defined."""
+    slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
+    return _point_of(analysis, [to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)])
 
 
 def _point_of(analysis: Analysis, formulas: Sequence[Expression]) -> RealTable | None:
@@ -165,11 +242,11 @@ def of_decision(
     """
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
-        head = _head(analysis, domain_of(analysis), decision.with_time, "not_variational", "nonexistence")
+        head = _head(analysis, analysis.real_point, decision.with_time, "not_variational", "nonexistence")
         return head | _among(kind) | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
-    head = _head(analysis, domain_of(analysis), decision.with_time, "variational", "existence")
+    head = _head(analysis, analysis.real_point, decision.with_time, "variational", "existence")
     data = involution_data(decision, decision.symbol)
     if kind is not None:
         return head | _among(kind) | data
@@ -217,10 +294,14 @@ def head_of(
 ) -> dict[str, Any]:
     """What all certificates begin with; `near` is a point of the domain, on which the trees of `positive` are > 0."""
     question = "time_dependent" if with_time else "autonomous"
-    conditions = [*dict.fromkeys(map(inequality_text, positive))][:_MOST_CONDITIONS]
-    parts = {"near": near, "conditions": conditions, "roots": [*roots]}
+    parts = {"near": near, "conditions": conditions_of(positive), "roots": [*roots]}
     head = {"format": FORMAT, "system": system, "question": question, "claim": claim, "kind": kind}
     return head | {key: part for key, part in parts.items() if part}
+
+
+def conditions_of(positive: Iterable[Expression]) -> list[str]:
+    """The inequalities of a certificate that say that these trees are positive."""
+    return [*dict.fromkeys(map(inequality_text, positive))][:_MOST_CONDITIONS]
 
 
 def near_of(table: RealTable | None, names: Sequence[Symbol | Velocity]) -> dict[str, str]:
@@ -228,12 +309,12 @@ def near_of(table: RealTable | None, names: Sequence[Symbol | Velocity]) -> dict
     return {to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table} if table else {}
 
 
-def _head(analysis: Analysis, domain: Domain, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+def _head(analysis: Analysis, table: RealTable | None, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
     system = analysis.system
     places: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), TIME, *map(Velocity, system.coordinates)]
-    near = near_of(domain.point, [*places, *map(Symbol, system.parameters), *system.letters])
-    roots = [*_roots(system), *_signs(analysis, domain), *_nested(analysis)]
-    return head_of(_system(system), with_time, claim, kind, near, domain.positive, roots)
+    near = near_of(table, [*places, *map(Symbol, system.parameters), *system.letters])
+    roots = [*_roots(system), *_halves(analysis), *_nested(analysis)]
+    return head_of(_system(system), with_time, claim, kind, near, system.positive, roots)
 
 
 def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
@@ -242,20 +323,23 @@ def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
     return [{"root": to_text(pair[0]), "is": to_text(pair[1])} for pair in pairs if pair]
 
 
-def _signs(analysis: Analysis, domain: Domain) -> list[dict[str, str]]:
+def _signs(analysis: Analysis) -> list[dict[str, str]]:
     """Which signs functions under roots have, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
-    signed = (*(factor if sign > 0 else -factor for factor, sign in analysis.tower.signs), *_halves(analysis))
-    found = (u for u in signed if u not in domain.positive and any(isinstance(node, Apply) for node in walk(u)))
-    return [{"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)} for u in found]
+    signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
+    return [_square(u) for u in signed if any(isinstance(node, Apply) for node in walk(u))]
 
 
-def _halves(analysis: Analysis) -> list[Expression]:
+def _square(u: Expression) -> dict[str, str]:
+    return {"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)}
+
+
+def _halves(analysis: Analysis) -> list[dict[str, str]]:
     """cos(atan(w)/2), which is positive, where f has roots: nested ones may be products of it and others."""
     if not any(is_even_root(node) and varies(node) for node in distinct_nodes(analysis.system.given)):
         return []
     rules = [rule for rule in analysis.tower.rules if isinstance(rule, AngleRule) and not rule.turns]
     halved = (atom for rule in rules for atom, a in rule.arctangents if a.denominator % 2 == 0)
-    return [apply("cos", atom / 2) for atom in dict.fromkeys(halved)]
+    return [_square(apply("cos", atom / 2)) for atom in dict.fromkeys(halved)]
 
 
 def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:

@@ -113,20 +113,22 @@ def of_lagrangian(
     )
 
 
-def branch_steps(system: SecondOrderSystem, positive: Sequence[Expression]) -> tuple[Step, ...]:
+def branch_steps(
+    system: SecondOrderSystem, positive: Sequence[Expression], nonzero: Sequence[Expression] = ()
+) -> tuple[Step, ...]:
     """What first-order equations leave out, on which set the answer holds, and what the rewritten roots are there."""
     if system.others:
         known = listed([row(Symbol(name), " = ", tree) for name, tree in system.others])
         first = said("The equations of first order give ", known, "; put in, these are equations of second order.")
-        return (first, *branch_steps(replace(system, others=()), positive))
-    if not positive:
+        return (first, *branch_steps(replace(system, others=()), positive, nonzero))
+    if not positive and not nonzero:
         return ()
-    where = listed([inequality(tree) for tree in positive])
+    where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequality, positive)])
     roots = () if system.branch is None else system.branch.roots
     if not roots:
-        return (said("All this is about the connected set where ", where, "."),)
+        return (said("All this holds where ", where, "."),)
     values = listed([row(root, " = ", value) for root, value in roots])
-    return (said("On the connected set where ", where, ": ", _written(values, "the roots are those given here"), "."),)
+    return (said("Where ", where, ": ", _written(values, "the roots are those given here"), "."),)
 
 
 def as_given_steps(tree: Expression) -> tuple[Step, ...]:

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from inverse_service.algebra.components import known_positive
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
+from inverse_service.algebra.real_point import known_positive
+from inverse_service.deadline import end, left
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plainly_positive
 from inverse_service.expressions.tree import (
@@ -30,10 +31,12 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, variables_of
-from inverse_service.inverse_problem.decision.certify import domain_of
+from inverse_service.inverse_problem.decision.certify import where_proved
 from inverse_service.inverse_problem.search.terms import TooManyTerms, terms_of, tree_of
 from inverse_service.inverse_problem.solutions import Lagrangian, Matrix
 from inverse_service.mechanics.euler_lagrange import hessian
+
+_LONGEST_CHECK = 60.0  # s, of a Lagrangian that is described
 
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.search.material import Material
@@ -98,14 +101,15 @@ class Reduction:
 
 
 def describe(analysis: Analysis, lagrangian: Expression, family: str) -> Lagrangian:
-    """g = d2L/dv dv, the functions that must not vanish, those that are positive on its connected domain."""
+    """g = d2L/dv dv, the functions that must not vanish, those that are positive on its domain."""
     names = analysis.system.coordinates
     rates = hessian(lagrangian, names)
     short = {entry: _compact(analysis, entry) for row in rates for entry in row}
     multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
-    positive = domain_of(analysis, lagrangian).positive
-    zeros = _distinct(_denominators(lagrangian, multiplier))
-    return Lagrangian(lagrangian, multiplier, _that_can_vanish(analysis, zeros, positive), family, positive)
+    where = where_proved(analysis, lagrangian, min(left(end(), 1.0), _LONGEST_CHECK))
+    zeros = (*where.nonzero, *_distinct(_denominators(lagrangian, multiplier)))
+    nonzero = _that_can_vanish(analysis, zeros, where.positive)
+    return Lagrangian(lagrangian, multiplier, nonzero, family, where.positive)
 
 
 def _that_can_vanish(

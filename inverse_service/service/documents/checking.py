@@ -1,83 +1,97 @@
-"""The check of a result: its certificates by the independent checker, its system against the document as given."""
+"""What a result says against what its certificates prove.
+
+The checker judges the certificates; from them a canonical statement is written. Each field of a result is derived from
+the certificates, or compared with them and with the document as given, or it is listed as not checked: `Examination`
+collects the JSON pointers that a comparison claimed, and every other leaf that says something is listed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
-from inverse_service.algebra.real_point import are_positive, table_at
-from inverse_service.certificate.checker import CheckResult, check_certificate, check_result, check_text, judged
-from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT, RESULT_FORMAT
+from inverse_service.certificate.checker import CheckResult, check_certificate, check_text, judged
+from inverse_service.certificate.formulas import FORMAT, MAX_MEMBERS, OLD_FORMAT, RESULT_FORMAT, Ended, read_tokens
+from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError
-from inverse_service.expressions.tree import Arbitrary, walk
+from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.mechanics.agreement import Canonical
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
-from inverse_service.service.documents import accepting, translate
+from inverse_service.reading.reader import read_formula
+from inverse_service.service.documents import accepting, covering, hamiltonians, statements, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
-from inverse_service.service.documents.hamiltonians import compared_hamiltonians
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
 
 TIME_LIMIT = 60.0  # of processor time: what a busy machine does decides no verdict
 OPEN_MOTION = "Whether this motion can be given a Hamiltonian by any associated system is open."
-NEVER_CHECKED = "LaTeX, names and sentences of any part, where det g is 0 (conditions A != 0), the branch that H has"
-NOT_COMPARED = "The equations as given were not compared."
-_SYSTEM: Final[dict[str, Any]] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
-# What the check compares with the certificates, as FORMAT.md says.
-_COVERED: Final = {
-    "format", "system", "question", "verdict", "verdict_with_time", "certificate", "certificate_with_time", "checked",
-    "lagrangian", "hamiltonian", "integrals", "domain", "branches", "with_time", "kinds", "instead", "any_associated",
-    "with_clock", "guessed", "id", "near", "kind", "factor", "equations", "dissipation",
-}  # fmt: skip
-_PARTS = ("with_time", "instead", "with_clock")  # answers besides the main one
 # Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
 _WITHOUT_CLAIM: Final = ("inverse-service/forward/", "inverse-service/simulation/", "inverse-service/work-precision/")
 _NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check; to check L, solve its equations."
-_FROM_BEST = ("valid", "incomplete", "invalid")
+_NO_RESULT: Final = "The document is no result: it has no format, system, and verdict that are known."
+_OPEN: Final = "A verdict is undetermined, or no certificate proves it."
+_VERDICTS: Final = ("variational", "not_variational", "undetermined")
+QUESTIONS: Final = {"autonomous": "L(q, q')", "time_dependent": "L(t, q, q')"}
+# What the checker reads of a certificate.
+_READ: Final = {
+    "format", "system", "question", "claim", "kind", "near", "conditions", "roots", "among", "lagrangian",
+    "dissipation", "integrals", "order", "rows", "degree", "dimensions", "symbol", "bivectors", "along",
+    "orthogonal", "multiplier",
+}  # fmt: skip
+# What a comparison reads of a document.
+_OF_DOCUMENT: Final = {
+    "coordinates", "equations", "parameters", "functions", "where", "time", "lagrangian", "constraints", "motion",
+    "associated", "kinds", "clock", "time_dependent_lagrangian", "multiples",
+}  # fmt: skip
 
 
 def check_document(text: str) -> dict[str, Any]:
-    """The verdict on the JSON text of a result, of a certificate, or of {"document": …, "result": …}.
+    """{verdict, statement, cells, contradictions, not_checked, reasons} on the JSON text of one of these.
 
-    The document is that of the user; without one, a result is compared with the document that it
-    carries as `system.given`. {"system": …, "lagrangian": "…"} asks whether a Lagrangian of the user has the equations
-    of a document (`own_lagrangian`). What `solve --format identities` writes is checked exactly. InputError where
-    one of these cannot be read.
+    A result or a certificate; {"document": …, "result": …}, where the document is that of the user, which else is the
+    one that a result carries as `system.given`; {"system": …, "lagrangian": "…"}, whether a Lagrangian of the user has
+    the equations of a document (`own_lagrangian`); what `solve --format identities` writes. InputError where one of
+    these cannot be read.
     """
     end = now() + TIME_LIMIT
     try:
         found = read_json(text)
     except InputError:  # the checker says what is wrong with it
-        return answer(check_text(text))
+        return _answer(check_text(text))
     if isinstance(found, dict) and found.keys() == {"system", "lagrangian"} and isinstance(found["lagrangian"], str):
         return check_lagrangian(found["system"], found["lagrangian"], end - now())
-    if claims_nothing(found):
-        return {"verdict": "incomplete", "reasons": [_NO_CLAIM]}
     if isinstance(found, dict) and "theorems" in found:
         from inverse_service.inverse_problem.proofs.identities import checked_identities
 
-        return answer(judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
+        return _answer(judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
     if isinstance(found, dict) and "document" in found and "result" in found:
-        from inverse_service.service.jobs.model import write_json  # brings all that jobs are made of
-
-        result = inward(found["result"]) if isinstance(found["result"], dict) else found["result"]
-        alone = check_text(write_json(result))
-        return answer(_with_comparison(alone, result, found["document"], end))
-    if isinstance(found, dict) and inward(found) is not found:
-        return check_plain(found)
-    return answer(_with_comparison(check_text(text), found, None, end))
+        return check_plain(found["result"], found["document"])
+    return check_plain(found)
 
 
 def check_plain(result: object, document: object = None) -> dict[str, Any]:
     """The same for a result or a certificate as plain data."""
-    if claims_nothing(result):
-        return {"verdict": "incomplete", "reasons": [_NO_CLAIM]}
     end = now() + TIME_LIMIT
+    if claims_nothing(result):
+        return _answer(CheckResult("incomplete", (_NO_CLAIM,)))
     result = inward(result) if isinstance(result, dict) else result
-    check = check_certificate if _object(result).get("format") in (FORMAT, OLD_FORMAT) else check_result
-    return answer(_with_comparison(check(result), result, document, end))
+    if _object(result).get("format") in (FORMAT, OLD_FORMAT):
+        return _of_certificate(_object(result), document, end)
+    system = _object(_object(result).get("system"))
+    verdict, coordinates = _object(result).get("verdict"), system.get("coordinates")
+    good = _object(result).get("format") == RESULT_FORMAT and verdict in _VERDICTS and isinstance(coordinates, list)
+    if not good or not isinstance(system.get("equations"), dict) or len(_object(result)) > MAX_MEMBERS:
+        return _answer(CheckResult("invalid", (_NO_RESULT,)))
+    examination = Examination(_object(result), document, end)
+    try:
+        examination.examine()
+    except (Ended, InputError, KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError) as error:
+        why = error.args[1] if isinstance(error, Ended) and len(error.args) > 1 else "A part has another form."
+        examination.contradict("", str(why)[:200], "")
+    return examination.report()
 
 
 def claims_nothing(found: object) -> bool:
@@ -86,8 +100,555 @@ def claims_nothing(found: object) -> bool:
     return "verdict" not in _object(result) and str(_object(result).get("format", "")).startswith(_WITHOUT_CLAIM)
 
 
-def answer(found: CheckResult) -> dict[str, Any]:
-    return {"verdict": found.verdict, "reasons": list(found.reasons)}
+def _answer(found: CheckResult, **more: Any) -> dict[str, Any]:
+    empty: dict[str, Any] = {"statement": None, "cells": [], "contradictions": [], "not_checked": []}
+    return {"verdict": found.verdict} | empty | {"reasons": list(found.reasons)} | more
+
+
+def _of_certificate(certificate: dict[str, Any], document: object, end: float) -> dict[str, Any]:
+    """The answer about a certificate by itself, compared with a document where there is one."""
+    proof = check_certificate(certificate, time_limit=max(1.0, end - now()))
+    found, reasons = proof, proof.reasons
+    if document is not None and proof.verdict == "valid":
+        moving = "velocities" in _object(certificate.get("system"))
+        compared = (
+            compared_claim(document, certificate, end - now())
+            if moving
+            else compared_with_document(document, Canonical(_system(certificate), certificate), end - now())
+        )
+        reasons = (*reasons, *compared.reasons)
+        found = compared if compared.verdict != "valid" else proof
+    statement = None if found.verdict != "valid" else statements.of_certificate(certificate, proof)
+    more = {
+        "statement": statement,
+        "cells": [] if statement is None else [statements.cell_of(statement)],
+        "not_checked": [f"/{key}" for key in certificate if key not in _READ and certificate[key] not in ("", None)],
+    }
+    return _answer(CheckResult(found.verdict, reasons), **more)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """An answer at a place of a result: what it answers, about which system, of which kind."""
+
+    at: str
+    part: dict[str, Any]
+    question: str
+    verdict: str | None
+    system: dict[str, Any]
+    kind: str = ""
+    around: Any = None  # the domain of the answer around one about a kind
+
+
+@dataclass(slots=True)
+class Examination:
+    """A result, the document it is compared with, and what was found."""
+
+    result: dict[str, Any]
+    handed: object
+    end: float
+    claimed: set[str] = field(default_factory=set)
+    contradictions: list[dict[str, Any]] = field(default_factory=list)
+    open: list[str] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    proofs: dict[str, CheckResult] = field(default_factory=dict)
+    compared: dict[str, CheckResult] = field(default_factory=dict)
+    cells: list[dict[str, Any]] = field(default_factory=list)
+    statement: dict[str, Any] | None = None
+
+    # What was found.
+
+    def claim(self, *places: str) -> None:
+        self.claimed.update(places)
+
+    def contradict(self, place: str, says: Any, proven: str) -> None:
+        self.claim(place)
+        entry = {"field": place, "says": says, "proven": proven}
+        if entry not in self.contradictions:
+            self.contradictions.append(entry)
+
+    def agree(self, place: str, good: object, says: Any, proven: str) -> bool:
+        """Claim the field; where it is not right, it contradicts what is proven."""
+        self.claim(place)
+        if not good:
+            self.contradict(place, says, proven)
+        return bool(good)
+
+    def unsettled(self, why: str) -> None:
+        if why not in self.open:
+            self.open.append(why)
+
+    def report(self) -> dict[str, Any]:
+        verdict = "invalid" if self.contradictions else "incomplete" if self.open else "valid"
+        wrong = [f"{one['field'] or 'the result'}: {one['proven'] or one['says']}" for one in self.contradictions]
+        listed = [place for place in unclaimed(self.result, "", self.claimed) if place]
+        reasons = [*wrong, *self.open] if verdict != "valid" else [*dict.fromkeys(self.reasons)]
+        told = [f"Not checked: {', '.join(listed)}."] if listed and verdict == "valid" else []
+        return _answer(
+            CheckResult(verdict, (*reasons, *told)),  # type: ignore[arg-type]
+            statement=self.statement if verdict != "invalid" else None,
+            cells=[statements.cell_of(one) for one in self.cells],
+            contradictions=self.contradictions,
+            not_checked=listed,
+        )
+
+    # The comparisons.
+
+    def examine(self) -> None:
+        result, system = self.result, self.result["system"]
+        own = _system(result)
+        given = system.get("given")
+        document = given if self.handed is None else self.handed
+        self.agree("/format", result["format"] == RESULT_FORMAT, result["format"], RESULT_FORMAT)
+        if self.handed is not None and given is not None:
+            self.claim(*(["/system/given"] if given == self.handed else []))
+        if document is None:  # the canonical equations say all that there is to say
+            document = own
+            self.reasons.append("The equations as given were not compared: there is no document.")
+        elif given is not None and self.handed is None and isinstance(given, dict):
+            self.claim(*(f"/system/given/{key}" for key in given if key in _OF_DOCUMENT))
+        plain = prepared(document).document
+        if isinstance(document, dict) and "id" in document:
+            self.agree("/id", result.get("id", document["id"]) == document["id"], result.get("id"), "the id as given")
+            self.claim("/system/given/id")
+        if isinstance(document, dict) and system.get("name") and document.get("name") == system.get("name"):
+            self.claim("/system/name", "/system/given/name")
+        moving = isinstance(plain, dict) and (is_nonholonomic(plain) or is_motion(plain))
+        timed = self.question(plain, own)
+        main = self.main(result, "", timed, own)
+        for place, branch in enumerate(result.get("branches") or []):
+            at = f"/branches/{place}"
+            if place == 0:
+                for key, value in branch.items():
+                    if value != result.get(key):
+                        self.contradict(f"{at}/{key}", value, "The first branch is not what the main fields say.")
+            main = self.main(branch, at, timed, own) and main
+        self.kinds(plain, own, moving)
+        self.instead(document, plain, own)
+        self.motions(document, plain, timed)
+        self.others(document, plain, own)
+        only = isinstance(plain, dict) and ("motion" in plain or plain.get("associated") == "any")
+        if not main and not (only and result.get("any_associated")):
+            self.unsettled(_OPEN)
+        if moving:
+            self.associated(plain, own)
+        elif document is not own:
+            self.covered(plain)
+        self.named(plain, own)
+        if not self.contradictions:
+            self.statement = statements.of_cells(result, own, self.cells)
+
+    def question(self, plain: Any, own: dict[str, Any]) -> bool:
+        """Whether the main fields answer L(t, q, q')."""
+        contains = any("t" in read_tokens(text, "equations") for text in own["equations"].values())
+        asked = isinstance(plain, dict) and plain.get("time_dependent_lagrangian") is True
+        timed, stated = contains or asked, self.result.get("question")
+        if stated is not None:
+            proven = QUESTIONS["time_dependent" if timed else "autonomous"]
+            if self.result["system"].get("given") is None and self.handed is None and stated in QUESTIONS.values():
+                timed = timed or stated == QUESTIONS["time_dependent"]  # nobody asked another question
+                self.agree("/question", not contains or timed, stated, f"The question is that of {proven}.")
+            else:
+                self.agree("/question", stated == proven, stated, f"The question is that of {proven}.")
+        return timed
+
+    def main(self, part: dict[str, Any], at: str, timed: bool, own: dict[str, Any]) -> bool:
+        """The answers to both questions on one cell; whether both are settled."""
+        verdict, later, other = part.get("verdict"), part.get("verdict_with_time"), part.get("with_time")
+        asked = "time_dependent" if timed else "autonomous"
+        if timed and later not in (None, verdict):
+            self.contradict(f"{at}/verdict_with_time", later, "Both answer one question differently.")
+        for key, value in (("verdict", verdict), ("verdict_with_time", later)):
+            if value not in (*_VERDICTS, None):
+                self.contradict(f"{at}/{key}", value, "It is no verdict.")
+        if (verdict, later) == ("variational", "not_variational"):
+            self.contradict(f"{at}/verdict_with_time", later, "An L(q, q') is an L(t, q, q') too.")
+        shown = [Shown(at, part, asked, verdict, own)]
+        if other is not None:
+            if other.get("verdict") not in (None, later):
+                self.contradict(f"{at}/with_time/verdict", other.get("verdict"), "verdict_with_time is another.")
+            shown.append(Shown(f"{at}/with_time", other, "time_dependent", later, own))
+        certificates = [self.answer(one) for one in shown]
+        proven = [one for one in certificates if one is not None]
+        good = later is None or any(proves(one, "time_dependent", later) for one in proven)
+        if good and later is not None:
+            self.claim(f"{at}/verdict_with_time", f"{at}/with_time/verdict")
+        if at == "" and self.result.get("branches"):
+            return True  # said by the first branch
+        if verdict != "undetermined" and certificates[0] is not None:
+            proof = self.proof(certificates[0])
+            energy = part.get("hamiltonian") if f"{at}/hamiltonian/text" in self.claimed else None
+            self.cells.append(statements.cell(own, asked, str(verdict), certificates[0], proof, energy))
+        return good and None not in certificates and "undetermined" not in (verdict, later)
+
+    def proof(self, certificate: dict[str, Any]) -> CheckResult:
+        """The checker's verdict, found once."""
+        key = json.dumps(certificate, sort_keys=True)
+        if key not in self.proofs:
+            self.proofs[key] = check_certificate(certificate, time_limit=max(1.0, self.end - now()))
+        return self.proofs[key]
+
+    def answer(self, shown: Shown) -> dict[str, Any] | None:
+        """Compare an answer with its certificate; the certificate where it proves the verdict."""
+        at, part, certificate = shown.at, shown.part, shown.part.get("certificate")
+        if certificate is None:
+            if shown.verdict == "undetermined":
+                self.claim(f"{at}/verdict")
+            for key in ("lagrangian", "hamiltonian", "dissipation"):
+                if part.get(key) is not None:
+                    self.contradict(f"{at}/{key}", _text(part[key]), "Nothing is proven here.")
+            return None
+        if not isinstance(certificate, dict):
+            self.contradict(f"{at}/certificate", str(certificate)[:40], "It is no certificate.")
+            return None
+        proof = self.proof(certificate)
+        self.claim(*(f"{at}/certificate/{key}" for key in _READ))
+        if proof.verdict == "invalid":
+            self.contradict(f"{at}/certificate", certificate.get("claim"), proof.reasons[0])
+            return None
+        good = self.fits(shown, certificate)
+        self.agree(f"{at}/verdict", good, shown.verdict, "Its certificate claims another thing.")
+        same = _same_system(_system(certificate), shown.system)
+        self.agree(f"{at}/certificate/system", same, "", "It is about another system.")
+        if proof.verdict == "incomplete":
+            self.unsettled(proof.reasons[0])
+            return None
+        if not good or not same:
+            return None
+        self.reasons.extend(proof.reasons)
+        self.with_document(certificate)
+        if "checked" in part:
+            self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
+        self.formulas(shown, certificate)
+        self.domains(shown, certificate, proof)
+        self.energy(shown, certificate)
+        return certificate
+
+    def fits(self, shown: Shown, certificate: dict[str, Any]) -> bool:
+        among, no = certificate.get("among"), shown.verdict == "not_variational"
+        friction = "rayleigh" in shown.kind  # with which there may be a Lagrangian where none is without
+        whole = shown.kind in ("", "time") or (no and not friction)
+        good = named(among) == shown.kind if among is not None else whole
+        return good and proves(certificate, shown.question, shown.verdict)
+
+    def formulas(self, shown: Shown, certificate: dict[str, Any]) -> None:
+        at, part = shown.at, shown.part
+        for key in ("lagrangian", "dissipation"):
+            proven = certificate.get(key) if certificate["kind"] == "lagrangian" else None
+            says = _text(part.get(key))
+            place = f"{at}/{key}/text" if isinstance(part.get(key), dict) else f"{at}/{key}"
+            if isinstance(part.get(key), str):
+                self.contradict(place, says, "A formula is an object with text and LaTeX.")
+            same = (says is None) == (proven is None) and (says is None or _tokens(says) == _tokens(proven))
+            self.agree(place, same, says, f"Its certificate proves {proven or 'that one exists, and gives none'}.")
+            if same and says is not None and isinstance(part[key], dict):
+                self.latex(f"{at}/{key}", part[key], certificate, shown.system)
+        if part.get("integrals"):
+            proven = certificate.get("integrals")
+            self.agree(f"{at}/integrals", part["integrals"] == proven, "", "The certificate has other integrals.")
+
+    def latex(self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]) -> None:
+        """LaTeX that is what the formula is written as."""
+        names = statements.names_of(system, certificate, part.get("momenta") or ())
+        if part.get("latex") and part["latex"] == to_latex(read_formula(part["text"], names)):
+            self.claim(f"{at}/latex")
+
+    def domains(self, shown: Shown, certificate: dict[str, Any], proof: CheckResult) -> None:
+        """Each stated domain has all members of the cell that was proven."""
+        at, part = shown.at, shown.part
+        near = certificate.get("near") or {}
+        if part.get("near"):
+            self.agree(f"{at}/near", part["near"] == near, part["near"], "The certificate is about another point.")
+        shape = part.get("lagrangian") if isinstance(part.get("lagrangian"), dict) else {}
+        holders = [(f"{at}/domain", part.get("domain")), (f"{at}/lagrangian/domain", (shape or {}).get("domain"))]
+        listed = [(place, stated) for place, stated in holders if stated is not None]
+        if not listed:
+            listed = [(f"{at}/domain", shown.around or [])]
+        for place, stated in listed:
+            missing, beyond = covering.lacking(certificate, stated, proof, self.end - now())
+            if missing:
+                self.unsettled(f"{place or '/domain'} lacks {', '.join(missing)}.")
+                continue
+            self.claim(*(f"{place}/{k}" for k in range(len(stated)) if k not in beyond))
+
+    def energy(self, shown: Shown, certificate: dict[str, Any]) -> None:
+        """A Hamiltonian belongs to a proven Lagrangian."""
+        at, energy = f"{shown.at}/hamiltonian", shown.part.get("hamiltonian")
+        if energy is None:
+            return
+        if not isinstance(energy, dict) or not isinstance(certificate.get("lagrangian"), str):
+            self.contradict(at, _text(energy), "No Lagrangian is proven that it could belong to.")
+            return
+        found = hamiltonians.judge(certificate, energy, self.end - now())
+        if found.verdict == "invalid":
+            self.contradict(f"{at}/text", energy.get("text"), found.reason)
+        elif found.verdict == "incomplete":
+            self.unsettled(found.reason)
+        elif found.proven:
+            self.claim(f"{at}/text", f"{at}/momenta", f"{at}/implicit")
+            if found.whole:
+                self.claim(f"{at}/domain")
+            else:
+                self.unsettled(f"{at}/domain lacks a condition that the Hamiltonian needs.")
+            self.latex(at, energy, certificate, shown.system)
+
+    def with_document(self, certificate: dict[str, Any], moving: bool = False) -> None:
+        """The system of a certificate is that of the document, on the set of the claim."""
+        document = self.result["system"].get("given") if self.handed is None else self.handed
+        if document is None:
+            return
+        parts = [moving, *(certificate.get(key) for key in ("system", "near", "conditions", "roots"))]
+        key = json.dumps(parts, sort_keys=True)
+        if key not in self.compared:
+            left = self.end - now()
+            self.compared[key] = (
+                compared_claim(document, certificate, left)
+                if moving
+                else compared_with_document(document, Canonical(_system(certificate), certificate), left)
+            )
+            found = self.compared[key]
+            if found.verdict == "invalid":
+                self.contradict("/system", "", found.reasons[0])
+            elif found.verdict != "valid":
+                self.unsettled(found.reasons[0])
+            else:
+                self.reasons.extend(found.reasons)
+                self.claim("/system/equations", "/system/coordinates", "/system/parameters", "/system/functions")
+
+    def kinds(self, plain: Any, own: dict[str, Any], moving: bool) -> None:
+        """Answers about kinds of Lagrangians, each of which is a kind of the document."""
+        listed = self.result.get("kinds")
+        if not listed:
+            return
+        from inverse_service.service.documents.kinds_part import to_kinds
+
+        known: dict[str, Any] = {}
+        if not moving:
+            schema = accepting.to_schema(plain)
+            known = {one.name: translate.plain(one.among) for one in to_kinds(schema, accepting.to_solvable(schema))}
+        contains = any("t" in read_tokens(text, "equations") for text in own["equations"].values())
+        for name, part in listed.items():
+            at, among = f"/kinds/{name}", _object(part.get("certificate")).get("among")
+            if name not in (*KINDS.split("|"), "invariant"):
+                self.contradict(at, name, "There is no such kind.")
+                continue
+            if "given" in self.result["system"] or self.handed is not None:
+                good = name in known and among in (None, known[name])
+                self.agree(f"{at}/certificate/among", good, str(among), "The document asks about other kinds.")
+            question = "time_dependent" if contains else "autonomous"
+            around = self.result.get("domain") or []
+            settled = self.answer(Shown(at, part, question, part.get("verdict"), own, name, around))
+            if part.get("verdict") != "undetermined" and settled is None:
+                self.unsettled(f"{at}: no certificate proves the verdict.")
+
+    def instead(self, document: Any, plain: Any, own: dict[str, Any]) -> None:
+        part = _object(self.result.get("instead"))
+        if not part:
+            return
+        kind = part.get("kind")
+        if kind in ("time", "rayleigh"):
+            contains = kind == "time" or any("t" in _tokens(text) for text in own["equations"].values())
+            asked = "time_dependent" if contains else "autonomous"
+            around = self.result.get("domain") or []
+            if self.answer(Shown("/instead", part, asked, "variational", own, kind, around)) is None:
+                self.unsettled("/instead: no certificate proves it.")
+            self.claim("/instead/kind")
+            return
+        from inverse_service.service.documents.instead import compared_instead
+
+        self.about_another("/instead", part, compared_instead(document, self.result, self.end - now()))
+
+    def about_another(self, at: str, part: dict[str, Any], found: CheckResult | None) -> None:
+        """An answer about a system that follows from that of the document, which was compared elsewhere."""
+        if found is not None and found.verdict == "invalid":
+            self.contradict(at, part.get("verdict") or part.get("kind"), found.reasons[0])
+        elif found is not None and found.verdict != "valid":
+            self.unsettled(found.reasons[0])
+        elif isinstance(part.get("certificate"), dict):
+            certificate = part["certificate"]
+            verdict = part.get("verdict", certificate.get("claim"))
+            shown = Shown(at, part, str(certificate.get("question")), verdict, _system(certificate))
+            proof = self.proof(certificate)
+            self.claim(*(f"{at}/{key}" for key in ("verdict", "kind", "equations", "factor", "conditions", "clock")))
+            self.claim(*(f"{at}/certificate/{key}" for key in _READ))
+            if "checked" in part:
+                self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
+            if proof.verdict == "valid":
+                self.formulas(shown, certificate)
+                self.domains(shown, certificate, proof)
+                self.energy(shown, certificate)
+            elif proof.verdict == "invalid":
+                self.contradict(f"{at}/certificate", certificate.get("claim"), proof.reasons[0])
+            else:
+                self.unsettled(proof.reasons[0])
+        elif part.get("verdict") != "undetermined":
+            self.unsettled(f"{at}: no certificate proves it.")
+        else:
+            self.claim(f"{at}/verdict", f"{at}/equations", f"{at}/factor")
+
+    def others(self, document: Any, plain: Any, own: dict[str, Any]) -> None:
+        """The system with another clock, and the reduced one."""
+        if clock := _object(self.result.get("with_clock")):
+            from inverse_service.service.documents.clock_part import compared_clock
+
+            self.about_another("/with_clock", clock, compared_clock(document, clock, self.end - now()))
+        if reduced := _object(self.result.get("reduced")):
+            if document is own:
+                return
+            from inverse_service.service.documents.reduced_documents import compared_reduced
+
+            found = compared_reduced(document, reduced, self.end - now())
+            self.about_another("/reduced", reduced, found)
+            if clock := _object(reduced.get("with_clock")):
+                self.about_another("/reduced/with_clock", clock, found)
+
+    def motions(self, document: Any, plain: Any, timed: bool) -> None:
+        """What is said of a motion on constraints, on each branch."""
+        branches = self.result.get("branches") or []
+        for at, holder in [("", self.result), *((f"/branches/{k}", one) for k, one in enumerate(branches))]:
+            part = holder.get("any_associated")
+            if part is not None:
+                self.motion(f"{at}/any_associated", part, plain, timed)
+
+    def motion(self, at: str, part: dict[str, Any], plain: Any, timed: bool) -> None:
+        keys = [key for key in ("certificate", "certificate_with_time") if part.get(key) is not None]
+        certificates = [part[key] for key in keys]
+        for key, certificate in zip(keys, certificates, strict=True):
+            proof = self.proof(certificate)
+            self.claim(*(f"{at}/{key}/{name}" for name in _READ))
+            if proof.verdict == "invalid":
+                self.contradict(f"{at}/{key}", certificate.get("claim"), proof.reasons[0])
+                return
+            # One without velocities is about the free coordinates alone, whose equations contain no others.
+            moving = "velocities" in _object(certificate.get("system")) or certificate["claim"] == "variational"
+            good = moving and certificate.get("among") is None
+            if not self.agree(f"{at}/{key}/system", good, "", "It is about another thing."):
+                return
+            if proof.verdict == "incomplete":
+                self.unsettled(proof.reasons[0])
+                return
+            self.reasons.extend(proof.reasons)
+            self.with_document(certificate)
+        texts = [
+            text for one in certificates for key in ("equations", "velocities") for text in one["system"][key].values()
+        ]
+        timed = timed or any("t" in _tokens(text) for text in texts)
+        same = all(one["system"] == certificates[0]["system"] for one in certificates)
+        self.agree(at + "/certificate_with_time/system", same, "", "It is about two motions.")
+        asked = {"verdict": "time_dependent" if timed else "autonomous", "verdict_with_time": "time_dependent"}
+        for key, question in asked.items():
+            good = part.get(key) == "undetermined" or any(proves(one, question, part.get(key)) for one in certificates)
+            self.agree(f"{at}/{key}", good, part.get(key), "No certificate claims that.")
+        used = all(any(proves(one, asked[key], part.get(key)) for key in asked) for one in certificates)
+        self.agree(f"{at}/certificate/claim", used, "", "A certificate claims another verdict.")
+        proofs = [one["lagrangian"] for one in certificates if one["kind"] == "lagrangian"]
+        says = _text(part.get("lagrangian"))
+        good = says in (proofs or [None]) or (says is not None and _tokens(says) in map(_tokens, proofs))
+        self.agree(
+            f"{at}/lagrangian/text" if says else f"{at}/lagrangian", good, says, "Its certificate proves another."
+        )
+        if part.get("checked") is not None and certificates:
+            self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
+        if "undetermined" in (part.get("verdict"), part.get("verdict_with_time")):
+            only = isinstance(plain, dict) and ("motion" in plain or plain.get("associated") == "any")
+            if only:
+                self.unsettled(_OPEN)
+
+    def associated(self, plain: Any, own: dict[str, Any]) -> None:
+        """The associated system of the main fields is the one that the document names; the image of D is that of D."""
+        result = self.result
+        asked = plain.get("associated") if isinstance(plain, dict) else None
+        if asked in ("first", "second", "third") and "multiples" not in plain:
+            from inverse_service.service.documents.nonholonomic_documents import parse_associated
+            from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema
+
+            found = parse_associated(to_nonholonomic_schema(plain)) or {}
+            wanted = {name: one["text"] for name, one in found.get("equations", {}).items()}
+            same = hamiltonians.same_formulas(own["equations"], wanted, statements.names_of(own))
+            if same is None:
+                self.unsettled("Whether this is the associated system that the document names was not settled.")
+            else:
+                self.agree("/system/given/associated", same, asked, "The equations are another associated system.")
+        energy = result.get("hamiltonian")
+        certificate = _object(result.get("certificate"))
+        if isinstance(energy, dict) and energy.get("constraints") and "/hamiltonian/momenta" in self.claimed:
+            good = hamiltonians.image_agrees(plain, energy, statements.names_of(own, certificate, energy["momenta"]))
+            if good is not None:
+                self.agree(
+                    "/hamiltonian/constraints", good, energy["constraints"], "It is not the image of the constraints."
+                )
+
+    def covered(self, plain: Any) -> None:
+        """Every point of the document that is found lies in a cell that is answered, or listed as not answered."""
+        schema = accepting.to_schema(plain)
+        branches = self.result.get("branches") or []
+        domains = [tuple(sorted(one.get("domain") or [])) for one in branches]
+        if len(domains) != len({*domains}):
+            self.contradict("/branches", "", "Two branches have one domain.")
+        if not self.contradictions and not self.open:
+            gap = covering.gaps(accepting.to_solvable(schema), self.result, [one["sides"] for one in self.cells])
+            if gap:
+                self.contradict("/branches", f"{len(self.cells)} cells", gap)
+
+    def named(self, plain: Any, own: dict[str, Any]) -> None:
+        """LaTeX of the equations, names that were guessed, and the branches themselves."""
+        latex, names = _object(self.result["system"].get("latex")), statements.names_of(own)
+        for name, text in latex.items():
+            written = to_latex(read_formula(own["equations"].get(name, "0"), names))
+            if text.endswith(f" = {written}"):
+                self.claim(f"/system/latex/{name}")
+        guessed = self.result.get("guessed")
+        if guessed and set(guessed) <= {*own["parameters"], *own["functions"]} and isinstance(plain, dict):
+            declared = json.dumps([plain.get("parameters"), plain.get("functions")])
+            if not any(f'"{name}"' in declared for name in guessed):
+                self.claim("/guessed")
+
+
+def unclaimed(value: Any, at: str, claimed: set[str]) -> Iterator[str]:
+    """The pointers of what says something and was not compared, each as far up as nothing below was."""
+    if at in claimed or value in (None, "", [], {}):
+        return
+    below = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    if at and not any(place.startswith(f"{at}/") for place in claimed):
+        yield at
+        return
+    for key, part in below:
+        yield from unclaimed(part, f"{at}/{key}", claimed)
+
+
+def proves(certificate: Mapping[str, Any], question: str, verdict: str | None) -> bool:
+    """Whether the certificate's claim, if right, makes the verdict right."""
+    wider = "time_dependent" if verdict == "not_variational" else "autonomous"
+    return certificate["claim"] == verdict and certificate["question"] in (question, wider)
+
+
+def _same_system(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    plain = all(one[key] == other[key] for key in ("coordinates", "parameters", "functions"))
+    pairs = [(one["equations"].get(key), text) for key, text in other["equations"].items()]
+    return plain and len(pairs) == len(one["equations"]) and all(a and _tokens(a) == _tokens(b) for a, b in pairs)
+
+
+def _tokens(text: Any) -> tuple[str, ...]:
+    return read_tokens(text, "formula")
+
+
+def _text(part: Any) -> Any:
+    return part.get("text") if isinstance(part, dict) else part
+
+
+def _system(holder: Mapping[str, Any]) -> dict[str, Any]:
+    """What says the same in a result and in a certificate."""
+    system = _object(holder.get("system"))
+    empty: dict[str, Any] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
+    return {key: system.get(key) or other for key, other in empty.items()}
+
+
+def _object(value: Any) -> dict[str, Any]:
+    """The value where it is an object, else an empty one."""
+    return value if isinstance(value, dict) else {}
+
+
+# What the solver compares before an answer leaves it.
 
 
 def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
@@ -97,12 +658,17 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
     """
     end = now() + max(1.0, time_limit)
     compare_motion(result, end - now())
-    found = _compared(result, result["system"]["given"], end)
-    if found is None or found.verdict == "valid":
-        return
-    why = "; ".join(found.reasons)
-    if found.verdict == "invalid":
-        raise CertificateRefused(f"what was solved is not what was given: {why}"[:500])
+    for canonical in _systems(result):
+        found = compared_with_document(result["system"]["given"], canonical, end - now())
+        if found.verdict == "invalid":
+            why = "; ".join(found.reasons)
+            raise CertificateRefused(f"what was solved is not what was given: {why}"[:500])
+        if found.verdict != "valid":
+            _leave_open(result, "; ".join(found.reasons))
+            return
+
+
+def _leave_open(result: dict[str, Any], why: str) -> None:
     branches = [each for branch in result["branches"] for each in (branch, branch["with_time"])]
     result |= {"instead": None} if result.get("instead") else {}
     for one in (result.get("kinds") or {}).values():
@@ -117,165 +683,34 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
 def compare_motion(result: dict[str, Any], time_limit: float) -> None:
     """The same for the answer about a motion on constraints, which takes no other answer with it."""
     for holder in (result, *result["branches"]):
-        for certificate in _claims(holder):
-            found = compared_claim(result["system"]["given"], certificate, time_limit)
+        part = _object(holder.get("any_associated"))
+        for key in ("certificate", "certificate_with_time"):
+            if not _object(part.get(key)):
+                continue
+            found = compared_claim(result["system"]["given"], part[key], time_limit)
             if found.verdict != "valid":
                 why = f"An answer was found, but the motion could not be compared with the document: {found.reasons[0]}"
-                holder["any_associated"] = _open(holder["any_associated"], why)
+                holder["any_associated"] = _open_motion(holder["any_associated"], why)
                 break
 
 
-def _open(part: dict[str, Any], why: str) -> dict[str, Any]:
+def _open_motion(part: dict[str, Any], why: str) -> dict[str, Any]:
     kept = {"statement": OPEN_MOTION, "reason": why, "verdict": "undetermined", "verdict_with_time": "undetermined"}
     return dict.fromkeys(part, None) | {"parts": [], "image": [], "freedom": "", "explanation": []} | kept
 
 
-def _with_comparison(alone: CheckResult, result: Any, document: object, end: float) -> CheckResult:
-    if alone.verdict == "invalid":
-        return alone
-    given = _object(result.get("system")).get("given") if document is None else document
-    found = None if given is None else _compared(result, given, end)
-    listed = result.get("branches") if given is not None else None
-    further = listed[1:] if isinstance(listed, list) else []
-    for certificate in (one for holder in (result, *further) for one in _claims(_object(holder)) if given is not None):
-        motion = compared_claim(given, certificate, end - now())
-        found = motion if found is None or motion.verdict != "valid" else found
-    for part in _parts_compared(given, result, end) if isinstance(result, dict) else ():
-        found = part if part is not None and (found is None or part.verdict != "valid") else found
-    energy = compared_hamiltonians(result, end) if isinstance(result, dict) else CheckResult("valid")
-    if energy.verdict == "invalid":
-        return energy
-    if energy.verdict != "valid" and (found is None or found.verdict == "valid"):
-        found = energy
-    if found is not None:
-        worst = max(alone.verdict, found.verdict, key=_FROM_BEST.index)
-        reasons = (*(reason for reason in alone.reasons if reason != NOT_COMPARED), *found.reasons)
-        alone = CheckResult(worst, reasons)
-    lacks = _answers_all(result, given) if alone.verdict == "valid" and _is_result(result) and given else None
-    if lacks is not None:
-        return lacks
-    left = _not_checked(result, bool(energy.reasons))
-    told = f"Not checked: {', '.join(left)}; {NEVER_CHECKED}."
-    return CheckResult(alone.verdict, (*alone.reasons, told)) if left and alone.verdict == "valid" else alone
-
-
-def _parts_compared(given: object, result: dict[str, Any], end: float) -> Iterator[CheckResult | None]:
-    """The verdicts on answers about other systems that follow from that of a result; each brings its engine."""
-    if clock := _object(result.get("with_clock")):
-        from inverse_service.service.documents.clock_part import compared_clock
-
-        yield compared_clock(given, clock, end - now())
-    if given is not None and (reduced := _object(result.get("reduced"))):
-        from inverse_service.service.documents.reduced_documents import compared_reduced
-
-        yield compared_reduced(given, reduced, end - now())
-    if given is not None and result.get("instead"):
-        from inverse_service.service.documents.instead import compared_instead
-
-        yield compared_instead(given, result, end - now())
-
-
-def _is_result(result: Any) -> bool:
-    return bool(_object(result).get("format") == RESULT_FORMAT)
-
-
-def _not_checked(result: Any, hamiltonian: bool) -> list[str]:
-    """The keys of a result and of its parts that the check says nothing of."""
-    if not _is_result(result):
-        return []
-    kinds, branches = _object(result.get("kinds")), result.get("branches")
-    parts = [result, *kinds.values(), *(branches if isinstance(branches, list) else [])]
-    parts += [part.get(key) for part in (result, *parts) for key in _PARTS if isinstance(part, dict)]
-    named = [(part, key) for part in map(_object, parts) for key in part if key not in _COVERED]
-    motion = _object(result.get("any_associated"))
-    found = [key for part, key in named if part[key] not in (None, "", [], {})]
-    found += [f"any_associated.{key}" for key in motion if key not in _COVERED - {"hamiltonian"} and motion[key]]
-    found += ["hamiltonian"] * hamiltonian
-    return list(dict.fromkeys(found))
-
-
-def _answers_all(result: dict[str, Any], given: object) -> CheckResult | None:
-    """What is wrong where a result does not answer on every branch, or for the vector fields, that the document has."""
-    from inverse_service.service.documents.kinds_part import to_kinds
-
-    try:
-        document = prepared(given).document
-        if is_nonholonomic(document) or is_motion(document):
-            return None
-        schema = accepting.to_schema(document)
-        system = accepting.to_solvable(schema)
-        kinds = {kind.name: translate.plain(kind.among) for kind in to_kinds(schema, system)}
-    except InputError:
-        return CheckResult("invalid", ("The document as given cannot be read.",))
-    if not _are_all_branches(branches_of(system), result.get("branches") or []):
-        return CheckResult("invalid", ("The branches are not those of the document as given.",))
-    for name, answer in _object(result.get("kinds")).items():
-        among = _object(_object(answer).get("certificate")).get("among")
-        if name not in kinds or (among is not None and among != kinds[name]):
-            return CheckResult("invalid", (f"The kind {ascii(name)[1:-1]} is not that of the document as given.",))
-    return None
-
-
-def _are_all_branches(wanted: Sequence[SecondOrderSystem], shown: Sequence[dict[str, Any]]) -> bool:
-    """Whether each of the branches has one of the answers: its conditions hold at the point that the proof names."""
-    certificates = [_object(each.get("certificate")) for each in shown]
-    domains = {tuple(sorted(each.get("domain") or [])) for each in shown}
-    if len(wanted) != max(1, len(shown)) or len(domains) != len(shown):
-        return False
-    if not shown or not all(each.get("near") for each in certificates):
-        return True  # one answer, or one without proof: what is said of the whole is incomplete
-    tables = [table_at(each["near"]) for each in certificates]
-    known = [one.positive for one in wanted if not any(isinstance(n, Arbitrary) for u in one.positive for n in walk(u))]
-    return all(any(are_positive(positive, table) for table in tables) for positive in known)
-
-
-def _compared(result: dict[str, Any], given: object, end: float) -> CheckResult | None:
-    """The first comparison that does not hold, else the last one; None where there is no certificate."""
-    found = None
-    for canonical in _systems(result):
-        found = compared_with_document(given, canonical, end - now())
-        if found.verdict != "valid":
-            break
-    return found
-
-
-def _claims(result: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The certificates about the motion on constraints itself."""
-    part = _object(result.get("any_associated"))
-    yield from (found for key in ("certificate", "certificate_with_time") if (found := _object(part.get(key))))
-
-
 def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
     """The system that a result shows and those that its certificates are about, each once; none without one."""
-    if result.get("format") in (FORMAT, OLD_FORMAT):
-        yield Canonical(_system(result), result)
-        return
     listed = _object(result.get("nonholonomic")).get("associated")
-    associated = listed if isinstance(listed, list) else []
     instead = _object(result.get("instead"))
     own = instead if instead.get("kind") in ("time", "rayleigh") else None  # others are about another system
     kinds = [*_object(result.get("kinds")).values(), own]
-    answers = (_object(each) for each in (result, result.get("with_time"), *associated, *kinds))
-    certificates = [found for each in answers if (found := _object(each.get("certificate")))]
+    answers: Sequence[Any] = (result, result.get("with_time"), *(listed or []), *kinds, *result["branches"][1:])
+    certificates = [found for each in answers if (found := _object(_object(each).get("certificate")))]
     shown = [Canonical(_system(result), each) for each in certificates[:1]]
-    seen: list[object] = []
+    seen: list[str] = []
     for each in (*shown, *(Canonical(_system(found), found) for found in certificates)):
-        if each.system not in seen:
-            seen.append(each.system)
+        key = json.dumps([each.system, each.claim.get("conditions"), each.claim.get("roots")])
+        if key not in seen:
+            seen.append(key)
             yield each
-    branches = result.get("branches")
-    for branch in branches[1:] if isinstance(branches, list) else []:
-        found = _object(_object(branch).get("certificate"))
-        if found:
-            yield Canonical(_system(found), found)
-
-
-def _system(holder: dict[str, Any]) -> dict[str, Any]:
-    """What says the same in a result and in a certificate."""
-    system = _object(holder.get("system"))
-    return {key: system.get(key) or empty for key, empty in _SYSTEM.items()}
-
-
-def _object(value: Any) -> dict[str, Any]:
-    """The value where it is an object, else an empty one."""
-    return value if isinstance(value, dict) else {}

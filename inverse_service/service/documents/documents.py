@@ -15,7 +15,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from api_schemas.base import ParseAnswer
-from inverse_service.certificate.checker import check_result
+from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.solutions import SolveOptions
@@ -298,16 +298,13 @@ def _certified(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
 
 
 def _judged(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
+    _check_answer(document, time_limit)
     other = document["with_time"]
     if other is None:
-        _check_answer(document, document, time_limit)
         if document["verdict"] == "undetermined" and document["verdict_with_time"] is not None:
             document["verdict_with_time"] = "undetermined"
         return document
-    # Two answers: the checker judges a document as a whole, so each is shown to it alone.
-    alone = {"verdict_with_time": None, "with_time": None}
-    _check_answer(document, document | alone, time_limit)
-    _check_answer(other, document | other | alone | {"question": "L(t, q, q')"}, time_limit)
+    _check_answer(other, time_limit)
     document["verdict_with_time"] = other["verdict"]
     return document
 
@@ -317,10 +314,10 @@ def ordered(document: dict[str, Any]) -> dict[str, Any]:
     return {key: document[key] for key in FIRST_FIELDS} | document
 
 
-def _check_answer(answer: dict[str, Any], shown: dict[str, Any], time_limit: float) -> None:
+def _check_answer(answer: dict[str, Any], time_limit: float) -> None:
     if answer["verdict"] == "undetermined" or answer["checked"] == "valid":
         return
-    found = check_result(shown, time_limit=max(1.0, time_limit))
+    found = check_certificate(answer["certificate"], time_limit=max(1.0, time_limit))
     answer["checked"] = found.verdict
     if found.verdict == "invalid":
         raise CertificateRefused("our checker refused our certificate: " + "; ".join(found.reasons)[:500])

@@ -3,76 +3,91 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from inverse_service.certificate.checker import CheckResult, Claims, Question, judged
-from inverse_service.certificate.formulas import Ended, Reader, check_shape, read_tokens
-from inverse_service.certificate.results import inequalities
-from inverse_service.deadline import now
+from inverse_service.certificate import cell
+from inverse_service.certificate.checker import CheckResult, Claims, Question, judged, read_condition
+from inverse_service.certificate.formulas import MAX_LISTED, TEXT, Ended, Reader, check_shape, read_tokens, require
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
-_SHAPE = {
-    "text": r"(?s:.*)",
-    "momenta": {},
-}
-RIGHT, UNPROVEN = "It is that of its Lagrangian.", "It is so at some points."
+_SHAPE = {"text": r"(?s:.*)", "momenta": {}, "domain?": [TEXT, MAX_LISTED]}
 _WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
-_PARTS = ("with_time", "instead", "with_clock")
-Certificate = Mapping[str, Any]
+_NAMED = "The momenta are not p_x for each coordinate x."
+_VELOCITIES = "A Hamiltonian that is not implicit holds no velocities."
+_IMPLICIT = "A Hamiltonian that is implicit holds velocities."
 
 
-def compared_hamiltonians(result: Mapping[str, Any], end: float) -> CheckResult:
-    """The worst of the verdicts on all Hamiltonians; `reasons` are UNPROVEN where one only seems to be right."""
-    worst = CheckResult("valid")
-    for answer in _answers(result):
-        found = _compared(answer["certificate"], answer["hamiltonian"], end - now())
-        if found.verdict != "valid":
-            return found
-        worst = CheckResult("valid", found.reasons) if UNPROVEN in found.reasons else worst
-    return worst
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """The verdict on H; whether that is proven, and whether its stated domain has all that H needs."""
+
+    verdict: str
+    reason: str = ""
+    proven: bool = True
+    whole: bool = True
 
 
-def _answers(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """The answers with a Hamiltonian besides the proven Lagrangian."""
-    branches = result.get("branches")
-    for part in (result, *(branches if isinstance(branches, list) else [])):
-        for answer in (part, *(part.get(key) for key in _PARTS)) if isinstance(part, dict) else ():
-            proof = answer.get("certificate") if isinstance(answer, dict) else None
-            known = isinstance(proof, dict) and isinstance(proof.get("lagrangian"), str)
-            if isinstance(answer, dict) and known and answer.get("hamiltonian") is not None:
-                yield answer
-
-
-def _compared(certificate: Certificate, shown: Any, time_limit: float) -> CheckResult:
+def judge(certificate: Mapping[str, Any], shown: Any, time_limit: float) -> Judged:
     """H(q, p) = p v - L and p = dL/dv, where v is that of a point at which the domain of H holds.
 
-    That point is the one of the certificate, or else any other one.
+    That point is the one of the certificate, or else any other one. Momenta go by their names, and velocities occur in
+    an H that is `implicit` alone.
     """
-    found = CheckResult("incomplete")
+    found, notes = CheckResult("incomplete"), dict[str, bool]()
     for claim in (certificate, {**certificate, "near": None}):
         if found.verdict == "incomplete":
-            found = judged(functools.partial(_agreed, claim, shown), time_limit, None)
-    return found
+            found = judged(functools.partial(_agreed, claim, shown, notes), time_limit, None)
+    reason = found.reasons[0] if found.reasons else ""
+    return Judged(found.verdict, reason, notes.get("proven", False), notes.get("whole", False))
 
 
-def _agreed(certificate: Certificate, shown: Any, tools: Any) -> list[str]:
+def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, str]:
+    """{coordinate: the name of its momentum}: p_x, or momentum_x, momentum_x_2, … where that is taken."""
+    found = dict[str, str]()
+    for name in names:
+        others = (key for key in momenta if key == f"momentum_{name}" or key.startswith(f"momentum_{name}_"))
+        chosen = f"p_{name}" if f"p_{name}" in momenta else next(others, None)
+        if chosen is None:
+            return {}
+        found[name] = chosen
+    return found if len({*found.values()}) == len(momenta) else {}
+
+
+def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any) -> list[str]:
     check_shape(shown, _SHAPE, "hamiltonian")
     question = Question(tools, certificate["system"], True, dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
     lagrangian, energy = read_tokens(certificate["lagrangian"], "lagrangian"), read_tokens(shown["text"], "hamiltonian")
-    momenta = {name: read_tokens(text, "momenta") for name, text in shown["momenta"].items()}
-    conditions = sorted(inequalities(shown.get("domain") or []))
+    named = momenta_of(question.coordinates, shown["momenta"])
+    require(named, _NAMED)
+    momenta = {named[x]: read_tokens(shown["momenta"][named[x]], "momenta") for x in question.coordinates}
+    holds = any(token.rstrip("'") in question.coordinates and token.endswith("'") for token in energy)
+    require(holds <= bool(shown.get("implicit")), _VELOCITIES)
+    require(holds >= bool(shown.get("implicit")), _IMPLICIT)
+    listed = [text for text in shown.get("domain") or [] if "!=" not in text]
+    conditions = sorted({read_condition(text) for text in listed})
     speeds = [f"{name}'" for name in question.coordinates]
+
+    before = list[cell.Need]()  # of L, the momenta, and what the stated domain says is positive
 
     def parts(ring: Any) -> Any:
         whole, p = Reader(ring, lagrangian).value, {}
         for name, text in momenta.items():
             p[name] = Reader(ring, text).value
         question.held = False
-        for more, less in () if question.rational else conditions:
-            sides = [Reader(ring, side, **p).value for side in (more, less)]
-            ring.elementary("log", ring.add(sides, [1, -1]))
+        stated = [ring.add([Reader(ring, side, **p).value for side in pair], [1, -1]) for pair in conditions]
+        for value in () if question.rational else stated:
+            ring.elementary("log", value)
         question.held = True
+        if isinstance(ring, cell.Letters):
+            before.clear()
+            before.extend([*ring.needs, *(need for value in (whole, *p.values()) for need in ring.needs_of(value))])
+            ring.needs = {}
         work = [ring.multiply(ring.names[v], x, ring.degree) for v, x in zip(speeds, p.values(), strict=True)]
         return whole, p, ring.add([Reader(ring, energy, **p).value, whole, *work], [1, 1] + [-1] * len(work))
 
@@ -83,15 +98,68 @@ def _agreed(certificate: Certificate, shown: Any, tools: Any) -> list[str]:
         zeros = [ring.add([{0: value.get(0, 0)}, slope], [1, -1]) for value, slope in pairs]
         return Claims([(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], [])
 
-    question.claimed, found = (claims, 1), RIGHT
+    question.claimed, notes["proven"] = (claims, 1), True
     try:
         question.prepare(parts, [lagrangian, energy, *momenta.values()])
         question.settle(1, claims)
     except Ended as end:
         if end.args[0] == "invalid" or question.rational or not question.place.values:
             raise
-        found = UNPROVEN
-    seen = 1 if question.rational else question.look_around()
-    if not seen:
-        raise Ended("incomplete", "No point was found at which the Hamiltonian of an answer is defined.")
-    return [found]
+        notes["proven"] = False
+        question.look_around()  # which may refute it
+
+    def read(ring: cell.Letters) -> None:
+        question.read_all(ring)
+        _, p, difference = parts(ring)
+        known = cell.Knowledge(ring, before)
+        for text in shown.get("domain") or []:
+            for need in cell.needs_of_text(ring, text, p):
+                known.learn(need)
+        notes["whole"] = all(map(known.implies, [*ring.needs, *ring.needs_of(difference), *ring.cut]))
+
+    if notes["proven"]:
+        cell.letters_of(question, read)
+    return [""]
+
+
+def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: Names) -> bool | None:
+    """Whether formulas by name are equal as functions; None where that is not settled."""
+    if one == other:
+        return True
+    if one.keys() != other.keys():
+        return False
+    trees = [read_formula(one[key], names) - read_formula(other[key], names) for key in one]
+    return _vanish(trees, names, names.coordinates)
+
+
+def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool | None:
+    """Whether the `constraints` of H vanish where the constraints of the document hold and p are its momenta.
+
+    As many as those, and independent; None where the document has none or it is not settled.
+    """
+    from inverse_service.inverse_problem.hamiltonisation.hamiltonise import rank_at_point
+    from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
+    from inverse_service.service.documents import translate_nonholonomic
+
+    if not isinstance(document, dict) or "lagrangian" not in document:
+        return None
+    schema = translate_nonholonomic.to_nonholonomic_schema(document)
+    motion = equations_of_motion(translate_nonholonomic.to_nonholonomic(schema))
+    listed = [read_formula(text, names) for text in shown["constraints"]]
+    if len(listed) != len(motion.dependent):
+        return False
+    momenta: dict[Expression, Expression] = {
+        Symbol(name): read_formula(text, names) for name, text in shown["momenta"].items()
+    }
+    held = [substitute(substitute(tree, momenta), motion.on_constraints) for tree in listed]
+    good = _vanish(held, names, motion.free)
+    slopes = [[differentiate(tree, Symbol(p)) for p in shown["momenta"]] for tree in listed]
+    variables = [TIME, *map(Symbol, names.coordinates), *map(Symbol, names.parameters)]
+    return good if not good else rank_at_point(slopes, variables) == len(listed) or None
+
+
+def _vanish(trees: Sequence[Expression], names: Names, moving: Sequence[str]) -> bool | None:
+    from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
+
+    constants = [Symbol(name) for name in names.parameters]
+    return vanish(trees, [TIME, *map(Symbol, names.coordinates), *map(Velocity, moving), *constants])

@@ -1,51 +1,83 @@
-"""Whether a Lagrangian of the user has the equations of a document."""
+"""Whether a Lagrangian of the user has the equations of a document: on which cells it has, on which it has not."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from inverse_service.certificate.checker import CheckResult, check_certificate
-from inverse_service.errors import InputError, LimitError
+import mpmath
+
+from inverse_service.algebra.elementary import to_kernels
+from inverse_service.algebra.real_point import RealTable, requirements, strongest
+from inverse_service.algebra.sign_cases import signed_factors
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.deadline import now
+from inverse_service.errors import InputError, IrreducibleAtoms, LimitError
 from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
-from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, walk
+from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Power, Symbol, walk
+from inverse_service.inverse_problem import cells
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
-from inverse_service.mechanics.second_order_system import MOST_BRANCHES, SecondOrderSystem, branches_of
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 from inverse_service.reading.document_names import Declared, known_names
-from inverse_service.service.documents import accepting, translate
+from inverse_service.service.documents import accepting, statements, translate
 
 POINTER = "/lagrangian"
 AS_WRITTEN = (
     "The accelerations are too long to be solved for, and L does not give the equations as they are written, "
     "up to their signs."
 )
+_SINGULAR = "The Hessian of L in the velocities is singular: L does not determine the accelerations."
+_DIGITS = 12  # of numbers that are shown
+_FARTHER = range(2, 8)  # seeds of points on other parts of a cell
+
+
+def document_of(found: Any) -> Any:
+    """The document itself, or that of a result."""
+    system = found.get("system") if isinstance(found, Mapping) and "verdict" in found else None
+    if not isinstance(system, Mapping):
+        return found
+    plain = {key: system[key] for key in ("coordinates", "equations", "parameters", "functions") if system.get(key)}
+    return system.get("given") or plain
 
 
 def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict[str, Any]:
-    """{verdict, reasons, residual, equations}: whether q'' = f of the document are the equations of L.
+    """The answer of `check` about q'' = f of a document and an L: are these its equations?
 
-    `residual` has E_i = d/dt(dL/dq_i') - dL/dq_i along q'' = f for each coordinate, {text, latex}; all zero for a
-    right L. `equations` has the accelerations that L gives instead, where it is regular and wrong. The verdict is that
-    of the independent checker: "valid", "invalid" or "incomplete". Raises InputError.
+    `cells` has a verdict for each, with a point and both accelerations where L fails; `residual` E_i = d/dt(dL/dq_i') -
+    dL/dq_i along q'' = f for each coordinate, {text, latex}, all zero for a right L; `equations` the accelerations
+    that L gives instead, where it is regular and wrong. Raises InputError.
     """
-    schema = accepting.to_schema(document)
-    system = accepting.to_solvable(schema)
-    lagrangian, system = _read(schema, system, text)
+    end = now() + time_limit
+    schema = accepting.to_schema(document_of(document))
+    lagrangian, system = _read(schema, accepting.to_solvable(schema), text)
     own, is_singular = _equations_of(lagrangian, system)
-    found = _judged(_branches(system, lagrangian), time_limit)
-    if system.is_unsolved and found.verdict == "invalid":  # the checker compares E_i with the i-th equation alone
-        found = CheckResult("incomplete", (AS_WRITTEN,))
-    verdict = "invalid" if is_singular else found.verdict
-    residual = _residual(lagrangian, system, verdict == "valid")
-    reasons = ["The Hessian of L in the velocities is singular: L does not determine the accelerations."]
+    judging = _Judging(lagrangian, own, end)
+    found, left = _on_cells(judging, system, lagrangian)
+    verdicts = {one["verdict"] for one in found} | ({"incomplete"} if left else set())
+    wrong = verdicts & {"invalid"}
+    verdict = verdicts.pop() if len(verdicts) == 1 else "differs" if wrong and "valid" in verdicts else (
+        "invalid" if wrong else "incomplete")  # fmt: skip
+    reasons = list(dict.fromkeys(reason for one in found for reason in one["reasons"]))
+    reasons += [f"Not settled {_where(one)}: {one.reason}." for one in left]
+    if is_singular:
+        verdict, reasons = "invalid", [_SINGULAR]
+    elif system.is_unsolved and verdict == "invalid":  # the checker compares E_i with the i-th equation alone
+        verdict, reasons = "incomplete", [AS_WRITTEN]
+    shown = [one for one in found if one["verdict"] == "valid"]
     return {
         "verdict": verdict,
-        "reasons": reasons if is_singular else list(found.reasons),
-        "residual": _formulas(system, residual),
+        "statement": shown[0]["statement"] if shown and not is_singular else None,
+        "cells": [{key: one[key] for key in one if key not in ("statement", "reasons", "sides")} for one in found],
+        "contradictions": [],
+        "not_checked": [],
+        "reasons": reasons,
+        "residual": _formulas(system, _residual(lagrangian, system, verdict == "valid")),
         "equations": None if own is None or verdict == "valid" else _formulas(system, own),
     }
 
@@ -65,31 +97,109 @@ def _read(schema: Any, system: SecondOrderSystem, text: str) -> tuple[Expression
     return found, wider if more or functions else system
 
 
-def _branches(system: SecondOrderSystem, lagrangian: Expression) -> list[tuple[SecondOrderSystem, Expression]]:
-    """The system and L where the roots of both are single formulas; L = (x'^2 + x^2)/2 gives |x| on one side only."""
+def _on_cells(
+    judging: _Judging, system: SecondOrderSystem, lagrangian: Expression
+) -> tuple[list[dict[str, Any]], list[cells.Left]]:
     if system.branch is not None:
-        return [(system, lagrangian)]
-    found: list[tuple[SecondOrderSystem, Expression]] = []
-    for one in branches_of(replace(system, accelerations=(*system.accelerations, lagrangian))):
+        return [judging.judge(system, lagrangian)[0]], []
+    both = replace(system, accelerations=(*system.accelerations, lagrangian))
+
+    def answer(one: SecondOrderSystem, others: int) -> tuple[dict[str, Any], Sequence[Expression]]:
         branch = one.branch and replace(one.branch, given=one.branch.given[:-1])
-        found.append((replace(one, accelerations=one.accelerations[:-1], branch=branch), one.accelerations[-1]))
-    return found
+        return judging.judge(replace(one, accelerations=one.accelerations[:-1], branch=branch), one.accelerations[-1])
+
+    found, left = cells.answered(branches_of(both), answer)
+    return found, [*left, *cells.beyond(both, [one["sides"] for one in found])]
 
 
-def _judged(branches: list[tuple[SecondOrderSystem, Expression]], time_limit: float) -> CheckResult:
-    """Valid where L is right on every branch; else the reasons of each."""
-    found: list[CheckResult] = []
-    for system, lagrangian in branches[:MOST_BRANCHES]:
+class _Judging:
+    """Judges L on a cell by the checker, as a Lagrangian that was found."""
+
+    def __init__(self, lagrangian: Expression, own: tuple[Expression, ...] | None, end: float) -> None:
+        self.lagrangian, self.own, self.end = lagrangian, own, end
+
+    def judge(self, system: SecondOrderSystem, lagrangian: Expression) -> tuple[dict[str, Any], Sequence[Expression]]:
         with_time = system.depends_on_time or TIME in walk(lagrangian)
-        claim = certify.of_lagrangian(analyze(system), lagrangian, with_time)
-        found.append(check_certificate(claim, time_limit=time_limit / len(branches)))
-    verdicts = {each.verdict for each in found} | ({"incomplete"} if len(branches) > MOST_BRANCHES else set())
-    worst = next(verdict for verdict in ("invalid", "incomplete", "valid") if verdict in verdicts)
-    if len(verdicts) == 1:
-        return found[0]
-    where = [" and ".join(map(inequality_text, map(collect, system.positive))) for system, _ in branches]
-    reasons = [f"Where {place}: {reason}" for place, each in zip(where, found, strict=False) for reason in each.reasons]
-    return CheckResult(worst, tuple(reasons))
+        try:
+            analysis = analyze(system)
+        except IrreducibleAtoms as problem:
+            analysis = None
+            reason = problem.detail
+        if analysis is None:
+            return self.cell(system, None, "incomplete", (reason,)), system.positive
+        limit = max(1.0, (self.end - now()) / 4)
+        claim = certify.of_lagrangian(analysis, lagrangian, with_time)
+        certificate, proof = certify.proved(analysis, claim, limit)
+        near = certificate.get("near", {})
+        if proof.verdict == "valid" and proof.cell is not None:
+            where = certify.where_of(proof.cell, system.names)
+            statement = statements.of_certificate(certificate, proof)
+            found = self.cell(system, near, "valid", proof.reasons)
+            found |= {"domain": statement["domain"], "statement": statement, "sides": where.sides}
+            if where.one_side:
+                found |= self.elsewhere(system, lagrangian, certificate, limit)
+            return found, where.sides
+        table = certify.point_of(analysis, lagrangian)
+        sides: list[Expression] = [*map(collect, system.positive)]
+        if table is not None:
+            try:
+                formulas = [*map(to_kernels, (*system.given, self.lagrangian))]
+                sides = list(dict.fromkeys([*sides, *signed_factors(requirements(formulas, table), table)]))
+            except (IrreducibleAtoms, NoRealValue):
+                pass
+        found = self.cell(system, near, proof.verdict, proof.reasons)
+        found |= {
+            "domain": list(map(inequality_text, strongest(t for t in sides if not isinstance(t, Power)))),
+            "sides": sides,
+        }
+        if proof.verdict == "invalid" and table is not None:
+            found |= self.failing(system, table)
+        return found, sides
+
+    def cell(self, system: SecondOrderSystem, near: Any, verdict: str, reasons: Sequence[str]) -> dict[str, Any]:
+        sides = [*map(collect, system.positive)]
+        where = " and ".join(map(inequality_text, sides))
+        told = [f"Where {where}: {reason}" if where else reason for reason in reasons]
+        return {"domain": list(map(inequality_text, sides)), "near": near or {}, "verdict": verdict,
+                "reasons": told, "sides": sides}  # fmt: skip
+
+    def elsewhere(
+        self, system: SecondOrderSystem, lagrangian: Expression, certificate: dict[str, Any], limit: float
+    ) -> dict[str, Any]:
+        """The same proof at points of other parts of the cell: wrong on one of them, or not settled on all."""
+        reason = "Other parts of this set, which are not connected with this point, are not settled."
+        for seed in _FARTHER:
+            point = cells.point_of(system, seed)
+            if point is None:
+                continue
+            named = {translate.name_of(key): mpmath.nstr(value, 20) for key, value in point.items()}
+            moved = certificate | {"near": {name: named.get(name, x) for name, x in certificate["near"].items()}}
+            found = check_certificate(moved, time_limit=limit)
+            if found.verdict == "invalid":
+                return {"verdict": "differs", "reasons": [found.reasons[0]]} | self.failing(system, point)
+        return {"verdict": "incomplete", "reasons": [reason]}
+
+    def failing(self, system: SecondOrderSystem, table: RealTable) -> dict[str, Any]:
+        """A point, and both accelerations there."""
+        named = {("t" if key == TIME else translate.name_of(key)): value for key, value in table.items()
+                 if translate.name_of(key)}  # fmt: skip
+        shown = {name: mpmath.nstr(value, _DIGITS) for name, value in named.items()}
+        try:
+            given = [evaluate(to_kernels(f), table) for f in system.given]
+            own = [evaluate(to_kernels(f), table) for f in self.own or ()]
+        except (NoRealValue, KeyError):
+            return {"at": shown}
+        pairs = {"given": given, "lagrangian": own}
+        numbers = {key: {x: mpmath.nstr(value, _DIGITS) for x, value in zip(system.coordinates, values, strict=False)}
+                   for key, values in pairs.items()}  # fmt: skip
+        return {"at": shown, "accelerations": numbers} if self.own else {"at": shown}
+
+
+def _where(left: cells.Left) -> str:
+    if left.positive:
+        return f"where {' and '.join(map(inequality_text, left.positive))}"
+    names = [(translate.name_of(key), value) for key, value in (left.near or {}).items()]
+    return f"at {', '.join(f'{name} = {mpmath.nstr(value, 5)}' for name, value in names if name)}"
 
 
 def _residual(lagrangian: Expression, system: SecondOrderSystem, is_valid: bool) -> tuple[Expression, ...]:

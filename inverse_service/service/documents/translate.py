@@ -15,6 +15,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.expressions.printing_mathml import to_mathml
 from inverse_service.expressions.tree import (
+    PI,
     ZERO,
     Acceleration,
     Apply,
@@ -23,6 +24,7 @@ from inverse_service.expressions.tree import (
     Power,
     Product,
     Sum,
+    Symbol,
     Velocity,
     walk,
 )
@@ -210,7 +212,8 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "explanation": [step_part(step) for step in answer.explanation],
         "checked": answer.checked,
         "reason": answer.reason,
-        "domain": [inequality_text(tree) for tree in answer.positive],
+        "domain": _domain(answer.nonzero, answer.positive),
+        "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
     }
 
 
@@ -267,6 +270,11 @@ def hamiltonian_part(
 def _on_places(trees: Iterable[Expression]) -> list[Expression]:
     """Those without velocities."""
     return [tree for tree in trees if not any(isinstance(node, Velocity) for node in walk(tree))]
+
+
+def name_of(key: Expression) -> str:
+    """x, x' or a for a coordinate, a velocity or a parameter at a point; nothing for what else a point holds."""
+    return to_text(key) if isinstance(key, Symbol | Velocity) and key != PI else ""
 
 
 def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPart | None:

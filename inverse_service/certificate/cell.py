@@ -1,0 +1,671 @@
+"""The cell of a claim: where its formulas are defined and the relations that its proof used hold.
+
+Formulas are read to quotients of polynomials in *letters*: names, and roots and functions of quotients, which are
+taken for independent. What is divided by is not 0, what a root or a logarithm is taken of is positive; both are
+factored. Most relations hold wherever their sides are real; the branch of an arctangent is constant only as long as
+the arguments that it relates have no pole, so the factors of these keep the sign that they have at the point P.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import islice, pairwise
+from typing import TYPE_CHECKING, Any
+
+from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly
+
+from .formulas import Ended, Reader, read_tokens
+from .plan import Entry
+
+if TYPE_CHECKING:
+    from .checker import Question
+
+Polynomial = Any  # fmpq_mpoly
+MAX_TERMS = 3000  # of a polynomial; a longer one becomes a letter of which nothing is said
+MAX_LETTERS = 512
+SPARE = 24  # letters beside the names, at first
+
+
+class TooManyLetters(Exception):
+    """The ring of polynomials has to be made again, larger."""
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """A polynomial that is positive (">") or not zero ("!="); polynomials of flint are told apart by their texts."""
+
+    kind: str
+    polynomial: Polynomial = field(compare=False)
+    text: str = ""
+
+
+def need_of(kind: str, polynomial: Polynomial) -> Need:
+    return Need(kind, polynomial, str(polynomial))
+
+
+@dataclass(frozen=True, slots=True)
+class Quotient:
+    """above/below, without common factors."""
+
+    above: Polynomial
+    below: Polynomial
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Where a claim holds: inequalities "x > 0", "x - 1 != 0", each an expression and 0.
+
+    `sides` are those of them on which relations depend that the proof used. `one_side`: only the part of this set is
+    meant that is connected with P where all `>` hold. `unknown`: the formulas are too long to say where they are
+    defined.
+    """
+
+    domain: tuple[str, ...] = ()
+    sides: tuple[str, ...] = ()
+    one_side: bool = False
+    unknown: bool = False
+
+
+class Letters:
+    """A ring for `Reader`; `needs` collects what the formulas need, `cut` what arctangents that are related need."""
+
+    degree = 0
+
+    def __init__(self, question: Question, size: int = SPARE) -> None:
+        self.question, self.entries = question, iter(question.plan.entries)
+        plain = ["pi", *sorted(question.names)]
+        self.texts, self.size = [*plain], len(plain) + size
+        self.context = fmpq_mpoly_ctx.get([f"z{k}" for k in range(self.size)], Ordering.degrevlex)
+        self.generators = self.context.gens()
+        self.one: Polynomial = self.context.constant(1)
+        self.names: dict[str, Quotient] = {
+            name: Quotient(z, self.one) for name, z in zip(plain, self.generators, strict=False)}  # fmt: skip
+        self.places = dict[str, int]()
+        self.positive, self.bounded = {0}, set[int]()  # letters that are positive, that lie between -1 and 1
+        self.logarithms, self.odd = dict[int, Quotient](), dict[int, Quotient]()  # log u; atan u with the sign of u
+        self.exponentials, self.squares = dict[int, Quotient](), dict[int, Quotient]()  # e^u; sqrt(w)
+        self.circular = dict[int, tuple[str, Quotient]]()  # sin u, cos u
+        self.inner = dict[int, frozenset[Need]]()  # what a letter needs
+        self.pairs = dict[int, frozenset[Need]]()  # what the logarithm of a pair of the plan needs
+        self.needs, self.cut = dict[Need, None](), dict[Need, None]()
+        self.known = dict[str, tuple[fmpq, list[tuple[Polynomial, int]]]]()
+        self.ties, self.unknown = list[Any](), False
+
+    # The operations of a ring.
+
+    def constant(self, value: Fraction) -> Quotient:
+        return Quotient(self.context.constant(fmpq(value.numerator, value.denominator)), self.one)
+
+    def add(self, terms: list[Quotient], weights: Sequence[int] = ()) -> Quotient:
+        first, *rest = zip(terms, weights or [1] * len(terms), strict=True)
+        above, below = first[0].above * first[1], first[0].below
+        for term, weight in rest:
+            self.question.check_time()
+            if term.below == below:
+                above = above + weight * term.above
+            else:
+                common = below.gcd(term.below)
+                above = above * (term.below / common) + weight * term.above * (below / common)
+                below = below * (term.below / common)
+            above, below = self.bounded_pair(above, below)
+        return self.reduced(above, below)
+
+    def multiply(self, left: Quotient, right: Quotient, degree: int = 0) -> Quotient:
+        if len(left.above) * len(right.above) + len(left.below) * len(right.below) > 100 * MAX_TERMS:
+            return self.opaque()
+        first, second = self.reduced(left.above, right.below), self.reduced(right.above, left.below)
+        found = Quotient(*self.bounded_pair(first.above * second.above, first.below * second.below))
+        return self.without_squares(found)
+
+    def without_squares(self, u: Quotient) -> Quotient:
+        """With sqrt(w)^2 = w put in."""
+        for place, w in self.squares.items():
+            if u.above.degrees()[place] > 1 or u.below.degrees()[place] > 1:
+                above, below = (self.put_square(p, place, w) for p in (u.above, u.below))
+                u = self.reduced(above.above * below.below, above.below * below.above)
+        return u
+
+    def put_square(self, polynomial: Polynomial, place: int, w: Quotient) -> Quotient:
+        most = int(polynomial.degrees()[place]) // 2
+        above = self.context.constant(0)
+        for exponents, coefficient in polynomial.terms():
+            half, rest = divmod(int(exponents[place]), 2)
+            lower = tuple(rest if k == place else e for k, e in enumerate(exponents))
+            term = self.context.term(coeff=coefficient, exp_vec=lower)
+            above = above + term * w.above**half * w.below ** (most - half)
+        return self.reduced(above, w.below**most)
+
+    def power(self, u: Quotient, exponent: int) -> Quotient:
+        if exponent < 0:
+            self.need("!=", u)
+            u = Quotient(u.below, u.above) if u.above != 0 else self.opaque()
+        size, most = abs(exponent), max(len(u.above), len(u.below))
+        if size > 4096 or (most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)):
+            return self.opaque()
+        return self.without_squares(Quotient(*self.bounded_pair(u.above**size, u.below**size)))
+
+    def elementary(self, name: str, u: Quotient) -> Quotient:
+        if name == "atan" and self.question.halves:
+            list(islice(self.entries, 2))  # log(1 + u^2), and its half
+        entry = next(self.entries, Entry())
+        pieces = list(self.pieces(">", u)) if name == "log" else []
+        self.needs |= {need: None for need in pieces if need.kind == ">"}  # what touches 0 matters where a root is left
+        here = self.needs_of(u) | frozenset(pieces)
+        if entry.pair:
+            self.pairs[entry.pair] = here
+        elif name == "atan" and any(j in self.pairs for j, _ in entry.parts):
+            for needs in (here, *(self.pairs[j] for j, _ in entry.parts if j in self.pairs)):
+                self.cut |= dict.fromkeys(needs)
+        if name == "exp":
+            return self.exponential(u)
+        turned = name in ("sin", "cos", "atan") and self.is_negative(u)
+        u = Quotient(-u.above, u.below) if turned else u
+        place = self.letter(f"{name}({self.text(u)})", here)
+        if name in ("sin", "cos"):
+            self.bounded.add(place)
+            self.circular[place] = name, u
+            arctangent = self.single(u.above) if u.below.is_constant() else None
+            if name == "cos" and arctangent and arctangent[0] in self.odd and abs(arctangent[1]) <= 1:
+                self.positive.add(place)
+        if name in ("log", "atan"):
+            (self.logarithms if name == "log" else self.odd)[place] = u
+        value = Quotient(self.generators[place], self.one)
+        return Quotient(-value.above, self.one) if turned and name != "cos" else value
+
+    def function(self, name: str, orders: tuple[int, ...], arguments: list[Quotient]) -> Quotient:
+        listed = ", ".join(map(self.text, arguments))
+        primes = "'" * orders[0] if len(orders) == 1 else f"[{','.join(map(str, orders))}]" if any(orders) else ""
+        inner = frozenset().union(*map(self.needs_of, arguments))
+        return Quotient(self.generators[self.letter(f"{name}{primes}({listed})", inner)], self.one)
+
+    def integral(self, name: str, orders: list[int], arguments: list[Quotient]) -> Quotient:
+        slope = Reader(self, self.question.integrals[name][1][1]).value
+        inner = frozenset().union(*map(self.needs_of, [*arguments, slope]))
+        return Quotient(
+            self.generators[self.letter(f"{name}({', '.join(map(self.text, arguments))})", inner)], self.one
+        )
+
+    # Helpers of these.
+
+    def exponential(self, u: Quotient) -> Quotient:
+        """e^(a log w + rest): w^a for each logarithm with a rational factor."""
+        value, rest = Quotient(self.one, self.one), u
+        if u.below.is_constant():
+            scale, kept = fmpq(1) / u.below.leading_coefficient(), self.context.constant(0)
+            for exponents, coefficient in u.above.terms():
+                place = next((k for k, e in enumerate(exponents) if e), -1)
+                if sum(map(int, exponents)) == 1 and place in self.logarithms:
+                    a = coefficient * scale
+                    value = self.multiply(value, self.root(self.logarithms[place], Fraction(int(a.p), int(a.q))))
+                else:
+                    kept += self.context.term(coeff=coefficient, exp_vec=exponents)
+            rest = Quotient(kept * scale, self.one)
+        if rest.above == 0:
+            return value
+        turned = self.is_negative(rest)
+        rest = Quotient(-rest.above, rest.below) if turned else rest
+        place = self.letter(f"exp({self.text(rest)})", self.needs_of(rest))
+        self.positive.add(place)
+        self.exponentials[place] = rest
+        letter = self.generators[place]
+        return self.multiply(value, Quotient(self.one, letter) if turned else Quotient(letter, self.one))
+
+    def root(self, w: Quotient, a: Fraction) -> Quotient:
+        """w^a: p^(k a) for the factors p^k of w with k and k a even, the others as an integral power times a root."""
+        (content, above), (other, below) = self.factors(w.above), self.factors(w.below)
+        value = Quotient(self.one, self.one)
+        left = [self.context.constant(content), self.context.constant(other)]
+        for side, sign, found in ((0, 1, above), (1, -1, below)):
+            for p, k in found:
+                if k % 2 == 0 and (k * a).denominator == 1 and (k * a) % 2 == 0:
+                    value = self.raised(value, Quotient(p, self.one), int(sign * k * a))
+                else:
+                    left[side] = left[side] * p**k
+        rest, whole = self.reduced(*left), math.floor(a)
+        value = self.raised(value, rest, whole)
+        if a == whole or (rest.above == 1 and rest.below == 1):
+            return value
+        inner, part = self.text(rest), a - whole
+        text = f"sqrt({inner})" if part == Fraction(1, 2) else f"({inner})^({part})"
+        place = self.letter(text, self.needs_of(rest) | frozenset(self.pieces(">", rest)))
+        self.positive.add(place)
+        if part == Fraction(1, 2):
+            self.squares[place] = rest
+        return self.multiply(value, Quotient(self.generators[place], self.one))
+
+    def raised(self, value: Quotient, base: Quotient, exponent: int) -> Quotient:
+        size, base = abs(exponent), base if exponent >= 0 else Quotient(base.below, base.above)
+        if size > 64 and max(len(base.above), len(base.below)) > 1:
+            return self.opaque()
+        if exponent < 0:
+            self.need("!=", Quotient(base.below, self.one))
+        return self.multiply(value, Quotient(*self.bounded_pair(base.above**size, base.below**size)))
+
+    def letter(self, text: str, inner: frozenset[Need]) -> int:
+        if text not in self.places:
+            if len(self.texts) == self.size:
+                raise TooManyLetters
+            self.places[text] = len(self.texts)
+            self.inner[len(self.texts)] = inner
+            self.texts.append(text)
+        return self.places[text]
+
+    def opaque(self) -> Quotient:
+        """A letter for what is too long."""
+        self.unknown = True
+        return Quotient(self.generators[self.letter(f"... {len(self.texts)}", frozenset())], self.one)
+
+    def bounded_pair(self, above: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:
+        if max(len(above), len(below)) <= MAX_TERMS:
+            return above, below
+        found = self.opaque()
+        return found.above, found.below
+
+    def reduced(self, above: Polynomial, below: Polynomial) -> Quotient:
+        if below.is_constant():
+            return Quotient(above / below.leading_coefficient(), self.one)
+        common = above.gcd(below)
+        return Quotient(above / common, below / common)
+
+    def is_negative(self, u: Quotient) -> bool:
+        return bool(u.above != 0) and bool(u.above.leading_coefficient() * u.below.leading_coefficient() < 0)
+
+    def parts_of(self, polynomial: Polynomial, place: int, degree: int) -> list[Polynomial]:
+        """The coefficients of the powers of a letter."""
+        parts = [self.context.constant(0)] * (degree + 1)
+        for exponents, coefficient in polynomial.terms():
+            lower = tuple(0 if j == place else e for j, e in enumerate(exponents))
+            parts[int(exponents[place])] += self.context.term(coeff=coefficient, exp_vec=lower)
+        return parts
+
+    def single(self, polynomial: Polynomial) -> tuple[int, fmpq] | None:
+        """(letter, factor) of a number times one letter."""
+        terms = list(polynomial.terms())
+        if len(terms) != 1 or sum(map(int, terms[0][0])) != 1:
+            return None
+        return next(k for k, e in enumerate(terms[0][0]) if e), terms[0][1]
+
+    def holds(self, polynomial: Polynomial) -> list[int]:
+        """The letters that occur."""
+        return [k for k, e in enumerate(polynomial.degrees()) if e > 0]
+
+    def needs_of(self, u: Quotient) -> frozenset[Need]:
+        """Where u is analytic: its poles, and what its letters need."""
+        found = {need_of("!=", p) for p, _ in self.factors(u.below)[1]}
+        for polynomial in (u.above, u.below):
+            found |= {need for k in self.holds(polynomial) for need in self.inner.get(k, ())}
+        return frozenset(found)
+
+    def need(self, kind: str, u: Quotient) -> frozenset[Need]:
+        found = frozenset(self.pieces(kind, u))
+        self.needs |= dict.fromkeys(found)
+        return found
+
+    def pieces(self, kind: str, u: Quotient) -> Iterator[Need]:
+        """That u > 0, or u != 0, by factors: those of even multiplicity are not 0, the product of the others is > 0."""
+        (content, above), (other, below) = self.factors(self.circled(u.above)), self.factors(self.circled(u.below))
+        if kind == "!=":
+            yield from (need_of("!=", p) for p, _ in above)
+            return
+        odd = self.context.constant(1 if content * other > 0 else -1)
+        for p, k in (*above, *below):
+            if k % 2:
+                odd = odd * p
+            else:
+                yield need_of("!=", p)
+        if not odd.is_constant():
+            yield need_of(">", odd)
+
+    def circled(self, polynomial: Polynomial) -> Polynomial:
+        """With 1 - cos(u)^2 in the place of sin(u)^2."""
+        for place, (name, u) in list(self.circular.items()):
+            if name == "sin" and polynomial.degrees()[place] > 1:
+                other = self.letter(f"cos({self.text(u)})", self.inner[place])
+                self.bounded.add(other)
+                self.circular[other] = "cos", u
+                square = Quotient(1 - self.generators[other] ** 2, self.one)
+                polynomial = self.put_square(polynomial, place, square).above
+        return polynomial
+
+    def factors(self, polynomial: Polynomial) -> tuple[fmpq, list[tuple[Polynomial, int]]]:
+        """(number, [(irreducible with leading coefficient 1, multiplicity)])."""
+        if (key := str(polynomial)) not in self.known:
+            content, found = fmpq(0), list[tuple[Polynomial, int]]()
+            if polynomial.is_constant():
+                content = polynomial.leading_coefficient() if polynomial != 0 else fmpq(0)
+            else:
+                content, listed = polynomial.factor()
+                for p, k in listed:
+                    head = p.leading_coefficient()
+                    content, found = content * head ** int(k), [*found, (p / head, int(k))]
+            self.known[key] = content, found
+        return self.known[key]
+
+    def text(self, u: Quotient | Polynomial) -> str:
+        """In the grammar of certificates."""
+        if isinstance(u, Quotient):
+            above = self.text(u.above)
+            return above if u.below == 1 else f"({above})/({self.text(u.below)})"
+        words = ""
+        for exponents, coefficient in u.terms():
+            size, sign = abs(coefficient), "-" if coefficient < 0 else "+"
+            parts = [f"{self.texts[k]}^{e}" if e > 1 else self.texts[k] for k, e in enumerate(map(int, exponents)) if e]
+            parts = [str(size), *parts] if size != 1 or not parts else parts
+            words += f" {sign} " + "*".join(parts) if words else "-" * (sign == "-") + "*".join(parts)
+        return words or "0"
+
+
+class Knowledge:
+    """The signs that follow from needs: of irreducible polynomials, and of products of these."""
+
+    def __init__(self, ring: Letters, needs: Iterable[Need] = ()) -> None:
+        self.ring = ring
+        self.nonzero, self.signs = set[str](), dict[str, int]()
+        self.products, self.listed = list[tuple[int, list[Polynomial]]](), list[tuple[Polynomial, int]]()
+        for need in needs:
+            self.learn(need)
+
+    def learn(self, need: Need) -> None:
+        content, found = self.ring.factors(need.polynomial)
+        self.nonzero |= {str(p) for p, _ in found}
+        if need.kind == ">":
+            odd, sign = [p for p, k in found if k % 2], 1 if content > 0 else -1
+            if len(odd) == 1:
+                self.signs[str(odd[0])] = sign
+                self.listed.append((odd[0], sign))
+            self.products.append((sign, odd))
+
+    def implies(self, need: Need) -> bool:
+        if need.kind == "!=":
+            return all(str(p) in self.nonzero or self.sign(p) for p, _ in self.ring.factors(need.polynomial)[1])
+        return self.sign(need.polynomial) > 0
+
+    def sign(self, polynomial: Polynomial, depth: int = 3) -> int:
+        """1 or -1 where the polynomial has this sign wherever the needs hold; 0: that is not known."""
+        content, found = self.ring.factors(polynomial)
+        if content == 0:
+            return 0
+        sign, left = 1 if content > 0 else -1, list[Polynomial]()
+        for p, k in found:
+            if k % 2 == 0:
+                if str(p) not in self.nonzero and not self.irreducible(p, depth):
+                    return 0
+            elif own := self.irreducible(p, depth):
+                sign *= own
+            else:
+                left.append(p)
+        if not left:
+            return sign
+        for own, odd in self.products:
+            names = {str(p) for p in left}
+            rest = [p for p in odd if str(p) not in names]
+            signs = [self.irreducible(p, depth) for p in rest]
+            if len(rest) + len(left) == len(odd) and all(signs):
+                return sign * own * math.prod(signs)
+        return 0
+
+    def irreducible(self, p: Polynomial, depth: int) -> int:
+        if (known := self.signs.get(str(p))) is not None:
+            return known
+        simple = self.ring.single(p)
+        for replaced, factor in () if simple is None or depth < 1 else self.simpler(*simple):
+            if sign := self.sign(replaced.above * replaced.below, depth - 1):
+                return sign * factor
+        if (sign := self.by_facts(p) or self.by_terms(p)) or depth < 1:
+            return sign
+        found = self.by_roots(p) or self.by_squares(p, depth) or self.of_exponential(p, depth)
+        return found or self.by_norm(p, depth) or (0 if simple is None else self.by_quarter(simple[0], depth))
+
+    def by_facts(self, p: Polynomial) -> int:
+        """p - q is a number, and q has a sign."""
+        for q, sign in self.listed:
+            rest = p - q
+            if rest.is_constant() and (rest == 0 or rest.leading_coefficient() * sign > 0):
+                return sign
+        return 0
+
+    def by_norm(self, p: Polynomial, depth: int) -> int:
+        """a + b sqrt(w) has the sign of b where b^2 w > a^2, and that of a where a^2 > b^2 w."""
+        for place, w in self.ring.squares.items():
+            if p.degrees()[place] == 1:
+                a, b = self.ring.parts_of(p, place, 1)
+                norm = w.below * (a * a * w.below - b * b * w.above)
+                sign = self.sign(norm, depth - 1)
+                if sign:
+                    return self.sign(a if sign > 0 else b, depth - 1)
+        return 0
+
+    def by_quarter(self, place: int, depth: int) -> int:
+        """sin u and cos u between two of their zeros."""
+        if place not in self.ring.circular:
+            return 0
+        name, u = self.ring.circular[place]
+        pi, half = self.ring.generators[0], fmpq(0 if name == "sin" else -1, 2)
+        for k in range(-2, 3):
+            low = u.above - (k + half) * pi * u.below
+            high = (k + 1 + half) * pi * u.below - u.above
+            if self.sign(low * u.below, depth - 1) > 0 and self.sign(high * u.below, depth - 1) > 0:
+                return -1 if k % 2 else 1
+        return 0
+
+    def simpler(self, place: int, factor: fmpq) -> Iterator[tuple[Quotient, int]]:
+        """atan u has the sign of u, log u that of u - 1."""
+        sign = 1 if factor > 0 else -1
+        if place in self.ring.odd:
+            yield self.ring.odd[place], sign
+        elif place in self.ring.logarithms:
+            u = self.ring.logarithms[place]
+            yield self.ring.reduced(u.above - u.below, u.below), sign
+
+    def by_terms(self, p: Polynomial) -> int:
+        """Every term has one sign at least weakly, and their bounds exclude 0."""
+        for side in (1, -1):
+            least, strict, weak = fmpq(0), False, True
+            for exponents, coefficient in p.terms():
+                c, strictly, free = coefficient * side, True, True
+                for k, e in enumerate(map(int, exponents)):
+                    known = 1 if k in self.ring.positive else self.signs.get(f"z{k}", 0)
+                    if e % 2 and not known:
+                        free = False
+                    elif e % 2:
+                        c *= known
+                    strictly = strictly and (not e or bool(known) or f"z{k}" in self.nonzero)
+                constant = not any(map(int, exponents))
+                if free and c > 0:
+                    strict, least = strict or (strictly and not constant), least + (c if constant else 0)
+                elif constant or all(k in self.ring.bounded for k, e in enumerate(exponents) if e):
+                    least -= abs(c)
+                else:
+                    weak = False
+            if weak and (least > 0 or (least == 0 and strict)):
+                return side
+        return 0
+
+    def by_roots(self, p: Polynomial) -> int:
+        """Of a polynomial in one letter without real roots."""
+        letters = self.ring.holds(p)
+        if len(letters) != 1 or p.total_degree() > 40:
+            return 0
+        terms = [(int(exponents[letters[0]]), coefficient) for exponents, coefficient in p.terms()]
+        scale = math.lcm(*(int(c.q) for _, c in terms))
+        listed = [0] * (max(e for e, _ in terms) + 1)
+        for e, c in terms:
+            listed[e] = int((c * scale).p)
+        if not listed[0] or len(listed) % 2 == 0:
+            return 0
+        roots: list[Any] = fmpz_poly(listed).complex_roots()  # pairs (root, multiplicity)
+        real = any(root.imag.contains(0) for root, _ in roots)
+        return 0 if real else 1 if listed[0] > 0 else -1
+
+    def by_squares(self, p: Polynomial, depth: int) -> int:
+        """a z^2 + b z + c has the sign of a where 4 a c - b^2 > 0."""
+        for k in self.ring.holds(p):
+            if p.degrees()[k] != 2:
+                continue
+            c, b, a = self.ring.parts_of(p, k, 2)
+            if (sign := self.sign(a, depth - 1)) and self.sign(4 * a * c - b * b, depth - 1) > 0:
+                return sign
+        return 0
+
+    def of_exponential(self, p: Polynomial, depth: int) -> int:
+        """e^u - 1 has the sign of u."""
+        terms = list(p.terms())
+        letters = self.ring.holds(p)
+        alone = len(terms) == 2 and len(letters) == 1 and p.total_degree() == 1
+        if not alone or letters[0] not in self.ring.exponentials or terms[0][1] != -terms[1][1]:
+            return 0
+        u = self.ring.exponentials[letters[0]]
+        return self.sign(u.above * u.below, depth - 1) * (1 if terms[0][1] > 0 else -1)
+
+
+def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters:
+    """The ring after the formulas were read, with as many letters as they need."""
+    size = SPARE
+    while True:
+        ring = Letters(question, size)
+        try:
+            read(ring)
+            return ring
+        except TooManyLetters:
+            size *= 2
+            if size > MAX_LETTERS:
+                raise Ended(
+                    "incomplete", "The formulas hold too many functions to say where they are defined."
+                ) from None
+
+
+def cell_of(question: Question) -> Cell:
+    """The cell of a claim that was found right."""
+    hints = list[Need]()
+
+    def read(ring: Letters) -> None:
+        hints.clear()
+        for value in values_in([question.read_all(ring), question.read(ring)]):
+            ring.needs |= dict.fromkeys(ring.needs_of(value))
+        ring.entries = iter(())
+        pairs = () if question.rational else question.conditions
+        positive = [ring.add([Reader(ring, one).value for one in pair], [1, -1]) for pair in pairs]
+        hints.extend(need for value in positive for need in ring.pieces(">", value))
+        positive = [Reader(ring, said).value for _, said in (() if question.rational else question.roots)]
+        hints.extend(need for value in positive for need in ring.pieces(">", value) if need.kind == ">")
+
+    ring = letters_of(question, read)
+    cut = signed(question, ring, ring.needs if question.partly else ring.cut)
+    kept = strongest(ring, [*hints, *cut, *ring.needs])
+    sides = strongest(ring, [*hints, *cut])
+    one_side = bool(cut) and not all(is_affine(ring, need.polynomial) for need in kept if need.kind == ">")
+    return Cell(written(ring, kept), written(ring, sides), one_side, ring.unknown)
+
+
+def values_in(found: Any) -> Iterator[Quotient]:
+    """All values in nested lists."""
+    if isinstance(found, Quotient):
+        yield found
+    elif isinstance(found, list | tuple | dict):
+        for one in found.values() if isinstance(found, dict) else found:
+            yield from values_in(one)
+
+
+def written(ring: Letters, needs: Iterable[Need]) -> tuple[str, ...]:
+    return tuple(f"{ring.text(primitive(need.polynomial))} {need.kind} 0" for need in needs)
+
+
+def signed(question: Question, ring: Letters, needs: Iterable[Need]) -> list[Need]:
+    """What has to keep the sign that it has at P."""
+    found, plain = list[Need](), Knowledge(ring)
+    for need in needs:
+        if plain.sign(need.polynomial):
+            continue
+        if need.kind == ">":
+            found.append(need)
+            continue
+        tokens = read_tokens(ring.text(need.polynomial), "cell")
+
+        def positive(expansion: Any, tokens: tuple[str, ...] = tokens) -> bool:
+            value = Reader(expansion, tokens).value.get(0, 0)
+            return bool(expansion.arithmetic.nonzero(expansion.arithmetic.number(Fraction(0)) + value) > 0)
+
+        found.append(need_of(">", need.polynomial if question.in_balls(0, positive) else -need.polynomial))
+    return found
+
+
+def strongest(ring: Letters, needs: Sequence[Need]) -> list[Need]:
+    """Those that do not follow from the others, without the factors whose sign does."""
+    plain = Knowledge(ring)
+    kept = [need for need in dict.fromkeys(needs) if not plain.implies(need)]
+    for _ in range(2):
+        kept = fewer(ring, kept)
+    return kept
+
+
+def fewer(ring: Letters, kept: list[Need]) -> list[Need]:
+    for need in sorted(kept, key=lambda one: (len(one.polynomial), one.kind == ">", one.text), reverse=True):
+        rest = [one for one in kept if one is not need]
+        known = Knowledge(ring, rest)
+        kept = rest if known.implies(need) else [smaller(known, one) if one is need else one for one in kept]
+    return kept
+
+
+def smaller(known: Knowledge, need: Need) -> Need:
+    """Without factors of known signs; a + b sqrt(w) > 0 where a^2 > b^2 w is a > 0."""
+    ring = known.ring
+    (content, found), left = ring.factors(need.polynomial), ring.one
+    sign = 1 if content > 0 else -1
+    for p, k in found:
+        own = known.irreducible(p, 3) if k % 2 else 1
+        sign *= own or 1
+        left = left if own else left * p
+    for place, w in ring.squares.items() if need.kind == ">" else ():
+        if left.degrees()[place] == 1:
+            a, b = ring.parts_of(left, place, 1)
+            if known.sign(w.below * (a * a * w.below - b * b * w.above)) > 0:
+                left = a
+    return need_of(need.kind, left * sign) if not left.is_constant() else need
+
+
+def primitive(polynomial: Polynomial) -> Polynomial:
+    """Times a positive number, so that its coefficients are integers without a common factor."""
+    values = [coefficient for _, coefficient in polynomial.terms()]
+    scale = fmpq(math.lcm(*(int(c.q) for c in values)), math.gcd(*(int(c.p) for c in values)))
+    return polynomial * scale
+
+
+def is_affine(ring: Letters, polynomial: Polynomial) -> bool:
+    names = len(ring.question.names) + 1
+    return polynomial.total_degree() == 1 and all(k < names for k in ring.holds(polynomial))
+
+
+def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
+    """The members of the cell that do not follow from a stated domain; which stated members do not follow from it."""
+
+    def read(ring: Letters) -> None:
+        ring.entries = iter(())
+        own.clear()
+        said.clear()
+        for listed, found in ((cell.domain, own), (stated, said)):
+            for text in listed:
+                ring.needs = {}
+                found.append(list(needs_of_text(ring, text)))
+
+    own, said = list[list[Need]](), list[list[Need]]()
+    ring = letters_of(question, read)
+    known, proven = (Knowledge(ring, (need for needs in some for need in needs)) for some in (said, own))
+    missing = [text for text, needs in zip(cell.domain, own, strict=True) if not all(map(known.implies, needs))]
+    beyond = [k for k, needs in enumerate(said) if not all(map(proven.implies, needs))]
+    return missing, beyond
+
+
+def needs_of_text(ring: Letters, text: str, bound: dict[str, Quotient] | None = None) -> Iterator[Need]:
+    """Of A > B, A < B, A != B, or a chain of < or >; `bound` says what other names stand for."""
+    for kind in ("!=", "<", ">"):
+        sides = text.split(kind)
+        if len(sides) > 1:
+            values = [Reader(ring, read_tokens(side, "domain"), **(bound or {})).value for side in sides]
+            for left, right in pairwise(values):
+                weights = [-1, 1] if kind == "<" else [1, -1]
+                yield from ring.pieces("!=" if kind == "!=" else ">", ring.add([left, right], weights))
+            return
+    raise Ended("invalid", "A domain is a list of inequalities A > B, A < B, A != B.")

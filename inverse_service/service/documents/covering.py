@@ -1,0 +1,72 @@
+"""Whether stated domains have what a proof needs, and whether the cells of a result cover those of its document."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from time import thread_time
+from typing import Any
+
+from inverse_service.algebra.elementary import to_kernels
+from inverse_service.algebra.real_point import RealTable, are_positive, find_real_point
+from inverse_service.certificate import cell
+from inverse_service.certificate.checker import CheckResult, Question
+from inverse_service.certificate.formulas import Ended
+from inverse_service.errors import InputError
+from inverse_service.expressions.tree import Arbitrary, Expression, walk
+from inverse_service.inverse_problem.decision.analysis import variables_of
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
+
+_SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
+
+
+def lacking(
+    certificate: Mapping[str, Any], stated: Sequence[str], proof: CheckResult, limit: float
+) -> tuple[list[str], set[int]]:
+    """The members of the proven cell that do not follow from a stated domain; stated ones that were not proven."""
+    if proof.cell is None:
+        return [], {*range(len(stated))}
+    tools = random.Random(), thread_time() + max(1.0, limit)
+    question = Question(tools, certificate["system"], True, dict(certificate))
+    question.read_integrals(certificate.get("integrals") or {})
+    try:
+        missing, beyond = cell.lacking(question, stated, proof.cell)
+    except Ended as end:
+        return ([*end.args[1:]], set()) if end.args[0] == "invalid" else ([], {*range(len(stated))})
+    return missing, {*beyond}
+
+
+def trees_of(domain: Sequence[str], names: Names) -> list[Expression]:
+    """What a domain says is positive, as trees."""
+    found = []
+    for text in domain:
+        for sign in "<>":
+            sides = [read_formula(side, names) for side in text.split(sign)] if sign in text else []
+            pairs = pairwise(sides)
+            found += [left - right if sign == ">" else right - left for left, right in pairs]
+    return found
+
+
+def gaps(system: SecondOrderSystem, result: Mapping[str, Any], sides: Sequence[Sequence[str]]) -> str:
+    """What is wrong where a point of the document lies in no cell: `sides` are those of the answers that are proven."""
+    listed = [*sides, *(one.get("domain") or [] for one in result.get("not_answered") or [])]
+    try:
+        cells = [trees_of(domain, system.names) for domain in listed]
+    except InputError:
+        return "A domain cannot be read."
+    if any(isinstance(node, Arbitrary) for cell in cells for tree in cell for node in walk(tree)):
+        return ""
+    points = [_point(one, 1) for one in branches_of(system)] + [_point(system, seed) for seed in _SEEDS]
+    for point in filter(None, points):
+        if not any(are_positive(cell, point) for cell in cells):
+            place = ", ".join(f"{key} = {float(value):.4g}" for key, value in list(point.items())[:6])
+            return f"No cell holds the point {place}."
+    return ""
+
+
+def _point(system: SecondOrderSystem, seed: int) -> RealTable | None:
+    kernels = tuple(map(to_kernels, system.accelerations))
+    return find_real_point(kernels, variables_of(system), seed, system.positive)

@@ -1,0 +1,136 @@
+"""The canonical statement of a check: written from the certificates that were found valid, and from nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from inverse_service.certificate.cell import Cell
+from inverse_service.certificate.checker import CheckResult
+from inverse_service.expressions.inequalities import inequality
+from inverse_service.expressions.notation import row
+from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.inverse_problem.decision.certify import where_of
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
+
+QUESTIONS: Final = {"autonomous": "L(q, q')", "time_dependent": "L(t, q, q')"}
+_SAYS: Final = {
+    "variational": "there is a regular Lagrangian {}",
+    "not_variational": "there is no regular Lagrangian {}",
+}
+
+
+def names_of(
+    system: Mapping[str, Any], certificate: Mapping[str, Any] | None = None, more: Iterable[str] = ()
+) -> Names:
+    """What formulas about a system may hold, with the integrals of a certificate and momenta."""
+    integrals = ((certificate or {}).get("integrals") or {}).items()
+    functions = {**system.get("functions", {}), **{name: one["arguments"] for name, one in integrals}}
+    parameters = (*(system.get("parameters") or ()), *more)
+    return Names(tuple(system["coordinates"]), parameters, {name: tuple(of) for name, of in functions.items()})
+
+
+def domain_of(proven: Cell | None, names: Names) -> tuple[list[str], list[str]]:
+    """Members of a cell as a person writes them, in text and in LaTeX."""
+    where = where_of(proven, names)
+    found = [*(row(tree, " != 0") for tree in where.nonzero), *map(inequality, where.positive)]
+    return [one.text for one in found], [one.latex for one in found]
+
+
+def cell(
+    system: Mapping[str, Any],
+    question: str,
+    verdict: str,
+    certificate: Mapping[str, Any],
+    proof: CheckResult,
+    hamiltonian: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """What was proven on one cell."""
+    names, proven = names_of(system, certificate), proof.cell
+    texts, latex = domain_of(proven, names)
+    lagrangian = certificate.get("lagrangian") if certificate["kind"] == "lagrangian" else None
+    return {
+        "question": QUESTIONS[certificate["question"]],
+        "verdict": verdict,
+        "domain": texts,
+        "domain_latex": latex,
+        "one_side": bool(proven and proven.one_side),
+        "sides": [] if proven is None else list(proven.sides),
+        "near": dict(certificate.get("near") or {}),
+        "among": certificate.get("among"),
+        "lagrangian": lagrangian,
+        "hamiltonian": None if hamiltonian is None else hamiltonian["text"],
+        "momenta": None if hamiltonian is None else dict(hamiltonian["momenta"]),
+    }
+
+
+def of_certificate(certificate: Mapping[str, Any], proof: CheckResult) -> dict[str, Any]:
+    """The statement that one certificate proves."""
+    system = certificate["system"]
+    return _statement(system, cell(system, certificate["question"], certificate["claim"], certificate, proof))
+
+
+def cell_of(statement: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: statement[key] for key in ("domain", "near", "verdict")}
+
+
+def of_cells(
+    result: Mapping[str, Any], system: Mapping[str, Any], cells: Sequence[Mapping[str, Any]]
+) -> dict[str, Any] | None:
+    """The statement of a result: of its main fields, with the other cells in words."""
+    if not cells:
+        return None
+    found = _statement(system, cells[0])
+    if len(cells) > 1:
+        verdicts = {one["verdict"] for one in cells}
+        found["text"] = "\n".join(_words(system, one) for one in cells)
+        found["latex"] = " \\\\ ".join(_latex(system, one) for one in cells)
+        found["verdict"] = verdicts.pop() if len(verdicts) == 1 else "differs"
+    return found
+
+
+def _statement(system: Mapping[str, Any], one: Mapping[str, Any]) -> dict[str, Any]:
+    shown = {key: system.get(key) or [] for key in ("coordinates", "equations", "parameters", "functions")}
+    kept = {key: one[key] for key in ("question", "verdict", "domain", "near", "lagrangian", "hamiltonian", "momenta")}
+    found = {"system": shown} | kept | {"exceptions": None, "text": _words(system, one), "latex": _latex(system, one)}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
+    equations = ", ".join(f"{name}'' = {text}" for name, text in system["equations"].items())
+    rates = ", ".join(f"{name}' = {text}" for name, text in (system.get("velocities") or {}).items())
+    kind = f" of the kind {one['among']}" if one["among"] is not None else ""
+    says = _SAYS[one["verdict"]].format(one["question"]) + kind
+    parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}."]
+    parts += [f"L = {one['lagrangian']}."] if one["lagrangian"] else []
+    if one["hamiltonian"]:
+        momenta = ", ".join(f"{name} = {text}" for name, text in one["momenta"].items())
+        parts.append(f"H = {one['hamiltonian']}, with {momenta}.")
+    return " ".join(parts)
+
+
+def where(one: Mapping[str, Any]) -> str:
+    """Where a cell lies, in words: " where x*y > 0, on the side of x = 1, y = 1"; nothing for all that is defined."""
+    point = ", ".join(f"{name} = {value}" for name, value in one["near"].items() if _occurs(name, one["domain"]))
+    side = f", on the side of {point}" if one["one_side"] and point else ""
+    return f" where {', '.join(one['domain'])}{side}" if one["domain"] else ""
+
+
+def _occurs(name: str, domain: Iterable[str]) -> bool:
+    words = "".join(c if c.isalnum() or c in "_'" else " " for text in domain for c in f"{text} ").split()
+    return name in words
+
+
+def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
+    names = names_of(system)
+    unsolved = any("''" in text for text in system["equations"].values())
+    equations = [
+        f"{to_latex(read_formula(text, names))} = 0" if unsolved else f"\\ddot{{{name}}} = {_written(text, names)}"
+        for name, text in system["equations"].items()
+    ]
+    return ", \\; ".join([*equations, *one["domain_latex"]])
+
+
+def _written(text: str, names: Names) -> str:
+    return to_latex(read_formula(text, names))
