@@ -129,9 +129,7 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
     except IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)
     seconds["analysis"] = now() - began - seconds["conditions"]
-    work = Work(
-        analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed
-    )
+    work = Work(analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed)
     hand_over(work, "conditions")
     autonomous, with_time = _placed(_explained(_answers(work), system), system)
     provenance: dict[str, Any] = {
