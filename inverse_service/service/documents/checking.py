@@ -20,7 +20,7 @@ from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents import accepting, covering, hamiltonians, statements, translate
+from inverse_service.service.documents import accepting, canonical, covering, hamiltonians, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
@@ -118,10 +118,10 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
         )
         reasons = (*reasons, *compared.reasons)
         found = compared if compared.verdict != "valid" else proof
-    statement = None if found.verdict != "valid" else statements.of_certificate(certificate, proof)
+    statement = None if found.verdict != "valid" else canonical.of_certificate(certificate, proof)
     more = {
         "statement": statement,
-        "cells": [] if statement is None else [statements.cell_of(statement)],
+        "cells": [] if statement is None else [canonical.cell_of(statement)],
         "not_checked": [f"/{key}" for key in certificate if key not in _READ and certificate[key] not in ("", None)],
     }
     return _answer(CheckResult(found.verdict, reasons), **more)
@@ -187,7 +187,7 @@ class Examination:
         return _answer(
             CheckResult(verdict, (*reasons, *told)),  # type: ignore[arg-type]
             statement=self.statement if verdict != "invalid" else None,
-            cells=[statements.cell_of(one) for one in self.cells],
+            cells=[canonical.cell_of(one) for one in self.cells],
             contradictions=self.contradictions,
             not_checked=listed,
         )
@@ -236,7 +236,7 @@ class Examination:
             self.covered(plain)
         self.named(plain, own)
         if not self.contradictions:
-            self.statement = statements.of_cells(result, own, self.cells)
+            self.statement = canonical.of_cells(result, own, self.cells)
 
     def question(self, plain: Any, own: dict[str, Any]) -> bool:
         """Whether the main fields answer L(t, q, q')."""
@@ -278,7 +278,7 @@ class Examination:
         if verdict != "undetermined" and certificates[0] is not None:
             proof = self.proof(certificates[0])
             energy = part.get("hamiltonian") if f"{at}/hamiltonian/text" in self.claimed else None
-            self.cells.append(statements.cell(own, asked, str(verdict), certificates[0], proof, energy))
+            self.cells.append(canonical.cell(own, asked, str(verdict), certificates[0], proof, energy))
         return good and None not in certificates and "undetermined" not in (verdict, later)
 
     def proof(self, certificate: dict[str, Any]) -> CheckResult:
@@ -349,7 +349,7 @@ class Examination:
 
     def latex(self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]) -> None:
         """LaTeX that is what the formula is written as."""
-        names = statements.names_of(system, certificate, part.get("momenta") or ())
+        names = canonical.names_of(system, certificate, part.get("momenta") or ())
         if part.get("latex") and part["latex"] == to_latex(read_formula(part["text"], names)):
             self.claim(f"{at}/latex")
 
@@ -564,7 +564,7 @@ class Examination:
 
             found = parse_associated(to_nonholonomic_schema(plain)) or {}
             wanted = {name: one["text"] for name, one in found.get("equations", {}).items()}
-            same = hamiltonians.same_formulas(own["equations"], wanted, statements.names_of(own))
+            same = hamiltonians.same_formulas(own["equations"], wanted, canonical.names_of(own))
             if same is None:
                 self.unsettled("Whether this is the associated system that the document names was not settled.")
             else:
@@ -572,7 +572,7 @@ class Examination:
         energy = result.get("hamiltonian")
         certificate = _object(result.get("certificate"))
         if isinstance(energy, dict) and energy.get("constraints") and "/hamiltonian/momenta" in self.claimed:
-            good = hamiltonians.image_agrees(plain, energy, statements.names_of(own, certificate, energy["momenta"]))
+            good = hamiltonians.image_agrees(plain, energy, canonical.names_of(own, certificate, energy["momenta"]))
             if good is not None:
                 self.agree(
                     "/hamiltonian/constraints", good, energy["constraints"], "It is not the image of the constraints."
@@ -592,7 +592,7 @@ class Examination:
 
     def named(self, plain: Any, own: dict[str, Any]) -> None:
         """LaTeX of the equations, names that were guessed, and the branches themselves."""
-        latex, names = _object(self.result["system"].get("latex")), statements.names_of(own)
+        latex, names = _object(self.result["system"].get("latex")), canonical.names_of(own)
         for name, text in latex.items():
             written = to_latex(read_formula(own["equations"].get(name, "0"), names))
             if text.endswith(f" = {written}"):
@@ -658,8 +658,8 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
     """
     end = now() + max(1.0, time_limit)
     compare_motion(result, end - now())
-    for canonical in _systems(result):
-        found = compared_with_document(result["system"]["given"], canonical, end - now())
+    for each in _systems(result):
+        found = compared_with_document(result["system"]["given"], each, end - now())
         if found.verdict == "invalid":
             why = "; ".join(found.reasons)
             raise CertificateRefused(f"what was solved is not what was given: {why}"[:500])

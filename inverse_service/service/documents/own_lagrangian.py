@@ -25,7 +25,7 @@ from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, eu
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 from inverse_service.reading.document_names import Declared, known_names
-from inverse_service.service.documents import accepting, statements, translate
+from inverse_service.service.documents import accepting, canonical, translate
 
 POINTER = "/lagrangian"
 AS_WRITTEN = (
@@ -133,7 +133,7 @@ class _Judging:
         near = certificate.get("near", {})
         if proof.verdict == "valid" and proof.cell is not None:
             where = certify.where_of(proof.cell, system.names)
-            statement = statements.of_certificate(certificate, proof)
+            statement = canonical.of_certificate(certificate, proof)
             found = self.cell(system, near, "valid", proof.reasons)
             found |= {"domain": statement["domain"], "statement": statement, "sides": where.sides}
             if where.one_side:
