@@ -29,6 +29,7 @@ from inverse_service.settings import Settings
 from inverse_service.web import pages
 from inverse_service.web.asking import LARGEST_FACTOR, Hub, until_set
 from inverse_service.web.clients import QUICK_PROCESSES, QUICK_SHARE, ByteBudget, Keys, Places
+from inverse_service.web.known import KnownAnswers
 from inverse_service.web.problems import Refusal
 
 log = logging.getLogger(__name__)
@@ -36,8 +37,9 @@ log = logging.getLogger(__name__)
 QUICK_DEADLINE = 1.0
 SECONDS_FOR_A_BYTE = 2e-6
 LONG_DEADLINE = 15.0
-# Another front end over the same store tells this one nothing: look again.
 LOOK_AGAIN = 0.5
+# A stream says that it lives this often, s.
+KEEP_ALIVE = 10.0
 STORE_THREADS = 32
 # A database that is away is waited for by whoever asks it, never by the loop; s.
 STORE_PATIENCE = 20.0
@@ -64,6 +66,7 @@ class Engine:
         self.keys = Keys(settings)
         self.started = time.time()
         self.counters = Counters()
+        self.known = KnownAnswers()
         self._working: Executor = _executor(settings)
         self._quick = Workers(QUICK_PROCESSES, settings.memory_limit, QUICK_SHARE)
         self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
@@ -96,6 +99,7 @@ class Engine:
         bound = self.settings.client_running
         self.supervisor = Supervisor(self.store, self._working, self.counters, bound, self._quick)
         self.store.on_change(self.hub.tell)
+        self.store.on_change(self.known.drop)
         self.supervisor.start()
         self._cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
         self._lag = asyncio.ensure_future(self._measure_lag())
@@ -173,10 +177,17 @@ class Engine:
         """The stored job of a question; an answered one without a look at a worker."""
         job, is_known = await self.read(self._submit, viewer.own(request))
         if is_known:
-            self.counters.add(
-                "inverse_service_answers_from_store_total", "Questions that were known already.", kind=request.kind
-            )
+            self.count_known(request.kind)
         return job
+
+    def count_known(self, kind: str) -> None:
+        """One more question was answered without work."""
+        self.counters.add("inverse_service_answers_from_store_total", "Questions that were known already.", kind=kind)
+
+    @property
+    def look_again(self) -> float:
+        """After so many seconds who waits for a job looks by himself: another front end tells this one nothing."""
+        return KEEP_ALIVE if self.store.exclusive else LOOK_AGAIN
 
     def _submit(self, request: JobRequest) -> tuple[Job, bool]:
         found = self.store.job(request.id, with_body=False)
@@ -195,7 +206,7 @@ class Engine:
                 left = end - time.monotonic()
                 if job.is_final or left <= 0 or self.hub.closing:
                     return job
-                await until_set(changed, min(left, LOOK_AGAIN))
+                await until_set(changed, min(left, self.look_again))
 
     async def dismiss(self, id: str, viewer: Viewer) -> Job | None:
         """Cancel a job for a client; its process is killed where nobody else waits for it."""

@@ -18,6 +18,7 @@ from inverse_service.service.jobs.batch_output import answer_line, line_head
 from inverse_service.service.jobs.batches import Batch, BatchAnswer
 from inverse_service.service.jobs.model import Job, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer
+from inverse_service.web.asking import Preference
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import MEDIA_TYPE
@@ -87,23 +88,30 @@ REVALIDATE = "private, no-cache"
 VARY = {"Vary": "Accept"}
 
 
-async def result_response(request: Request, job: Job, engine: Engine, applied: str) -> Response:
+async def result_response(
+    request: Request, job: Job, engine: Engine, applied: dict[str, str]
+) -> tuple[dict[str, str] | None, Response]:
     """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look.
 
-    `Accept` of text, LaTeX or a SymPy program gives the result of `solve` in that form.
+    With a result its headers, without those that are `applied` of the preferences of this call. `Accept` of text,
+    LaTeX or a SymPy program gives the result of `solve` in that form.
     """
-    headers = {"Location": address(job)} | ({"Preference-Applied": applied} if applied else {})
+    headers = {"Location": address(job)}
     if job.is_open:
-        headers["Retry-After"] = RETRY_AFTER
-        return Response(await job_json(job, engine), 202, headers, JSON)
+        return None, Response(await job_json(job, engine), 202, headers | applied | {"Retry-After": RETRY_AFTER}, JSON)
     if job.status == "successful":
         written = media_type_of(request) if job.kind == "solve" else None
         headers |= {"ETag": etag(job, written), "Link": f'</results/{job.id}>; rel="canonical"'} | VARY
         if written:
-            return await written_response(request, job, engine, written, headers)
-        return await stored_response(engine, job.id, headers)
+            return headers, await written_response(request, job, engine, written, headers | applied)
+        return headers, await stored_response(engine, job.id, headers | applied)
     body = await problem_of(job, engine)
-    return Response(body, json.loads(body)["status"], headers, MEDIA_TYPE)
+    return None, Response(body, json.loads(body)["status"], headers | applied, MEDIA_TYPE)
+
+
+def applied_of(preference: Preference) -> dict[str, str]:
+    """The header that says which preferences were heard."""
+    return {"Preference-Applied": preference.applied} if preference.applied else {}
 
 
 async def job_response(request: Request, job: Job, engine: Engine) -> Response:

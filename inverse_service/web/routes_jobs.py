@@ -19,19 +19,27 @@ from inverse_service.service.jobs.tasks import AskingTerms, ask_task
 from inverse_service.web import openapi
 from inverse_service.web.asking import FACTORS, json_body_of, preference_of, time_limit_of, until_set, wants_fresh
 from inverse_service.web.clients import client_of, require_client, viewer_of
-from inverse_service.web.engine import LOOK_AGAIN, Engine
-from inverse_service.web.job_answers import job_fields, job_response, result_response, whole_job
+from inverse_service.web.engine import KEEP_ALIVE, LOOK_AGAIN, Engine
+from inverse_service.web.job_answers import (
+    JSON,
+    applied_of,
+    job_fields,
+    job_response,
+    media_type_of,
+    result_response,
+    whole_job,
+)
+from inverse_service.web.known import digest
 from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(require_client)])
-KEEP_ALIVE = 10.0
 STILL_THERE = b": still there\n\n"
 EVENT = {
     "type": "object",
     "required": ["id", "event", "data"],
     "properties": {
         "id": {"type": "string"},
-        "event": {"enum": ["status", "progress"]},
+        "event": {"enum": ["status", "progress", "part"]},
         "data": {"type": "string", "contentMediaType": "application/json", "contentSchema": {"type": "object"}},
     },
 }
@@ -64,14 +72,22 @@ async def ask(request: Request, kind: str) -> Response:
     preference = preference_of(request)
     client, server, viewer = client_of(request), engine.server_options, viewer_of(request)
     terms = AskingTerms(kind, server, time_limit_of(request, server), client, wants_fresh(request))
+    media_type, whose = media_type_of(request) or "", "" if viewer.sees_all else viewer.name
     async with json_body_of(request, FACTORS[kind] * engine.settings.max_body) as body:
+        key = digest(kind, whose, media_type, str(terms.time_limit), body)
+        if not terms.fresh and (known := engine.known.get(key)) is not None:
+            engine.count_known(kind)
+            return Response(known.body, 200, known.headers | applied_of(preference), JSON)
         question = await engine.read_body(client, ask_task, body, terms)
     job = await engine.submit(question, viewer)
     if job.is_open and preference.wait > 0:
         job = await engine.wait(job, viewer, preference.wait)
     elif job.is_open and kind == "solve":
         await engine.look_ahead(client, question.document)
-    return await result_response(request, job, engine, preference.applied)
+    headers, answer = await result_response(request, job, engine, applied_of(preference))
+    if headers and job.expires is None and not media_type and not isinstance(answer, StreamingResponse):
+        engine.known.keep(key, job.id, headers, bytes(answer.body))
+    return answer
 
 
 @router.get("/v1/jobs", response_model=JobList, responses={**openapi.refusals(422), **openapi.KEY_AND_RATE})
@@ -143,6 +159,7 @@ async def events(request: Request, id: str) -> Response:
 
 async def _stream(engine: Engine, id: str, viewer: Viewer, after: int) -> AsyncIterator[bytes]:
     yield b"retry: 1000\n\n"
+    # Where only this process changes the store, each change wakes the stream; it looks by itself to say that it lives.
     with engine.hub.waiting(id) as changed:
         silent = 0.0
         while not engine.hub.closing:
@@ -163,8 +180,8 @@ async def _stream(engine: Engine, id: str, viewer: Viewer, after: int) -> AsyncI
                     yield written(last)
                 return
             silent = 0.0 if new else silent
-            if not await until_set(changed, LOOK_AGAIN):
-                silent += LOOK_AGAIN
+            if not await until_set(changed, engine.look_again):
+                silent += engine.look_again
             if silent >= KEEP_ALIVE:
                 silent = 0.0
                 yield STILL_THERE

@@ -138,6 +138,16 @@ class EventLog:
         if pending:
             self._store.add_events(pending)
 
+    def pending(self, id: str) -> list[Event]:
+        """The events of a job that are not written yet; its end is written with them, and then it is `written`."""
+        with self._lock:
+            return [event for job, event in self._pending if job == id]
+
+    def written(self, id: str, events: list[Event]) -> None:
+        """These are in the store."""
+        with self._lock:
+            self._pending = [(job, event) for job, event in self._pending if job != id or event not in events]
+
     def _append(self, job: Job, kind: str, data: Mapping[str, Any]) -> None:
         # Nobody watches a single line of a batch.
         if job.priority >= BULK:

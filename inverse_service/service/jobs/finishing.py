@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from inverse_service.errors import InverseServiceError
 from inverse_service.service.documents import answers
 from inverse_service.service.documents.answers import result_document
-from inverse_service.service.jobs.model import MAX_CRASHES, MAX_UNSTARTED, TRANSIENT, Job, JobOptions, stored_options
+from inverse_service.service.jobs.model import (
+    MAX_CRASHES,
+    MAX_UNSTARTED,
+    TRANSIENT,
+    Event,
+    Job,
+    JobOptions,
+    stored_options,
+)
 from inverse_service.service.jobs.outcome import Outcome, Usage
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.tasks import KINDS, label_of, solve_options
@@ -27,8 +35,14 @@ def is_undetermined(job: Job, outcome: Outcome) -> bool:
     return outcome.status in LIMITS and KINDS[job.kind].limit_is_answer
 
 
-def finish(store: JobStore, job: Job, outcome: Outcome, so_far: Mapping[str, Any] | None = None) -> str:
-    """Store what came of the job; the label it is counted under ("again": it will run once more).
+def finish(
+    store: JobStore,
+    job: Job,
+    outcome: Outcome,
+    so_far: Mapping[str, Any] | None = None,
+    events: Sequence[Event] = (),
+) -> str:
+    """Store what came of the job, and its last `events`; the label it is counted under ("again": it runs once more).
 
     A job that was ended has as its result what is finished of it, `so_far`; where that is not known, and a limit
     stopped it, its value is how the system was understood.
@@ -37,6 +51,7 @@ def finish(store: JobStore, job: Job, outcome: Outcome, so_far: Mapping[str, Any
     if outcome.status == "cancelled":
         # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
         left = None if so_far is None else as_body(undetermined(outcome, options, so_far))
+        store.add_events((job.id, event) for event in events)
         store.release(job.id, job.attempt, crashed=False, usage=usage, left=left)
         return "cancelled"
     if outcome.status in ("crash", "killed") and job.crashes + 1 < MAX_CRASHES:
@@ -51,17 +66,17 @@ def finish(store: JobStore, job: Job, outcome: Outcome, so_far: Mapping[str, Any
         if fault:
             log.error("no verdict for a fault of the program (%s)", fault, extra={"job": job.id})
         by_clock = label == "undetermined" and usage.cpu > CLOCK_SHARE * options.time_limit
-        store.finish(job.id, job.attempt, outcome.value.body, usage, TRANSIENT if by_clock or fault else None)
+        store.finish(job.id, job.attempt, outcome.value.body, usage, TRANSIENT if by_clock or fault else None, events)
         return str(label)
     if outcome.status in ("crash", "fault", "unstarted"):
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
     if is_undetermined(job, outcome) or (so_far is not None and outcome.status in ("crash", "killed")):
         result = undetermined(outcome, options, so_far)
-        store.finish(job.id, job.attempt, as_body(result), usage, TRANSIENT)
+        store.finish(job.id, job.attempt, as_body(result), usage, TRANSIENT, events)
         return label_of(result)
     problem = answers.of_outcome(outcome, options.time_limit, options.memory_limit)
     kept = None if outcome.status == "refused" else TRANSIENT
-    store.fail(job.id, job.attempt, answers.as_bytes(problem), usage, kept)
+    store.fail(job.id, job.attempt, answers.as_bytes(problem), usage, kept, events)
     return outcome.status
 
 

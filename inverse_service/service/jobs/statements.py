@@ -7,6 +7,7 @@ taken in the order jobs (by id), then batches (by id), so that no two wait for e
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -226,6 +227,12 @@ def end(
     count_use(session, changed["client"], usage)
     number_lines(session, "job = ?", (id,))
     return True
+
+
+def add_events(session: Session, events: Sequence[tuple[str, model.Event]]) -> None:
+    """Append events of jobs; those that are there already stay."""
+    rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
+    session.many("INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING", rows)
 
 
 def release(

@@ -99,21 +99,48 @@ class JobStore(ABC):
             return []
         return self._write(lambda s: statements.heartbeat(s, owner, running), durable=False)
 
-    def finish(self, id: str, attempt: int, result: bytes, usage: Usage, kept: float | None = None) -> bool:
-        """running -> successful; False where the attempt is no longer the current one.
+    def finish(
+        self,
+        id: str,
+        attempt: int,
+        result: bytes,
+        usage: Usage,
+        kept: float | None = None,
+        events: Sequence[model.Event] = (),
+    ) -> bool:
+        """running -> successful, with the last events; False where the attempt is no longer the current one.
 
         After `kept` s (None: never) the question is computed again where it is asked again.
         """
-        return self._end(id, attempt, "successful", result, usage, kept)
+        return self._end(id, attempt, "successful", result, usage, kept, events)
 
-    def fail(self, id: str, attempt: int, problem: bytes, usage: Usage, kept: float | None = None) -> bool:
-        """running -> failed; False where the attempt is no longer the current one."""
-        return self._end(id, attempt, "failed", problem, usage, kept)
+    def fail(
+        self,
+        id: str,
+        attempt: int,
+        problem: bytes,
+        usage: Usage,
+        kept: float | None = None,
+        events: Sequence[model.Event] = (),
+    ) -> bool:
+        """running -> failed, with the last events; False where the attempt is no longer the current one."""
+        return self._end(id, attempt, "failed", problem, usage, kept, events)
 
     def _end(
-        self, id: str, attempt: int, status: model.JobStatus, body: bytes, usage: Usage, kept: float | None
+        self,
+        id: str,
+        attempt: int,
+        status: model.JobStatus,
+        body: bytes,
+        usage: Usage,
+        kept: float | None,
+        events: Sequence[model.Event],
     ) -> bool:
-        return self._write(lambda s: statements.end(s, id, attempt, status, body, usage, kept), lambda _: [id])
+        def end(session: Session) -> bool:
+            statements.add_events(session, [(id, event) for event in events])
+            return statements.end(session, id, attempt, status, body, usage, kept)
+
+        return self._write(end, lambda _: [id])
 
     def release(
         self, id: str, attempt: int, crashed: bool, usage: Usage = NO_USE, left: bytes | None = None
@@ -160,9 +187,9 @@ class JobStore(ABC):
 
     def add_events(self, events: Iterable[tuple[str, model.Event]]) -> None:
         """Append events (job id, event); need not be durable."""
-        rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
-        insert = "INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING"
-        self._write(lambda s: s.many(insert, rows), lambda _: {row[0] for row in rows}, durable=False)
+        told = list(events)
+        if told:
+            self._write(lambda s: statements.add_events(s, told), lambda _: {id for id, _ in told}, durable=False)
 
     def events(self, id: str, after: int = 0, limit: int = 1000) -> list[model.Event]:
         """Events of a job with greater numbers than `after`, in order."""

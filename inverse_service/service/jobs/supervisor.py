@@ -264,8 +264,9 @@ class Supervisor:
             log.exception("a fault could not be stored", extra={"job": job.id})
 
     def _finish(self, job: Job, outcome: Outcome) -> None:
-        self.events.flush()
-        label = finishing.finish(self._store, job, outcome, self.events.so_far(job.id))
+        events = self.events.pending(job.id)
+        label = finishing.finish(self._store, job, outcome, self.events.so_far(job.id), events)
+        self.events.written(job.id, events)
         self.events.end(job, again=label == "again")
         if outcome.status in ("crash", "killed"):
             self.counters.add(*DEATHS, how=outcome.status)

@@ -343,11 +343,13 @@ class Refusing(SqliteStore):
     away = True
     error: Exception = sqlite3.OperationalError("database or disk is full")
 
-    def finish(self, id: str, attempt: int, body: bytes, usage: Usage, kept: float | None = None) -> bool:
+    def finish(
+        self, id: str, attempt: int, body: bytes, usage: Usage, kept: float | None = None, events: Any = ()
+    ) -> bool:
         if self.away:
             self.refused.set()
             raise self.error
-        return super().finish(id, attempt, body, usage, kept)
+        return super().finish(id, attempt, body, usage, kept, events)
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)

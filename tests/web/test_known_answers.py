@@ -1,0 +1,65 @@
+"""A question that was answered a moment ago is answered from memory, until its job changes."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import httpx
+
+from inverse_service.web.known import KnownAnswers, digest
+
+SYSTEM = {"name": "known", "coordinates": ["x"], "equations": {"x": "-3*x"}}
+WAIT = {"Prefer": "wait=20"}
+
+
+def answers_from_store(client: httpx.Client) -> float:
+    lines = client.get("/metrics").text.splitlines()
+    return sum(float(line.split()[-1]) for line in lines if line.startswith("inverse_service_answers_from_store_total"))
+
+
+def test_the_same_bytes_have_the_same_answer_and_headers(service: str) -> None:
+    with httpx.Client(base_url=service, timeout=60) as client:
+        first = client.post("/v1/solve", json=SYSTEM, headers=WAIT)
+        before = answers_from_store(client)
+        for _ in range(3):
+            again = client.post("/v1/solve", json=SYSTEM, headers=WAIT)
+            assert (again.status_code, again.content) == (200, first.content)
+            for name in ("location", "etag", "link", "content-type", "preference-applied", "vary"):
+                assert again.headers[name] == first.headers[name]
+        assert answers_from_store(client) == before + 3
+        # Other options and other forms are other questions; one asked anew is computed again.
+        other = client.post("/v1/solve?time_limit=5", json=SYSTEM, headers=WAIT)
+        assert other.headers["location"] != first.headers["location"]
+        text = client.post("/v1/solve", json=SYSTEM, headers=WAIT | {"Accept": "text/plain"})
+        assert text.headers["content-type"].startswith("text/plain")
+        new = client.post("/v1/solve", json=SYSTEM, headers=WAIT | {"Cache-Control": "no-cache"})
+        assert new.headers["etag"] != first.headers["etag"]
+        assert client.post("/v1/solve", json=SYSTEM, headers=WAIT).headers["etag"] == new.headers["etag"]
+
+
+def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> None:
+    known = KnownAnswers()
+    known.keep(b"a", "job", {"ETag": "1"}, b"body" * 100)
+    known.keep(b"b", "job", {"ETag": "1"}, b"body")
+    known.keep(b"c", "other", {}, b"else")
+    found = known.get(b"a")
+    assert found is not None
+    assert (found.body, found.headers) == (b"body" * 100, {"ETag": "1"})
+    assert len(found.compressed) < 50
+    known.drop("job")
+    assert (known.get(b"a"), known.get(b"b")) == (None, None)
+    assert known.get(b"c") is not None
+    monkeypatch.setattr("inverse_service.web.known.MOST_BYTES", 1_000)
+    threads = [
+        threading.Thread(target=lambda n=n: [known.keep(digest(str(n), str(k)), str(k), {}, b"x") for k in range(200)])
+        for n in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert known._bytes <= 1_000
+    monkeypatch.setattr("inverse_service.web.known.KEPT", -1.0)
+    known.keep(b"d", "old", {}, b"x")
+    assert known.get(b"d") is None
