@@ -8,6 +8,8 @@ import sys
 import time
 
 from fastapi import APIRouter, Depends
+from prometheus_client.core import CounterMetricFamily
+from prometheus_client.metrics_core import Metric
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 
@@ -17,7 +19,7 @@ from inverse_service import __version__, catalogue
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
-from inverse_service.service.jobs.metrics import Labels, Metric, gauge, written
+from inverse_service.service.jobs.metrics import gauge
 from inverse_service.service.jobs.model import STATUSES, engine_version
 from inverse_service.service.jobs.tasks import parse_task
 from inverse_service.service.jobs.worker_process import MOST_CROWDED
@@ -133,10 +135,9 @@ async def metrics(request: Request) -> Response:
     counts = await engine.read(engine.store.counts)
     oldest, size = await engine.read(engine.store.oldest), await engine.read(engine.store.size)
     age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
-    by_status: dict[Labels, float] = {(("status", s),): float(counts.get(s, 0)) for s in STATUSES}
+    by_status: dict[tuple[str, ...], float] = {(status,): float(counts.get(status, 0)) for status in STATUSES}
     found = [
-        *engine.counters.metrics(),
-        gauge("inverse_service_jobs", "Stored jobs by status.", by_status),
+        gauge("inverse_service_jobs", "Stored jobs by status.", by_status, ("status",)),
         gauge("inverse_service_queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
         gauge("inverse_service_queue_age_seconds", "How long the oldest of them waits.", age),
         gauge("inverse_service_store_bytes", "Size of the database.", size),
@@ -146,21 +147,16 @@ async def metrics(request: Request) -> Response:
         gauge("inverse_service_jobs_taken", "Jobs that this process has taken.", engine.supervisor.running),
         *_of_the_process(engine),
     ]
-    return Response(written(found), media_type=PROMETHEUS)
+    return Response(engine.counters.written(found), media_type=PROMETHEUS)
 
 
 def _of_the_process(engine: Engine) -> list[Metric]:
     own = resource.getrusage(resource.RUSAGE_SELF)
-    version: Labels = (("engine", engine_version()), ("version", __version__))
+    text = "Processor time of the web process; that of its workers is counted with jobs and quick tasks."
     return [
-        gauge("inverse_service_info", "What runs.", {version: 1.0}),
+        gauge("inverse_service_info", "What runs.", {(engine_version(), __version__): 1.0}, ("engine", "version")),
         gauge("inverse_service_uptime_seconds", "Since the start.", time.time() - engine.started),
-        Metric(
-            "inverse_service_process_cpu_seconds_total",
-            "counter",
-            "Processor time of the web process; that of its workers is counted with jobs and quick tasks.",
-            {("", ()): own.ru_utime + own.ru_stime},
-        ),
+        CounterMetricFamily("inverse_service_process_cpu_seconds", text, own.ru_utime + own.ru_stime),
         gauge(
             "inverse_service_process_memory_peak_bytes",
             "Largest resident memory of the service itself.",
