@@ -203,7 +203,8 @@ class Integrator:
     ) -> dict[int, Terms] | None:
         """A_i with d_j A_i - d_i A_j = fields[i, j]; `slopes` are the other terms, whose symmetries it is to have."""
         symbols = [ex.Symbol(name) for name in self.system.coordinates]
-        if all(_is_turned(symbols, slopes, *pair) for pair in fields):
+        ordered = sorted(pair for pair in fields if pair[0] < pair[1])
+        if all(_is_turned(symbols, slopes, [pair]) for pair in ordered) or _is_turned(symbols, slopes, ordered):
             radial = _along_rays(fields, symbols)
             if radial is not None:
                 return radial
@@ -333,12 +334,16 @@ def _by_velocity(terms: Terms, names: Sequence[str]) -> list[Terms] | None:
     return found
 
 
-def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[Terms], i: int, j: int) -> bool:
-    """Whether rotations of two coordinates, or scaling one up and the other down, change nothing in a potential."""
-    by = [{monomial(symbols[k]): Fraction(1)} for k in (i, j)]
-    turning = add_terms(multiply_terms(slopes[j], by[0]), multiply_terms(slopes[i], by[1]), -1)
-    scaling = add_terms(multiply_terms(slopes[i], by[0]), multiply_terms(slopes[j], by[1]), -1)
-    return not turning or not scaling
+def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[Terms], pairs: Sequence[tuple[int, int]]) -> bool:
+    """Whether turning these pairs of coordinates, or scaling one up and the other down, leaves the potential alone."""
+    turning, scaling = Terms(), Terms()
+    for i, j in pairs:
+        one, other = ({monomial(symbols[k]): Fraction(1)} for k in (i, j))
+        turning = add_terms(turning, multiply_terms(slopes[j], one))
+        turning = add_terms(turning, multiply_terms(slopes[i], other), -1)
+        scaling = add_terms(scaling, multiply_terms(slopes[i], one))
+        scaling = add_terms(scaling, multiply_terms(slopes[j], other), -1)
+    return is_zero(turning) or is_zero(scaling)
 
 
 def _along_rays(fields: dict[tuple[int, int], Terms], symbols: Sequence[ex.Symbol]) -> dict[int, Terms] | None:

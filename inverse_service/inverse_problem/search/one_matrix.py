@@ -76,9 +76,10 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
         search = OneMatrix.of(material.analysis.system, seed)
         if search is None:
             return []
-        found = search.lagrangian(Integrator(material.analysis.system, material.analysis.real_point))
+        entries, system, table = search.matrix(), material.analysis.system, material.analysis.real_point
+        found = search.lagrangian(Integrator(system, table), entries)
         if found is None:
-            found = search.lagrangian(Integrator(material.analysis.system, material.analysis.real_point, signs=True))
+            found = search.lagrangian(Integrator(system, table, signs=True), entries)
     except _FAILED:
         return []
     return [] if found is None or (ex.holds(found, ex.TIME) and not material.motion.with_time) else [found]
@@ -93,15 +94,16 @@ class OneMatrix:
     units: Units
     random: np.random.Generator
     pairs: list[tuple[int, int]]
-    velocities: int  # over one (t, q)
+    velocities: int = 1  # over one (t, q)
+    kernel: int = 0  # matrices that the conditions leave
 
     @classmethod
     def of(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
-        """None unless exactly one matrix is left."""
+        """None where no matrix that is free of the velocities is left."""
         forces = tuple(map(to_kernels, system.accelerations))
         n = len(forces)
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
-        found = cls(system, forces, Units.of(forces), np.random.default_rng(seed), pairs, 1)
+        found = cls(system, forces, Units.of(forces), np.random.default_rng(seed), pairs)
         last = len(pairs) + 1
         for found.velocities in range(1, max(3, n) + 1):
             dimension = found.dimension()
@@ -110,7 +112,8 @@ class OneMatrix:
             last = dimension
             if dimension <= 1 and found.velocities > 1:
                 break
-        return found if last == 1 else None
+        found.kernel = last
+        return found if last else None
 
     def points(self, fixed: Given, count: int) -> Points:
         return Points(self.system.coordinates, self.units, count, self.random, fixed)
@@ -169,10 +172,18 @@ class OneMatrix:
         ]
         return sorted(found, key=rank)
 
-    def lagrangian(self, integrator: Integrator) -> ex.Expression | None:
+    def matrix(self) -> list[Terms]:
+        """The one matrix, or of several the one of least degree."""
+        if self.kernel > 1:
+            from inverse_service.inverse_problem.search.lowest_degree import lowest_matrix
+
+            return lowest_matrix(self)
+        return Interpolation(self.matrix_values, self.variables(), self.units).terms()
+
+    def lagrangian(self, integrator: Integrator, entries: Sequence[Terms]) -> ex.Expression | None:
+        """The one with this matrix, up to a factor that is found."""
         variables = self.variables()
-        matrix = whole_numbers(Interpolation(self.matrix_values, variables, self.units).terms())
-        matrix = self._oriented(matrix, integrator)
+        matrix = self._oriented(whole_numbers(entries), integrator)
         scale = self._scale(matrix, variables, integrator)
         if scale is None:
             return None
