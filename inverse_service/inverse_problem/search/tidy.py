@@ -5,7 +5,7 @@ Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache, partial
@@ -14,6 +14,7 @@ from math import comb
 
 from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
+from inverse_service.algebra.point import variables_in
 from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
@@ -57,6 +58,7 @@ from inverse_service.inverse_problem.search.terms import (
     times,
     tree_of,
 )
+from inverse_service.mechanics.quadratic_forms import short_forms
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import joined
 
@@ -109,11 +111,39 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
     Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
     """
     tree = _merged(without_arctangents(tree))
+    with suppress(*_FAILED):
+        tree = _finite(tree, system)
     if _size(tree) > bounds.TERMS:
         return tree
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter
     return kinetic_first(numbers_outside(minus_inside(_as_written(joined(tree), system))))
+
+
+def _finite(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """With another constant in the potential, where it then divides by fewer constants, as f does.
+
+    a^2/(2 k (1 + k x^2)) less a^2/(2 k) is -a^2 x^2/(2 (1 + k x^2)), which has a value for k = 0.
+    """
+    terms = tree.terms if isinstance(tree, Sum) else (tree,)
+    rest = [term for term in terms if not has_velocity(term)]
+    parameters = _parameters(system)
+    divisors = _constant_divisors(rest, parameters) - _constant_divisors(system.accelerations, parameters)
+    if not divisors or any(holds(term, TIME) for term in rest):
+        return tree
+    potential = add(*rest)
+    start = substitute(potential, {Symbol(name): ZERO for name in system.coordinates})
+    symbols: list[Symbol | Velocity] = [*map(Symbol, (*system.parameters, *system.coordinates))]
+    (moved,) = factored([potential - start], symbols, Budget.short())
+    left = _constant_divisors([moved], parameters) & divisors
+    return tree if len(left) >= len(divisors) else add(*(t for t in terms if t not in rest), moved)
+
+
+def _constant_divisors(trees: Iterable[Expression], parameters: frozenset[Symbol]) -> set[Expression]:
+    """What trees divide by that holds parameters alone."""
+    powers = (node for node in distinct_nodes(trees) if isinstance(node, Power) and isinstance(node.exponent, Number))
+    bases = (node.base for node in powers if node.exponent.value < 0)  # type: ignore[union-attr]
+    return {base for base in bases if parameters.issuperset(variables_in(base))}
 
 
 def _shortest(tree: Expression, system: SecondOrderSystem) -> Expression:
@@ -229,7 +259,7 @@ def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression
             found.append(form(tree))
         except _FAILED:
             continue
-    return found
+    return [*found, *short_forms(tree, [Velocity(name) for name in system.coordinates])]
 
 
 @lru_cache(maxsize=1024)

@@ -40,9 +40,9 @@ def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
 
     inner = partial(solve, reach=Reach(reach.depth - 1, reach.deadline))
     for family in (
+        radial_branches,
         ratio_branches,
         homogeneous_branches,
-        radial_branches,
         routh_branches,
         linear_branches,
         scalar_branches,

@@ -45,6 +45,7 @@ from inverse_service.mechanics.legendre.quadratic import (
     quadratic_form,
 )
 from inverse_service.mechanics.legendre.short_forms import shortest, simplified, velocities_in
+from inverse_service.mechanics.quadratic_forms import power_of_form
 
 # A space is in no name that a user can declare.
 _S, _W, _PI_W = Symbol("S of v"), Velocity("w of v"), Symbol("momentum of w")
@@ -72,6 +73,9 @@ def radial_branches(block: Block, solve: Solver) -> Iterator[Branch]:
 
 def _candidates(block: Block) -> Iterator[Expression]:
     """Trees quadratic in the velocities: what stands under powers, and the part of degree 2."""
+    power = power_of_form(block.function)
+    if power is not None:
+        yield power[0]
     terms = expand(block.function)
     second = []
     seen: set[Expression] = set()

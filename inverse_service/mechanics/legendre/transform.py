@@ -57,6 +57,7 @@ from inverse_service.mechanics.legendre.short_forms import (
     velocities_in,
     without_cancelling,
 )
+from inverse_service.mechanics.quadratic_forms import shortest_form
 from inverse_service.mechanics.writing import joined
 
 _MANY, _FEW = 16, 4
@@ -116,7 +117,8 @@ def legendre(
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
     slopes = gradient(lagrangian, map(Velocity, names))  # u log u has log u + 1 for a slope, if it is not expanded
-    functions = tuple(inside(related(simplified(slopes.get(Velocity(name), ZERO)))) for name in names)
+    given = [slopes.get(Velocity(name), ZERO) for name in names]
+    functions = tuple(shortest([inside(related(simplified(slope))), slope]) for slope in given)
     parts = split(lagrangian, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
     points = sample_points([lagrangian, *functions], positive)
@@ -254,9 +256,10 @@ def _closed(
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
     energies = [minus_inside(exponentials_above(_placed(found.branch.hamiltonian, table))) for found in chosen]
+    whole = joined(without_cancelling(inside(_collected_if_shorter(add(*energies, negated(parts.free))))))
     return replace(
         implicit,
-        hamiltonian=joined(without_cancelling(inside(_collected_if_shorter(add(*energies, negated(parts.free)))))),
+        hamiltonian=shortest_form(whole, implicit.symbols),
         velocities=tuple(joined(merge_powers(velocity)) for velocity in resolved(chained, names)),
         implicit=False,
         chained=chained,

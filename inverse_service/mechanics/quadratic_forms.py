@@ -1,0 +1,168 @@
+"""Sums in some letters (velocities, momenta) written with squares of linear forms and powers of quadratic forms.
+
+v^T G v/2 = sum c_a (linear form)_a^2, one letter after another: with a v^2 + b v + r, b linear in the others,
+a (v + b/(2 a))^2 + r - b^2/(4 a). Where a = c s^2 with a monomial s, c (s v + b/(2 c s))^2 needs no division by s.
+A part that is homogeneous of a degree above two is factored: (x'^2 + y'^2)^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from fractions import Fraction
+from itertools import permutations
+
+from flint import fmpq, fmpq_mpoly_ctx
+
+from inverse_service.expressions import tree as ex
+from inverse_service.expressions.collecting import expand
+from inverse_service.expressions.collecting_trees import Monomial, Term, terms_tree
+
+Expression = ex.Expression
+Terms = dict[Monomial, Fraction]
+# Orders of the letters that are tried, and terms of a part that is factored.
+_MOST_ORDERS, _MOST_TERMS = 24, 60
+
+
+def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[Expression]:
+    """The tree with its quadratic part in the letters as sums of squares, or its parts of higher degree as powers.
+
+    What is not a polynomial in the letters stays as it is.
+    """
+    parts: dict[int, Terms] = {}
+    rest: list[Expression] = []
+    for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+        found = {_degree(monomial, letters) for monomial, _ in expand(term)}
+        if None in found or found <= {0, 1}:
+            rest.append(term)
+            continue
+        for monomial, value in expand(term):
+            table = parts.setdefault(_degree(monomial, letters) or 0, {})
+            table[monomial] = table.get(monomial, Fraction(0)) + value
+    quadratic = {key: value for key, value in parts.pop(2, {}).items() if value}
+    higher = [_as_power([(key, value) for key, value in part.items() if value]) for part in parts.values()]
+    groups = list(_by_exponentials(quadratic).values())
+    orders = list(permutations([v for v in letters if any(v in dict(key) for key in quadratic)]))
+    for order in orders[:_MOST_ORDERS] or [()]:
+        squares = [square for group in groups for square in _squares(group, order)]
+        yield ex.add(*squares, *higher, *rest)
+
+
+def power_of_form(tree: Expression) -> tuple[Expression, int] | None:
+    """(P, k) with tree a constant times P^k, k > 1; None where it is no such power."""
+    found = _factors(expand(tree))
+    several = [(factor, k) for factor, k in found if k > 1] if found else []
+    return several[0] if len(several) == 1 else None
+
+
+def _degree(monomial: Monomial, letters: Collection[Expression]) -> int | None:
+    """The degree in the letters; None where one occurs otherwise than as a factor."""
+    total = Fraction(0)
+    for base, exponent in monomial:
+        if base in letters:
+            total += exponent
+        elif ex.holds(base, *letters):
+            return None
+    return int(total) if total.denominator == 1 and total >= 0 else None
+
+
+def _by_exponentials(terms: Terms) -> dict[Monomial, Terms]:
+    """The terms by their exponentials, which no form divides or multiplies."""
+    groups: dict[Monomial, Terms] = {}
+    for monomial, value in terms.items():
+        outer = tuple(item for item in monomial if ex.is_exponential(item[0]))
+        groups.setdefault(outer, {})[monomial] = value
+    return groups
+
+
+def _times(left: Monomial, right: Monomial, power: int = 1) -> Monomial:
+    table = dict(left)
+    for base, exponent in right:
+        table[base] = table.get(base, Fraction(0)) + power * exponent
+    return tuple(sorted(((b, e) for b, e in table.items() if e), key=lambda item: repr(item[0])))
+
+
+def _product(left: Terms, right: Terms) -> Terms:
+    found: Terms = {}
+    for a, x in left.items():
+        for b, y in right.items():
+            key = _times(a, b)
+            found[key] = found.get(key, Fraction(0)) + x * y
+    return {key: value for key, value in found.items() if value}
+
+
+def _squares(terms: Terms, order: Sequence[Expression]) -> list[Expression]:
+    """The quadratic form as a sum of squares as far as the coefficients of squares are single monomials."""
+    left = {_times(key, ()): value for key, value in terms.items()}
+    found = []
+    for v in order:
+        square = {key: value for key, value in left.items() if dict(key).get(v) == 2}
+        cross = {key: value for key, value in left.items() if dict(key).get(v) == 1}
+        if len(square) != 1 or not cross:
+            continue
+        ((key, value),) = square.items()
+        outside = _times(key, ((v, Fraction(2)),), -1)
+        root, rest = _split_square(outside)
+        # value rest (root v + b/(2 value rest root))^2
+        divisor = _times(rest, root)
+        linear = {_times(_times(k, ((v, Fraction(1)),), -1), divisor, -1): c / (2 * value) for k, c in cross.items()}
+        if any(e < 0 for k in linear for _, e in k):
+            root, divisor = (), outside
+            linear = {
+                _times(_times(k, ((v, Fraction(1)),), -1), outside, -1): c / (2 * value) for k, c in cross.items()
+            }
+            rest = outside
+        form = {_times(root, ((v, Fraction(1)),)): Fraction(1)} | linear
+        found.append(ex.multiply(ex.number(value), terms_tree([(rest, Fraction(1))]), terms_tree(form.items()) ** 2))
+        taken = _product({rest: value}, _product(form, form))
+        left = {k: left.get(k, Fraction(0)) - taken.get(k, Fraction(0)) for k in {**left, **taken}}
+        left = {k: c for k, c in left.items() if c}
+    return [*found, terms_tree(left.items())]
+
+
+def _split_square(monomial: Monomial) -> tuple[Monomial, Monomial]:
+    """(s, r) with monomial = s^2 r, s of whole powers."""
+    root = tuple((base, Fraction(int(e) // 2)) for base, e in monomial if e.denominator == 1 and e >= 2)
+    return root, _times(monomial, root, -2)
+
+
+def _as_power(terms: list[Term]) -> Expression:
+    """The part with its repeated factors as powers, where there are any."""
+    found = _factors(terms) if len(terms) <= _MOST_TERMS else None
+    plain = terms_tree(terms)
+    if not found or all(k == 1 for _, k in found):
+        return plain
+    product = ex.multiply(*(factor**k for factor, k in found))
+    first = expand(product)
+    ratio = dict(terms).get(first[0][0], Fraction(0)) / first[0][1]
+    return ratio * product if dict(expand(ratio * product)) == dict(terms) else plain
+
+
+def _factors(terms: Sequence[Term]) -> list[tuple[Expression, int]] | None:
+    """The squarefree factors of a sum of products of letters with whole powers, each with its multiplicity."""
+    letters = list(dict.fromkeys(base for monomial, _ in terms for base, _ in monomial))
+    if not letters or any(e.denominator > 1 or e < 0 for monomial, _ in terms for _, e in monomial):
+        return None
+    context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
+    table = {
+        tuple(int(dict(monomial).get(letter, 0)) for letter in letters): fmpq(value.numerator, value.denominator)
+        for monomial, value in terms
+    }
+    _, factors = context.from_dict(table).factor_squarefree()
+    found = []
+    for factor, k in factors:
+        parts = [
+            (
+                tuple((letter, Fraction(int(e))) for letter, e in zip(letters, exponents, strict=True) if e),
+                Fraction(int(value.p), int(value.q)),
+            )
+            for exponents, value in factor.to_dict().items()
+        ]
+        found.append((terms_tree(parts), int(k)))
+    return found
+
+
+def shortest_form(
+    tree: Expression, letters: Collection[Expression], cost: Callable[[Expression], int] = ex.node_count
+) -> Expression:
+    """The tree itself, or the shortest of its forms where one is shorter."""
+    return min([tree, *short_forms(tree, letters)], key=cost)
