@@ -75,7 +75,7 @@ coverage: install
 	rm -f build/coverage build/coverage.*
 	@# The table is printed where a test fails too; the failure is that of the target.
 	.venv/bin/python -m coverage run -m pytest -n logical --dist loadfile --no-loadscope-reorder \
-	  $(addprefix tests/,$(HEART)) tests/simulation tests/service/test_nonholonomic.py tests/service/test_comparison.py \
+	  $(addprefix tests/,$(HEART)) tests/simulation tests/service/test_comparison.py \
 	  tests/soundness; status=$$?; \
 	.venv/bin/python -m coverage combine --quiet && .venv/bin/python -m coverage report && exit $$status
 

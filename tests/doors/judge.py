@@ -232,6 +232,39 @@ def faults_of_endomorphism(printed: Sequence[Sequence[str]], given: Equations, *
     return "no point was found"
 
 
+def faults_of_motion(part: Mapping[str, Any], coordinates: Sequence[str]) -> str | None:
+    """None where the motion on constraints is d'Alembert's: E_i = lambda_a dw^a/dv_i, w^a = 0 and its rate is 0.
+
+    First integrals have no rate along it either. `part` is `nonholonomic` of a result.
+    """
+    given, motion = Equations(tuple(coordinates), ()), part["equations_of_motion"]
+    n, zero = len(coordinates), mpmath.mpf(0)
+    with mpmath.workdps(DIGITS):
+        for point in points(given):
+            try:
+                for name, rate in motion["first_order"].items():
+                    point.numbers[name + "'"] = point.value(rate["text"])
+                q_tt = [point.value(motion["accelerations"][name]["text"]) for name in coordinates]
+                g, b = euler_lagrange(point.jet(part["lagrangian"]["text"]), given, point)
+                constraints = [point.jet(each["text"]) for each in part["constraints"]]
+                kept = [point.jet(each["text"]) for each in part["first_integrals"]]
+                multipliers = [point.value(each["text"]) for each in motion["multipliers"]]
+            except NotReal:
+                continue
+            rates = {0: mpmath.mpf(1)} | {1 + k: point.numbers[v] for k, v in enumerate(given.velocities)}
+            rates |= {1 + n + k: a for k, a in enumerate(q_tt)}
+            left = [mpmath.fdot(row, q_tt) + rest for row, rest in zip(g, b, strict=True)]
+            for i in range(n):
+                left[i] -= mpmath.fdot(multipliers, [w.slopes.get(1 + n + i, zero) for w in constraints])
+            along = [
+                mpmath.fsum(rate * jet.slopes.get(k, zero) for k, rate in rates.items()) for jet in constraints + kept
+            ]
+            found = [*left, *(w.value for w in constraints), *along]
+            size = 1 + max(map(abs, [*q_tt, *b, *multipliers]))
+            return None if max(map(abs, found)) < NEAR_ZERO * size**2 else "the motion is not d'Alembert's"
+    return "no point of the motion was found"
+
+
 def same_formula(left: str, right: str, names: Sequence[str] = ()) -> bool:
     """Whether two canonical formulas have the same values at random points."""
     if left == right:

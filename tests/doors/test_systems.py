@@ -19,6 +19,7 @@ from tests.doors.judge import (
     faults_of_endomorphism,
     faults_of_hamiltonian,
     faults_of_lagrangian,
+    faults_of_motion,
     same_formula,
     same_lagrangian,
 )
@@ -81,6 +82,8 @@ def assert_as_known(row: Row, result: Mapping[str, Any]) -> None:
     if result["conditions"] and not result["branches"] and not result.get("nonholonomic"):
         shown = result["conditions"]["Phi"]
         assert not shown or faults_of_endomorphism(shown, given, domain=result["domain"]) is None
+    if result.get("nonholonomic") and not result["branches"] and not result["system"]["functions"]:
+        assert faults_of_motion(result["nonholonomic"], result["system"]["coordinates"]) is None
     found = [answer for answer in answers if answer["lagrangian"]]
     plain = [answer for answer in found if given.time not in _names(answer)]
     for wanted in row.get("found", ()):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,12 +14,16 @@ from inverse_service import catalogue
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page
-from tests.service.test_nonholonomic import solved
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "nonholonomic.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| ([a-z-]+) \| (n?v) \| (n?v) \| (n?v) \| (.+) \|$", PAGE, re.MULTILINE)
 LONG = ("generic-class-two", "generic-class-three")
 WORDS = {"v": "variational", "nv": "not_variational"}
+
+
+@functools.cache
+def solved(name: str) -> dict[str, Any]:
+    return solve_document(catalogue.document(name), SolveOptions(time_limit=600))
 
 
 @pytest.mark.slow
@@ -29,6 +35,7 @@ def test_the_example_prints_what_the_page_shows() -> None:
     assert places == sorted(places)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "row", [pytest.param(row, id=row[0], marks=[pytest.mark.slow] if row[0] in LONG else []) for row in ROWS]
 )

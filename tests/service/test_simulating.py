@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import math
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
-from inverse_service.service.scenes.simulating import MOST_POINTS, run_document, simulate, simulate_tables
+from inverse_service.service.scenes.simulating import MOST_POINTS, simulate, simulate_tables
 from inverse_service.simulation.callables import Formulas
 from inverse_service.simulation.derivation import derive, problem_of
 from inverse_service.simulation.observing import ENERGY_START, observation_of
@@ -89,22 +88,6 @@ def test_the_radius_ratio_of_each_step_is_exact(alpha: Any, ratio: float) -> Non
     assert rolled[1:] / rolled[:-1] == pytest.approx(ratio, abs=1e-11)
 
 
-def test_small_constants_take_the_variational_error_away() -> None:
-    """The misfit of the shape is proportional to C."""
-    misfits = []
-    for constant in ("1", "1/100", "10^-8"):
-        document = scene("disk-table", constants={"C_x": constant, "C_y": constant}, start="momenta")
-        document["methods"] = [{"method": "variational", "alpha": 0}]
-        misfits.append(simulate(document)["methods"][0]["circle"]["shape_misfit"])
-    assert misfits[0] / misfits[1] == pytest.approx(100, rel=0.2)
-    assert misfits[1] / misfits[2] == pytest.approx(1e6, rel=0.2)
-
-
-@pytest.mark.parametrize("path", sorted(SCENES.glob("*.json")), ids=lambda path: path.stem)
-def test_every_scene_of_the_docs_is_read(path: Path) -> None:
-    read_scene(scene_schema(read_json(path.read_bytes())))
-
-
 @pytest.mark.slow
 def test_the_scene_of_the_contract_runs() -> None:
     found = by_label(simulate(scene("disk", steps=400)))
@@ -129,40 +112,6 @@ def kernel(document: dict[str, Any]) -> str:
     assert choice is not None
     problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
     return kernel_text(program_of(Formulas(problem), choice, observation_of(found)))
-
-
-def test_without_potential_the_kernel_has_no_potential_term() -> None:
-    pendulum = {
-        "system": {"coordinates": ["u"], "lagrangian": "u'^2/2 - exp(u)"},
-        "initial": {"positions": {"u": 0}, "velocities": {"u": 1}},
-        "step": 0.1, "steps": 10, "methods": ["nonholonomic"],
-    }  # fmt: skip
-    whole, bare = kernel(pendulum), kernel(pendulum | {"effects": ["kinetic"]})
-    assert "exp" in whole
-    assert "exp" not in bare
-    assert len(bare) < len(whole)
-
-
-def test_an_unobserved_quantity_costs_no_instruction() -> None:
-    document = scene("disk", methods=["nonholonomic"], observe=["trajectory"])
-    plain = kernel(document)
-    assert kernel(document | {"observe": ["trajectory", "matching_circle"]}) == plain
-    energy = kernel(document | {"observe": ["energy"]})
-    both = kernel(document | {"observe": ["energy", "constraints"]})
-    assert plain.count("\n") < energy.count("\n") < both.count("\n")
-
-
-def test_what_no_method_and_no_observable_needs_is_not_derived() -> None:
-    found, _ = run_document(scene("disk", methods=["nonholonomic"], observe=["trajectory"], steps=10), None, 60)
-    assert found.derived.seconds == {}
-    assert found.truth is None
-    result = simulate(scene("disk", methods=["nonholonomic"], observe=["energy"], steps=10))
-    method = result["methods"][0]
-    assert result["derived"] == []
-    assert "max_energy_error" in method
-    assert not {"max_constraint", "circle", "max_error", "free_lagrangian"} & set(method)
-    assert set(method["points"]["columns"]) == {"t", "energy", "discrete_energy"}
-    assert set(method["seconds"]) == {"compile", "run", "half the step", "energy"}
 
 
 @pytest.mark.slow
@@ -200,20 +149,6 @@ def test_a_system_that_is_not_variational_says_so_and_the_rest_runs() -> None:
     assert found["nonholonomic-0.5"]["max_error"] < 1e-3
     assert found["nonholonomic-0.5"]["error_against"] == "reference"
     assert found["nonholonomic-0.5"]["error_uncertainty"] < 1e-11
-
-
-@pytest.mark.slow
-def test_a_free_lagrangian_of_another_motion_is_refused() -> None:
-    wrong = "phi'^2/2 + theta'^2/2 + (x'^2/sin(phi) + y'^2/cos(phi))/(2*phi')"
-    with pytest.raises(InputError, match="no solution of this Lagrangian") as refused:
-        simulate(scene("disk", methods=["variational"], free_lagrangian=wrong, steps=10))
-    assert refused.value.pointer == "/free_lagrangian"
-    right = "phi'^2/2 + theta'^2/2 + (C_x*x'^2/cos(phi) + C_y*y'^2/sin(phi))/(2*phi')"
-    given = simulate(scene("disk", methods=["variational"], free_lagrangian=right, constants={"C_x": 1, "C_y": 1}))
-    own = simulate(scene("disk", methods=["variational"]))
-    assert given["methods"][0]["max_error"] == pytest.approx(own["methods"][0]["max_error"], rel=1e-6)
-    with pytest.raises(InputError, match="no constant 'C_z': its constants are C_x, C_y"):
-        simulate(scene("disk", methods=["variational"], constants={"C_z": 1}, steps=10))
 
 
 @pytest.mark.slow
@@ -255,31 +190,6 @@ def test_the_last_step_counts_whatever_the_rhythm_of_records() -> None:
     errors = by_label(found["result"])
     assert 0 < errors["nonholonomic-0.5"]["final_error"] < 1e-2
     assert errors["exact"]["max_error"] == 0
-
-
-@pytest.mark.slow
-def test_methods_whose_turn_comes_after_the_time_limit_are_not_compiled_and_say_so() -> None:
-    """Of 24 methods that each take long, the first ones have points and all have an outcome."""
-    methods = [{"method": "variational", "alpha": k / 23} for k in range(24)]
-    document = {
-        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + cos(x)"},
-        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
-        "step": 0.001, "steps": 1_000_000, "record_every": 1000, "methods": methods,
-    }  # fmt: skip
-    began = time.process_time()
-    found = simulate(document, None, 0.6)["methods"]
-    assert time.process_time() - began < 10.0
-    assert {method["outcome"] for method in found} <= {"completed", "cancelled"}
-    assert found[-1]["outcome"] == "cancelled"
-    assert "before its turn" in found[-1]["reason"]
-
-
-@pytest.mark.slow
-def test_a_run_near_its_time_limit_stops_and_says_so() -> None:
-    document = scene("disk", methods=["nonholonomic"], observe=["trajectory"], steps=100_000_000)
-    method = simulate(document, time_limit=0.5)["methods"][0]
-    assert method["outcome"] == "cancelled"
-    assert method["steps"] < 100_000_000
 
 
 def test_one_coordinate_has_no_circle() -> None:

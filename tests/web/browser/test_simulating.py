@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import io
+import re
 
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
-
-from tests.web.pages.test_small_pictures import lines_of
 
 from .conftest import Visit, whole
 from .test_every_page import violations
@@ -29,6 +28,13 @@ def test_a_nonholonomic_system_is_understood_and_its_second_system_solved(
     at.page.get_by_role("button", name="Open the answer").click()
     expect(at.page.locator("h1")).to_contain_text("this motion can be given")
     expect(at.page.locator("table.verdicts tr.main")).to_contain_text("Yes")
+
+
+def lines_of(svg: str) -> list[tuple[str, list[tuple[float, float]]]]:
+    """(color, corners) of the lines inside the frame."""
+    paths = re.findall(r'<path d="([^"]*)" clip-path[^>]*fill: none;[^>]*stroke: (#\w+)', svg)
+    return [(color, [(float(x), float(y)) for x, y in re.findall(r"([-\d.]+) ([-\d.]+)", path)])
+            for path, color in paths if color not in ("#747d8d",)]  # fmt: skip
 
 
 def test_special_cases_are_shown_as_a_tree(visit: Visit) -> None:
