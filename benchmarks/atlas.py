@@ -1,0 +1,192 @@
+"""The atlas: every named system of the catalogue and of the lists of the tests, with its computed answers.
+
+`python -m benchmarks.atlas` solves all of them and writes inverse_service/catalogue/entries/atlas.ndjson;
+`--only NAME` solves one and prints its line, `--check N` compares N lines of the file with what is computed now.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from inverse_service import catalogue, solve
+from inverse_service.errors import InputError
+from inverse_service.service.documents.alike import form_of
+from inverse_service.web.pages import sheets
+
+ROOT = Path(__file__).parents[1]
+FILE = ROOT / "inverse_service" / "catalogue" / "entries" / "atlas.ndjson"
+TIME_LIMIT = 20.0  # s of processor time for a system
+LONGEST = 1_500  # characters of a formula that the atlas keeps
+# Lists of the tests whose documents are systems that somebody asked about, and the tag of each.
+LISTS = {"literature": "literature", "kamke": "Kamke", "textbook": "textbook", "constrained": "constraints"}
+OWN = ("own", "regression", "attacks", "by hand", "worked out")  # how a source of our own begins
+WORDS = (
+    *("damped", "kepler", "pendulum", "oscillator", "drag", "magnetic", "geodesic", "painleve", "disk", "sleigh"),
+    *("lienard", "knife", "sphere", "spring", "henon", "toda", "top", "robot", "orbit", "friction", "relativ"),
+)
+TILTED = (
+    "m/2*((x' - R*(theta'*cos(theta)*sin(psi) + psi'*sin(theta)*cos(psi)))^2"
+    " + (y' + R*(theta'*cos(theta)*cos(psi) - psi'*sin(theta)*sin(psi)))^2 + R^2*theta'^2*sin(theta)^2)"
+    " + A/2*(theta'^2 + psi'^2*cos(theta)^2) + C/2*(phi' + psi'*sin(theta))^2 - m*g*R*cos(theta)"
+)
+MORE = (
+    {
+        "id": "tilting-disk",
+        "title": "rolling disk that tilts",
+        "source": "github.com/sympy/sympy/issues/27631",
+        "document": {
+            "coordinates": ["psi", "theta", "phi", "x", "y"],
+            "lagrangian": TILTED,
+            "constraints": ["x' + R*cos(psi)*phi'", "y' + R*sin(psi)*phi'"],
+            "parameters": ["m", "R", "A", "C", "g"],
+        },
+        "tags": ["constraints"],
+    },
+)
+
+
+def documents() -> Iterator[dict[str, Any]]:
+    """{name, title, source, document, tags} of every system, each question once."""
+    seen: set[str] = set()
+    for row in _rows():
+        document = {key: value for key, value in row["document"].items() if key not in ("options", "kinds", "id")}
+        key = json.dumps(document, sort_keys=True)
+        if key not in seen:
+            seen.add(key)
+            yield {**row, "document": document}
+
+
+def _rows() -> Iterator[dict[str, Any]]:
+    for kind in ("system", "nonholonomic"):
+        for name in catalogue.names(kind):  # type: ignore[arg-type]
+            entry = catalogue.entry(name)
+            yield _row(name, entry["title"], entry.get("source", ""), entry["document"], [])
+    for list_name, tag in LISTS.items():
+        lines = (ROOT / "tests" / "corpus" / f"{list_name}.ndjson").read_text(encoding="utf-8").splitlines()
+        for line in map(json.loads, lines):
+            if isinstance(line.get("document"), dict):
+                yield _row(line["id"], "", line.get("source", ""), line["document"], [tag])
+    for more in MORE:
+        yield _row(more["id"], more["title"], more["source"], more["document"], more["tags"])
+
+
+def _row(name: Any, title: Any, source: Any, document: Any, tags: Any) -> dict[str, Any]:
+    slug = re.sub(r"[^a-z0-9]+", "-", str(name).lower().replace("kamke_", "kamke-")).strip("-")
+    words = slug.replace("-", " ")
+    return {
+        "name": slug,
+        "title": title or re.sub(r"^kamke (\d) (\d+)$", r"Kamke \1.\2", words[:1].upper() + words[1:]),
+        "source": "" if str(source).startswith(OWN) else source,
+        "document": document,
+        "tags": tags,
+    }
+
+
+def entry_of(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The line of the atlas for a system: its answers to both questions as computed now."""
+    try:
+        result = solve(dict(row["document"]), time_limit=TIME_LIMIT)
+    except InputError as error:
+        return {**row, "refused": str(error)}
+    if "verdict" not in result:
+        return {**row, "refused": "It is a Lagrangian, not equations."}
+    sheet, system = sheets.sheet_of(result, brief=True), result["system"] or {}
+    formulas = {f.letter: f.text for case in sheet.cases[:1] for f in case.formulas}
+    constrained = sheets.is_constrained(result)
+    return {
+        "name": row["name"],
+        "title": row["title"],
+        "source": row["source"],
+        "tags": tags_of(row, result, sheet),
+        "document": row["document"],
+        "equations": [formula.text for formula in sheet.asked],
+        "verdict": sheet.verdict,
+        "badge": sheet.badge,
+        "without_time": None if constrained else result["verdict"] if result["question"] == "L(q, q')" else None,
+        "with_time": None if constrained else result["verdict_with_time"] or result["verdict"],
+        "lagrangian": _short(formulas.get("L")),
+        "hamiltonian": _short(formulas.get("H")),
+        "domain": list((_shown(result).get("lagrangian") or {}).get("domain") or ()),
+        "checked": result.get("checked"),
+        "form": form_of(system) if system and not constrained else "",
+        "version": result["provenance"]["version"],
+    }
+
+
+def _shown(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    if sheets.is_constrained(result):
+        return result.get("any_associated") or {}
+    return sheets.answers_of((result.get("branches") or [result])[0], result)[0]
+
+
+def _short(text: str | None) -> str | None:
+    """What stands behind "L = "; None where it is too long for a list."""
+    if text is None or len(text) > LONGEST:
+        return None
+    return text.partition(" = ")[2]
+
+
+def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.Sheet) -> list[str]:
+    """What one searches by besides names: where from, how many coordinates, the answer, what it is about."""
+    system = result["system"] or {"coordinates": (), "functions": ()}
+    count = len(system["coordinates"])
+    text = f"{row['name']} {row['title']}".lower()
+    found = [*row["tags"], f"{count} coordinate{'s' if count != 1 else ''}", sheet.badge]
+    found += ["constraints"] if sheets.is_constrained(result) else []
+    found += ["with time only"] if sheet.sentence.endswith("contains the time.") else []
+    found += ["arbitrary functions"] if system.get("functions") else []
+    found += [word for word in WORDS if word in text]
+    return list(dict.fromkeys(found))
+
+
+def main() -> int:
+    """Write the atlas, print one line of it, or compare some."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--check", type=int, default=0)
+    options = parser.parse_args()
+    rows = list(documents())
+    if options.only:
+        print(json.dumps(entry_of(next(row for row in rows if row["name"] == options.only)), ensure_ascii=False))
+        return 0
+    if options.check:
+        return _compared(rows, options.check)
+    return _written(rows)
+
+
+def _written(rows: list[dict[str, Any]]) -> int:
+    taken: set[str] = set()
+    with FILE.with_suffix(".part").open("w", encoding="utf-8") as part:
+        for k, row in enumerate(rows, 1):
+            entry = entry_of(row)
+            if "refused" in entry or entry["name"] in taken:
+                print(f"{row['name']}: {entry.get('refused', 'twice')}", file=sys.stderr)
+                continue
+            taken.add(entry["name"])
+            part.write(json.dumps(entry, ensure_ascii=False, separators=(",", ":")) + "\n")
+            part.flush()
+            if k % 50 == 0:
+                print(f"{k} of {len(rows)}", file=sys.stderr)
+    FILE.with_suffix(".part").replace(FILE)
+    print(f"{len(taken)} systems", file=sys.stderr)
+    return 0
+
+
+def _compared(rows: list[dict[str, Any]], count: int) -> int:
+    """1 where a verdict of the file is not the computed one."""
+    known = {entry["name"]: entry for entry in map(json.loads, FILE.read_text(encoding="utf-8").splitlines())}
+    chosen = random.Random(0).sample([row for row in rows if row["name"] in known], count)
+    differ = [row["name"] for row in chosen if entry_of(row).get("verdict") != known[row["name"]]["verdict"]]
+    print("\n".join(differ) or "as in the file")
+    return bool(differ)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

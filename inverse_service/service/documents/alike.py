@@ -1,0 +1,86 @@
+"""The form of a system up to the names of coordinates and parameters, the order of equations, and constant factors.
+
+Two systems with one form need not be equivalent: a search shows them side by side, and each has its own answer.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from fractions import Fraction
+from itertools import permutations
+from typing import Any
+
+from inverse_service.errors import InputError
+from inverse_service.expressions import tree as trees
+from inverse_service.expressions.collecting import expand
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import has_acceleration, read_formula
+
+MOST_COORDINATES = 4  # whose orders are all tried
+
+
+def form_of(system: Mapping[str, Any]) -> str:
+    """A short key, the same for systems of one form; empty where there is none.
+
+    `system` has coordinates, equations, parameters, functions, and the name of the time, as in a result.
+    """
+    coordinates, texts = tuple(system["coordinates"]), system["equations"]
+    if not 0 < len(coordinates) <= MOST_COORDINATES or any(has_acceleration(text) for text in texts.values()):
+        return ""
+    time = system.get("time", "t")
+    parameters = (*system["parameters"], *((time,) if time != "t" else ()))
+    try:
+        names = Names(coordinates, parameters, system.get("functions") or {})
+        formulas = [read_formula(texts[name], names) for name in coordinates]
+    except InputError:
+        return ""
+    written = [_written_in(order, formulas, coordinates, time) for order in permutations(range(len(coordinates)))]
+    return hashlib.sha256(min(written).encode()).hexdigest()[:16]
+
+
+def _written_in(
+    order: tuple[int, ...], formulas: list[trees.Expression], coordinates: tuple[str, ...], time: str
+) -> str:
+    """The equations in this order, with the names q0, q1, ... of their places."""
+    places = {coordinates[k]: f"q{place}" for place, k in enumerate(order)}
+    return ";".join(_form(formulas[k], places, time) or "0" for k in order)
+
+
+def _form(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
+    """The terms of a formula without their constant factors, sorted; empty for a zero."""
+    found = set()
+    for monomial, coefficient in expand(tree):
+        if coefficient:
+            factors = [_power(atom, exponent, places, time) for atom, exponent in monomial]
+            found.add("*".join(sorted(factor for factor in factors if factor)) or "c")
+    return "+".join(sorted(found))
+
+
+def _power(atom: trees.Expression, exponent: Fraction, places: Mapping[str, str], time: str) -> str:
+    base = _atom(atom, places, time)
+    return base if exponent == 1 or not base else f"({base})^{exponent}"
+
+
+def _atom(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
+    """An atom by its shape; empty for what is constant."""
+    match tree:
+        case trees.Symbol(name):
+            return places.get(name, "t" if name in ("t", time) else "")
+        case trees.Velocity(name):
+            return f"{places[name]}'"
+        case trees.Apply(function, argument):
+            inner = _form(argument, places, time)
+            return f"{function}({inner})" if inner not in ("", "c") else ""
+        case trees.Arbitrary(_, arguments, orders):
+            inner = ",".join(_form(argument, places, time) for argument in arguments)
+            return f"F{orders}({inner})"
+        case trees.Power(base, exponent):
+            inner, above = _form(base, places, time), _form(exponent, places, time)
+            if isinstance(exponent, trees.Number):
+                return f"({inner})^{exponent.value}" if inner not in ("", "c") else ""
+            return f"({inner})^({above})" if {inner, above} - {"", "c"} else ""
+        case trees.Sum() | trees.Product():
+            inner = _form(tree, places, time) if len(expand(tree)) > 1 else ""
+            return f"({inner})" if inner not in ("", "c") else ""
+    return ""
