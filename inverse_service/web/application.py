@@ -16,6 +16,7 @@ from inverse_service.settings import Settings
 from inverse_service.web import (
     problems,
     routes,
+    routes_atlas,
     routes_batches,
     routes_jobs,
 )
@@ -51,7 +52,7 @@ def create_application(settings: Settings) -> FastAPI:
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
             max_age=600,
         )
-    for part in (routes.router, routes_jobs.router, routes_batches.router, routes.open_router):
+    for part in (routes.router, routes_jobs.router, routes_batches.router, routes_atlas.router, routes.open_router):
         app.include_router(part)
     app.include_router(routing.router, include_in_schema=False)
     app.openapi = lambda: described(app)  # type: ignore[method-assign]

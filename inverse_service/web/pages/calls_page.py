@@ -39,7 +39,7 @@ GROUPS = (
     ("Jobs", ("/v1/jobs",)),
     ("Batches", ("/v1/batches",)),
     ("Simulation", ("/v1/simulate", "/v1/work-precision", "/v1/figures")),
-    ("Catalogue and limits", ("/v1/catalogue", "/v1/limits")),
+    ("Atlas, catalogue, limits", ("/v1/atlas", "/v1/catalogue", "/v1/limits")),
     ("Operation", ("/",)),
 )
 

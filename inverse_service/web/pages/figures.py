@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -293,28 +292,6 @@ def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
         if figure is not None:
             figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
     return stream.getvalue() or None
-
-
-def small_picture(result: Mapping[str, Any], name: str, pair: Sequence[str], equal: bool) -> str | None:
-    """A series by its name, else one coordinate over another, small, for light and dark; None without points."""
-    import matplotlib
-
-    from inverse_service.service.figures.drawing import view_figure
-    from inverse_service.service.figures.style import SETTINGS, SMALL
-
-    view = _views(name, "", result)[0] if name else _plane_view("", result, pair, equal)
-    if not view["lines"]:
-        return None
-    view["label"] = ""  # the page has title and legend
-    for line in view["lines"]:
-        every = math.ceil(len(line["x"]) / MOST_CORNERS)
-        line |= {key: line[key][::every] for key in "xy"}
-    stream = io.StringIO()
-    with matplotlib.rc_context(SETTINGS | SMALL):
-        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        view_figure([view], 4.0, 2.7).savefig(stream, format="svg", transparent=True, metadata=nothing)
-    # A tenth of a point is a third of a pixel.
-    return re.sub(r"\d+\.\d\d+", lambda place: f"{float(place[0]):.1f}", stream.getvalue())
 
 
 def _figure_of(result: Mapping[str, Any], name: str) -> Any:

@@ -82,7 +82,7 @@ def _example(name: str) -> dict[str, Any]:
     try:
         return catalogue.document(name)
     except InputError:
-        raise InputError("The catalogue has no system of this name; /gallery shows them.") from None
+        raise InputError("The catalogue has no system of this name; /atlas shows them.") from None
 
 
 def echo_sent_task(body: bytes, content_type: str) -> tuple[Fields, dict[str, Any]]:

@@ -46,7 +46,6 @@ PAGES = (
     ("rest", "Calls for programs", "rest.md"),
     ("batch", "Many systems at once", "batch.md"),
 )
-ANSWERS = {"yes": "variational", "no": "not_variational"}
 _KNOWN = {file: f"/learn/{name}" for name, _, file in PAGES}
 _LINK = re.compile(r'href="([^":#]+)(#[^"]*)?"')
 _IMAGE = re.compile(r"<img [^>]*>")
@@ -85,19 +84,6 @@ def _body(file: str) -> Markup:
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     html = markdown.render(_text(file))
     return Markup(_IMAGE.sub("", _LINK.sub(_address, html)))
-
-
-@lru_cache(maxsize=1)
-def hamiltonized() -> list[tuple[Markup, str, Markup]]:
-    """(motion, verdict, answer) of each row of the tables of answers about motions with constraints."""
-    html = MarkdownIt("commonmark", {"html": False}).enable("table").render(_text("open-questions.md"))
-    rows = (re.findall(r"<td>(.*?)</td>", row, re.DOTALL) for row in html.split("<tr>"))
-    found = {row[0]: row[1] for row in reversed([row for row in rows if len(row) > 2])}
-    words = {motion: re.sub(r"<[^>]+>", "", answer).split(",")[0].split(" ")[0] for motion, answer in found.items()}
-    return [
-        (Markup(motion), ANSWERS.get(words[motion], "undetermined"), Markup(found[motion]))
-        for motion in reversed(found)
-    ]
 
 
 def _address(link: re.Match[str]) -> str:

@@ -43,6 +43,7 @@ class Visitor:
     client: str = ""
     address: str = "/"
     takes_gzip: bool = False
+    known: str = ""  # the marks of the pages that the browser has
 
 
 # Set for each request before its page is made; the templates read it.
@@ -74,7 +75,8 @@ async def require_visitor(request: Request) -> None:
 
 def _visitor(request: Request, client: str) -> Visitor:
     takes_gzip = "gzip" in request.headers.get("accept-encoding", "")
-    return Visitor(_theme(request), client, _address(request), takes_gzip)
+    known = request.headers.get("if-none-match", "") if request.method == "GET" else ""
+    return Visitor(_theme(request), client, _address(request), takes_gzip, known)
 
 
 def local_address(text: str) -> str:
@@ -97,13 +99,14 @@ def _address(request: Request) -> str:
 NAVIGATION = (
     ("/", "Solve"),
     ("/simulate", "Simulate"),
-    ("/gallery", "Gallery"),
+    ("/atlas", "Atlas"),
     ("/learn", "Learn"),
     ("/teach", "Teach"),
     ("/docs", "API"),
 )
 # Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).
 WORTH_COMPRESSING = 2_000
+OK, NOT_MODIFIED = 200, 304
 OPTIONS: dict[str, Any] = {"autoescape": True, "auto_reload": False, "trim_blocks": True, "lstrip_blocks": True}
 TEMPLATE = "template"
 POLICY = (
@@ -209,10 +212,16 @@ def page(template: str, status: int = 200, **values: Any) -> HTMLResponse:
 
 
 def sent(text: str, media_type: str, headers: Mapping[str, str], status: int = 200) -> HTMLResponse:
-    """A text with its media type, compressed where the visitor takes that: formulas shrink to a tenth."""
+    """A text with its media type and its ETag, compressed where the visitor takes that: formulas shrink to a tenth."""
     # A page is kept for Back and Forward only, so that what was typed into its form is still there.
-    body, more = text.encode(), {"Vary": "Accept-Encoding, Cookie", "Cache-Control": "private, no-cache"}
-    if VISITOR.get().takes_gzip and len(body) > WORTH_COMPRESSING:
+    visitor, body = VISITOR.get(), text.encode()
+    mark = f'"{hashlib.sha256(body).hexdigest()[:20]}"'
+    more = {"Vary": "Accept-Encoding, Cookie", "Cache-Control": "private, no-cache"}
+    if status == OK:
+        more["ETag"] = mark
+        if mark in visitor.known:
+            return HTMLResponse(b"", NOT_MODIFIED, {**more, **headers}, media_type)
+    if visitor.takes_gzip and len(body) > WORTH_COMPRESSING:
         # What is sent holds no secret that its length could give away.
         body, more = gzip.compress(body, 5, mtime=0), more | {"Content-Encoding": "gzip"}
     return HTMLResponse(body, status, {**more, **headers}, media_type)

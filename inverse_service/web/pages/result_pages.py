@@ -132,6 +132,19 @@ async def data_file(request: Request, identifier: str, file: str) -> Response:
     return await _file(request, identifier, simulations.TABLES[ending], ending, result_tasks.file_task, label, ending)
 
 
+@router.get("/results/{identifier}/picture.{ending}")
+async def answer_picture(request: Request, identifier: str, ending: str) -> Response:
+    """The motion of a solved system, for pages without scripts and for links that are shared."""
+    answer = await successful(request, identifier)
+    if answer is None or answer.value["kind"] != "solve" or ending not in simulations.PICTURES:
+        return missing()
+    headers = kept(answer, f"picture-{ending}")
+    if is_known(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    data = await made(request, identifier, result_tasks.answer_picture_task, ending)
+    return missing() if data is None else Response(data, headers=headers, media_type=simulations.PICTURES[ending])
+
+
 @router.get("/results/{identifier}/code/{language}")
 async def code(request: Request, identifier: str, language: str) -> Response:
     """The accelerations, L, H, momenta and multiplier as a program."""

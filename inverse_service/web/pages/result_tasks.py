@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+import textwrap
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -150,16 +152,13 @@ def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
     return figures.picture(_result(store, id), name, ending)
 
 
-def small_picture_task(store: str, id: str, name: str, pair: Sequence[str], equal: bool) -> str | None:
-    """A picture of the gallery; None where there are no points."""
-    return figures.small_picture(_result(store, id), name, pair, equal)
+def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
+    """The picture of a solved system as a file; None where nothing can be drawn."""
+    from inverse_service.web.pages.pictures import picture_of
 
-
-def sketch_task(name: str) -> str | None:
-    """The sketch of a system of the catalogue; None where there is none."""
-    from inverse_service.web.pages.starts import sketch
-
-    return sketch(name)
+    found = _result(store, id)
+    words = re.sub(r"<[^>]+>", "", str(sheets.sheet_of(found, brief=True).sentence))
+    return picture_of(found, ending, "\n".join(textwrap.wrap(words, 28)))
 
 
 def file_task(store: str, id: str, label: str, ending: str) -> bytes | None:

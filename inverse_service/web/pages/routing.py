@@ -13,12 +13,11 @@ from inverse_service.web.clients import COOKIE, LARGEST_KEY, cookie_of_key
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import (
     assets,
+    atlas,
     batch_pages,
     calls_page,
     exercises,
-    gallery,
     learn,
-    paper_figures,
     rendering,
     result_pages,
     simulate,
@@ -93,6 +92,18 @@ async def theme(request: Request) -> Response:
     return answer
 
 
+@account.get("/robots.txt")
+async def robots() -> Response:
+    """Pages may be read by all; answers to single questions are not a site's content."""
+    return Response("User-agent: *\nDisallow: /results/\nDisallow: /v1/\n", media_type="text/plain")
+
+
+@account.get("/favicon.ico")
+async def favicon() -> Response:
+    """The icon under the name that is asked for without being told."""
+    return RedirectResponse(assets.address("icon.svg"), 301, {"Cache-Control": "public, max-age=86400"})
+
+
 def _form(place: str, problem: str = "", status: int = 200) -> HTMLResponse:
     return rendering.page("login.html", status, active="", place=place, problem=problem)
 
@@ -109,5 +120,5 @@ def _is_secure(request: Request) -> bool:
 router.get("/static/{mark}/{name}")(assets.static)
 for part in (account, calls_page.router, learn.open_router):
     router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
-for pages in (solve, exercises, result_pages, simulate, paper_figures, gallery, batch_pages, learn):
+for pages in (solve, exercises, result_pages, simulate, atlas, batch_pages, learn):
     router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -45,6 +46,7 @@ EXAMPLES: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
 FROM_LAGRANGIAN = "m/2*(x'^2 + y'^2) - k/2*(x^2 + y^2)"
 FIRST_NONHOLONOMIC = "nonholonomic-particle"
 AT_ONCE = 0.1  # s
+SOON = 0.3  # s that a page waits for the answer beside its form
 START = str(EXAMPLES[0][3]["equations"])
 MOST_GLANCES = 64  # answers of links and examples that are kept to be shown at once
 
@@ -73,7 +75,7 @@ async def form(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
     found = await understand(request, fields, patience)
-    glance = await glance_of(request, fields, AT_ONCE * engine.is_reading) if not query or linked is not None else None
+    glance = await glance_of(request, fields, SOON * engine.is_reading) if not query or linked is not None else None
     return solve_page(fields, glance=glance, notes=form_documents.left_out_of_link(query), **found)
 
 
@@ -89,6 +91,7 @@ async def ask(request: Request) -> Response:
 
 
 _GLANCES: dict[str, Any] = {}
+_ASKED: dict[str, asyncio.Future[None]] = {}
 
 
 async def glance_of(request: Request, fields: dict[str, str], patience: float) -> dict[str, Any] | None:
@@ -96,18 +99,21 @@ async def glance_of(request: Request, fields: dict[str, str], patience: float) -
     key = json.dumps(fields, sort_keys=True)
     if key not in _GLANCES:
         engine: Engine = request.app.state.engine
-        asked = engine.run_quick(client_of(request), form_tasks.glance_of_fields, fields, seconds=QUICK_DEADLINE)
-        try:
-            outcome = await asyncio.wait_for(asked, patience)
-        except (Refusal, TimeoutError):
-            return None
-        if outcome.status != "done" or outcome.value is None:
-            return None
-        if len(_GLANCES) >= MOST_GLANCES:
-            _GLANCES.pop(next(iter(_GLANCES)))
-        _GLANCES[key] = outcome.value
-    found: dict[str, Any] = _GLANCES[key]
-    return found
+        asked = _ASKED.get(key) or asyncio.ensure_future(_keep_glance(engine, client_of(request), key, fields))
+        _ASKED[key] = asked
+        asked.add_done_callback(lambda _: _ASKED.pop(key, None))
+        with suppress(TimeoutError):  # it goes on, and the next visitor has it at once
+            await asyncio.wait_for(asyncio.shield(asked), patience)
+    return _GLANCES.get(key)
+
+
+async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, str]) -> None:
+    with suppress(Refusal):
+        outcome = await engine.run_quick(client, form_tasks.glance_of_fields, fields, seconds=QUICK_DEADLINE)
+        if outcome.status == "done" and outcome.value is not None:
+            if len(_GLANCES) >= MOST_GLANCES:
+                _GLANCES.pop(next(iter(_GLANCES)))
+            _GLANCES[key] = outcome.value
 
 
 @router.post("/")
@@ -214,7 +220,7 @@ def example_document(name: str) -> dict[str, Any]:
     try:
         return catalogue.document(name)
     except InputError:
-        raise Refusal(404, "not-found", "The catalogue has no system of this name; /gallery shows them.") from None
+        raise Refusal(404, "not-found", "The catalogue has no system of this name; /atlas shows them.") from None
 
 
 async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:

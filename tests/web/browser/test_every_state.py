@@ -86,7 +86,7 @@ def test_axe_finds_nothing_and_nothing_is_too_wide(look: Visit, states: dict[str
         look.go(path)
         if name in ("simulation", "precision"):
             expect(look.page.locator("[data-drawn]")).to_be_visible()
-        if name != "/gallery":
+        if name != "/atlas":
             open_all(look)
         found = violations(look)
         if found or is_too_wide(look):

@@ -1,8 +1,9 @@
-"""Gallery, batches, lessons, calls."""
+"""Atlas, batches, lessons, calls."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -12,16 +13,24 @@ from .conftest import Visit, whole
 from .test_every_page import violations
 
 
-def test_a_system_of_the_gallery_is_solved(visit: Visit) -> None:
-    visit.go("/gallery")
-    visit.page.get_by_role("link", name="Solve: counterexample to Proposition 3 as printed").click()
-    visit.page.get_by_role("button", name="Open the answer").click()
-    expect(visit.page.locator("h1 .yes, h2 .yes").first).to_be_visible()
-    whole(visit.page)
-    visit.go("/gallery")
-    visit.page.get_by_text("One coordinate (").click()
-    visit.page.get_by_role("link", name="duffing").click()
-    expect(visit.page.get_by_label("Equations", exact=True)).not_to_be_empty()
+@pytest.mark.parametrize("scripts", [True, False])
+def test_the_atlas_is_searched_by_words_and_by_equations(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/atlas")
+    expect(at.page.locator(".tiles li")).to_have_count(20)
+    at.page.get_by_label("Words").fill("kepler polar")
+    at.page.get_by_role("button", name="Search").click()
+    expect(at.page.locator("tbody tr").first).to_contain_text("Kepler")
+    at.go("/atlas")
+    at.page.get_by_label("Equations").fill("b'' = -2*R'*b'/R; R'' = R*b'^2 - 7/R^2")
+    at.page.get_by_role("button", name="Search").click()
+    at.page.get_by_role("link", name="Kepler problem in polar coordinates").first.click()
+    expect(at.page.locator("h1")).to_contain_text("a Lagrangian")
+    expect(at.page.locator(".answer .formula").first).to_be_visible()
+    at.page.get_by_role("link", name="Open in Solve").click()
+    expect(at.page.get_by_label("Equations", exact=True)).to_have_value(re.compile("r''"))
+    at.go("/atlas?equations=x''%3D@")
+    expect(at.page.get_by_role("alert")).to_be_visible()
 
 
 @pytest.mark.parametrize("scripts", [True, False])

@@ -15,18 +15,6 @@ from playwright.sync_api import Browser, expect
 from tests.conftest import running_service
 
 from .conftest import Look, Visit, new_page, whole
-from .test_every_page import is_too_wide
-
-EXERCISE = "/?equations=x''+%3D+-9*x&reveal=hint,answer"
-
-
-@pytest.fixture
-def light(visit: Visit) -> Iterator[Visit]:
-    """The pages without the figures of the gallery, which are jobs of their own."""
-    empty = '<svg xmlns="http://www.w3.org/2000/svg"/>'
-    visit.page.route("**/gallery/**.svg", lambda route: route.fulfill(body=empty, content_type="image/svg+xml"))
-    yield visit
-    visit.page.unroute("**/gallery/**.svg")
 
 
 def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) -> None:
@@ -79,18 +67,6 @@ def test_a_browser_frames_an_answer_on_a_listed_origin_and_on_no_other(
             with page.expect_console_message(lambda message: "frame-ancestors" in message.text):
                 page.goto(refused)
     page.context.close()
-
-
-def test_the_gallery_is_searched_by_name_equation_and_verdict(light: Visit) -> None:
-    light.go("/gallery")
-    box = light.page.get_by_label("Search the systems")
-    box.fill("kepler")
-    expect(light.page.locator("[data-found]")).to_have_text("3 systems")
-    expect(light.page.locator("tr[data-text]:visible").first).to_contain_text("r''")
-    expect(light.page.get_by_role("heading", name="Figures of the paper")).to_be_hidden()
-    box.fill("")
-    expect(light.page.get_by_role("heading", name="Figures of the paper")).to_be_visible()
-    assert not is_too_wide(light)
 
 
 def test_plain_equations_are_a_batch_and_its_table_is_csv(visit: Visit) -> None:

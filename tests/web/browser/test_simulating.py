@@ -179,27 +179,3 @@ def test_what_is_wrong_with_a_scene_is_told_on_the_form(visit: Visit) -> None:
     visit.page.get_by_label("Step h").fill("0.1*@")
     visit.page.get_by_role("button", name="Run").click()
     expect(visit.page.locator(".problem")).to_be_visible()
-
-
-@pytest.mark.slow
-def test_the_gallery_draws_the_paths_of_the_systems(visit: Visit) -> None:
-    visit.go("/gallery")
-    picture = visit.page.locator("img.thumbnail[src*='generic-class-one']")
-    picture.scroll_into_view_if_needed()
-    request = visit.page.context.request
-    answer = request.get(visit.address + "/gallery/vertically-rolling-disk.svg", timeout=40_000)
-    assert len(lines_of(answer.text())) == 2
-    assert "max-age" in answer.headers["cache-control"]
-    # The figures of the paper: three methods and the exact path, three methods in time.
-    for name, lines in (("disk-paths", 4), ("disk-energy", 3), ("disk-constraints", 3)):
-        figure = request.get(f"{visit.address}/gallery/figures/{name}.svg", timeout=40_000)
-        assert len(lines_of(figure.text())) == lines
-    group = visit.page.locator("details", has=visit.page.locator("img[src*='sketches/painleve-i.svg']"))
-    group.evaluate("node => (node.open = true)")
-    group.scroll_into_view_if_needed()
-    sketch = visit.page.locator("img[src*='sketches/painleve-i.svg']")
-    expect(sketch).to_have_js_property("naturalWidth", 150)
-    assert request.get(f"{visit.address}/gallery/sketches/none.svg").status == 404
-    visit.page.get_by_role("link", name="Open the scene: Rolling disk, \u03b1 = 0: energy error").click()
-    expect(visit.page.locator("[data-plot=energy]")).to_be_visible()
-    assert request.get(f"{visit.address}/gallery/figures/none.svg").status == 404

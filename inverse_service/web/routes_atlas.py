@@ -1,0 +1,131 @@
+"""The atlas: search by name, tag and equations, one entry, and the whole as NDJSON."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Query
+from pydantic import BaseModel, Field
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from inverse_service.catalogue import atlas
+from inverse_service.errors import InputError
+from inverse_service.service.documents.alike import form_of
+from inverse_service.service.jobs.model import split_options
+from inverse_service.service.jobs.tasks import understand_task
+from inverse_service.web.clients import client_of, require_client
+from inverse_service.web.engine import Engine
+from inverse_service.web.job_answers import is_known
+from inverse_service.web.openapi import refusals
+from inverse_service.web.problems import Refusal
+
+router = APIRouter(dependencies=[Depends(require_client)])
+SHOWN = ("name", "title", "source", "tags", "equations", "verdict", "badge")
+LICENSE = "MIT"
+CITE = "The inverse-service atlas: systems of equations of motion with their Lagrangians, computed and checked."
+LATE = "Reading these equations takes too long for a search."
+
+
+def told(words: str) -> Any:
+    """A field with its description."""
+    return Field(description=words)
+
+
+class AtlasLine(BaseModel):
+    """A system of the atlas in a list."""
+
+    name: str = told("the name in addresses")
+    title: str = told("what it is called")
+    source: str = told("where it is from, as a citation; empty where it is from this project")
+    tags: list[str] = told("words to search by")
+    equations: list[str] = told("the equations, or L and the constraints, as understood")
+    verdict: str = told("yes, no, open or differs, for both questions together")
+    badge: str = told("the verdict in words")
+
+
+class AtlasList(BaseModel):
+    """What a search found: at most a hundred systems, and how many there are."""
+
+    count: int = told("how many systems were found")
+    systems: list[AtlasLine] = told("the first hundred of them")
+    license: str = told("the license of the atlas")
+    cite: str = told("how to cite the atlas")
+
+
+class AtlasEntry(AtlasLine):
+    """One system with its document and its computed answers to both questions."""
+
+    document: dict[str, Any] = told("the document that was solved")
+    without_time: str | None = told("the verdict for L(q, q')")
+    with_time: str | None = told("the verdict for L(t, q, q')")
+    lagrangian: str | None = told("a Lagrangian; null where there is none or it is too long for a list")
+    hamiltonian: str | None = told("its Hamiltonian")
+    domain: list[str] = told("the conditions under which the formulas hold")
+    checked: str | None = told("what the independent checker said of the proof")
+    form: str = told("a key that systems of the same form share")
+    version: str = told("the version of the program that computed the answers")
+
+
+def form_task(equations: str) -> str:
+    """The form of typed equations; InputError where they cannot be read."""
+    return form_of(understand_task(split_options({"equations": equations, "parameters": "guess"})[0]))
+
+
+async def found_by(request: Request, words: str, tag: str, equations: str) -> list[dict[str, Any]]:
+    """The systems of a search; refuses equations that cannot be read."""
+    form = None
+    if equations.strip():
+        engine: Engine = request.app.state.engine
+        try:
+            form = await engine.made(client_of(request), form_task, equations[:4_000], late=LATE)
+        except InputError as error:
+            raise Refusal(422, "bad-input", str(error)) from None
+    return atlas.search(words[:200], tag[:80], form)
+
+
+@router.get("/v1/atlas", response_model=AtlasList, responses=refusals(422))
+async def search(
+    request: Request,
+    q: Annotated[str, Query(description="words of name, title, source, tags or equations")] = "",
+    tag: Annotated[str, Query(description="a tag, such as Kamke or constraints")] = "",
+    equations: Annotated[
+        str, Query(description="equations: systems of the same form, up to names, order and constant factors")
+    ] = "",
+) -> Response:
+    """Systems with computed answers, by words, by tag, and by equations."""
+    found = await found_by(request, q, tag, equations)
+    lines = [{key: entry[key] for key in SHOWN} for entry in found[:100]]
+    return JSONResponse({"count": len(found), "systems": lines, "license": LICENSE, "cite": CITE})
+
+
+@router.get("/v1/atlas.ndjson", response_class=Response, responses={200: {"content": {"application/x-ndjson": {}}}})
+async def whole(request: Request) -> Response:
+    """The whole atlas, one system a line."""
+    data, mark = _whole()
+    headers = {
+        "ETag": f'"{mark}"',
+        "Cache-Control": "public, no-cache",
+        "Content-Disposition": 'attachment; filename="atlas.ndjson"',
+        "X-License": LICENSE,
+    }
+    if is_known(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return Response(data, headers=headers, media_type="application/x-ndjson")
+
+
+@lru_cache(maxsize=1)
+def _whole() -> tuple[bytes, str]:
+    data = "".join(map(atlas.line_of, atlas.entries().values())).encode()
+    return data, hashlib.sha256(data).hexdigest()[:16]
+
+
+@router.get("/v1/atlas/{name}", responses={200: {"model": AtlasEntry}, **refusals(404)})
+async def entry(name: str) -> Response:
+    """One system: its document, its answers, L, H and where they hold."""
+    found = atlas.entries().get(name)
+    if found is None:
+        raise Refusal(404, "not-found", "The atlas has no system of this name; GET /v1/atlas searches it.")
+    return JSONResponse(found)

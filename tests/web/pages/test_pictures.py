@@ -1,0 +1,56 @@
+"""Pictures: the drawings of bodies, and those of answers for pages without scripts and for shared links."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service import solve
+from inverse_service.catalogue import atlas
+from inverse_service.web.pages.atlas import BODIES, body_of
+from inverse_service.web.pages.pictures import motion_of, picture_of
+from inverse_service.web.pages.rendering import environment
+
+
+@pytest.mark.parametrize(
+    ("name", "body"),
+    [
+        ("vertically-rolling-disk", "disk"),
+        ("two-wheeled-carriage", "carriage"),
+        ("inclined-knife-edge", "inclined-knife-edge"),
+        ("knife-edge-second", "knife-edge"),
+        ("damped-double-pendulum", "double-pendulum"),
+        ("pendulum-on-viscous-cart", "cart-pendulum"),
+        ("kepler-polar", "orbit"),
+        ("sho", "spring"),
+        ("shock", ""),
+        ("douglas-iiib", ""),
+    ],
+)
+def test_a_system_is_drawn_as_the_body_of_its_name(name: str, body: str) -> None:
+    assert body_of(name) == body
+
+
+def test_every_body_has_a_drawing_of_its_own() -> None:
+    drawings = environment().get_template("bodies.html").module.drawings
+    assert {body for _, body in BODIES} == set(drawings)
+    assert len(set(drawings.values())) == len(drawings)
+
+
+def test_the_oscillator_draws_a_circle_and_a_constraint_is_kept() -> None:
+    """x'^2 + x^2 is constant; the velocity of y follows from the constraint."""
+    found = motion_of(solve({"equations": "x'' = -x"}))
+    assert found is not None
+    radii = (found[0] ** 2).sum(axis=1)
+    assert radii == pytest.approx(radii[0], rel=1e-3)
+    knife = {"lagrangian": "(x'^2+y'^2+p'^2)/2", "constraints": ["y' - x'*tan(p)"], "coordinates": ["p", "x", "y"]}
+    result = solve(knife)
+    assert (picture_of(result, "svg", "") or b"").startswith(b"<?xml")
+    assert (picture_of(result, "png", "Yes") or b"").startswith(b"\x89PNG")
+
+
+@pytest.mark.nightly
+def test_every_system_of_the_atlas_with_a_body_can_be_drawn() -> None:
+    for entry in list(atlas.entries().values())[:40]:
+        result = solve(dict(entry["document"]))
+        if body_of(entry["name"]):
+            assert motion_of(result) is not None, entry["name"]

@@ -1,0 +1,76 @@
+"""The atlas over HTTP: search by words, tag and equations, one entry, the whole; and habits of the pages."""
+
+from __future__ import annotations
+
+import json
+
+import httpx
+import pytest
+
+from benchmarks import atlas as builder
+from inverse_service.catalogue import atlas
+
+LEAST = 600
+NOTES = ("own test", "random search", "(test only)", "regression")
+
+
+def test_the_atlas_is_large_and_says_nothing_of_the_test_bench() -> None:
+    found = atlas.entries()
+    assert len(found) >= LEAST
+    assert "tilting-disk" in found
+    assert len({json.dumps(entry["document"], sort_keys=True) for entry in found.values()}) == len(found)
+    text = json.dumps(list(found.values()))
+    assert [note for note in NOTES if note in text] == []
+    assert {entry["verdict"] for entry in found.values()} <= {"yes", "no", "open", "differs"}
+
+
+@pytest.mark.nightly
+def test_some_lines_are_as_computed_now() -> None:
+    rows = [row for row in builder.documents() if row["name"] in atlas.entries()]
+    for row in rows[:: len(rows) // 12]:
+        assert builder.entry_of(row)["verdict"] == atlas.entries()[row["name"]]["verdict"], row["name"]
+
+
+@pytest.mark.parametrize(
+    ("query", "name"),
+    [
+        ({"q": "kepler polar"}, "kepler-polar"),
+        ({"tag": "constraints", "q": "tilt"}, "tilting-disk"),
+        # Other names, another order, other constants.
+        ({"equations": "b'' = -2*R'*b'/R; R'' = R*b'^2 - 7/R^2"}, "kepler-polar"),
+        ({"equations": "m*u'' + c*u' + k*u = 0"}, "damped-oscillator"),
+    ],
+)
+def test_a_search_finds_it(service: str, query: dict[str, str], name: str) -> None:
+    found = httpx.get(f"{service}/v1/atlas", params=query, timeout=60).json()
+    assert name in [entry["name"] for entry in found["systems"]]
+    assert found["count"] < LEAST
+    whole = httpx.get(f"{service}/v1/atlas/{name}", timeout=60).json()
+    assert whole["document"]
+    assert whole["badge"]
+
+
+def test_the_whole_is_one_file_that_a_browser_keeps(service: str) -> None:
+    with httpx.Client(base_url=service, timeout=60) as client:
+        answer = client.get("/v1/atlas.ndjson")
+        assert len(answer.text.splitlines()) == len(atlas.entries())
+        again = client.get("/v1/atlas.ndjson", headers={"If-None-Match": answer.headers["etag"]})
+        assert again.status_code == 304
+        assert client.get("/v1/atlas/none").status_code == 404
+        assert client.get("/v1/atlas", params={"equations": "x'' = @"}).status_code == 422
+
+
+def test_pages_have_marks_descriptions_and_what_browsers_ask_for(service: str) -> None:
+    with httpx.Client(base_url=service, timeout=60) as client:
+        page = client.get("/teach")
+        assert client.get("/teach", headers={"If-None-Match": page.headers["etag"]}).status_code == 304
+        assert 'name="description"' in page.text
+        assert client.get("/robots.txt").text.startswith("User-agent")
+        assert client.get("/favicon.ico", follow_redirects=True).headers["content-type"] == "image/svg+xml"
+        found = client.post("/v1/solve", json={"equations": "x'' = -x"}, headers={"Prefer": "wait=20"})
+        place = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        page = client.get(f"/results/{place}")
+        assert f'property="og:image" content="{service}/results/{place}/picture.png"' in page.text
+        for ending in ("png", "svg"):
+            picture = client.get(f"/results/{place}/picture.{ending}")
+            assert picture.headers["content-type"].startswith("image/")
