@@ -26,7 +26,10 @@ TIME_LIMIT = 20.0  # s of processor time for a system
 LONGEST = 1_500  # characters of a formula that the atlas keeps
 # Lists of the tests whose documents are systems that somebody asked about, and the tag of each.
 LISTS = {"literature": "literature", "kamke": "Kamke", "textbook": "textbook", "constrained": "constraints"}
-OWN = ("own", "regression", "attacks", "by hand", "worked out")  # how a source of our own begins
+# Parts of a source that are notes of ours, not a citation.
+OWN = re.compile(
+    r"\bown\b|regression|attacks|by hand|worked out|random search|verdict|\btests?\b|identity checked|^6-dim$"
+)
 WORDS = (
     *("damped", "kepler", "pendulum", "oscillator", "drag", "magnetic", "geodesic", "painleve", "disk", "sleigh"),
     *("lienard", "knife", "sphere", "spring", "henon", "toda", "top", "robot", "orbit", "friction", "relativ"),
@@ -83,10 +86,20 @@ def _row(name: Any, title: Any, source: Any, document: Any, tags: Any) -> dict[s
     return {
         "name": slug,
         "title": title or re.sub(r"^kamke (\d) (\d+)$", r"Kamke \1.\2", words[:1].upper() + words[1:]),
-        "source": "" if str(source).startswith(OWN) else source,
+        "source": citation(str(source)),
         "document": document,
         "tags": tags,
     }
+
+
+def citation(source: str) -> str:
+    """A source in the words of a citation: its parts between semicolons that are no notes of ours."""
+    source = re.sub(r"\s*\((?:Jacobi identity checked|three classes are obstructed)\)", "", source)
+    source = re.sub(r"\s*exceptional parameter found.*", "", source)
+    if source.startswith("own"):
+        return ""
+    parts = [part.strip() for part in re.split(r";|, own computation|(?=verdict:)", source)]
+    return "; ".join(part for part in parts if part and not OWN.search(part))
 
 
 def entry_of(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,16 +36,13 @@ async def learn() -> HTMLResponse:
 
 # (name in the address, title, file in docs/).
 PAGES = (
-    ("tutorial", "The inverse problem in small steps", "tutorial.md"),
-    ("guide", "A guide for researchers", "guide.md"),
+    ("steps", "The inverse problem in small steps", "tutorial.md"),
     ("mathematics", "The mathematics", "mathematics.md"),
-    ("nonholonomic", "Constraints on velocities", "nonholonomic.md"),
-    ("special-cases", "Special values of parameters", "special-cases.md"),
-    ("open-questions", "Which motions can be Hamiltonized", "open-questions.md"),
-    ("simulation", "Integrators compared", "simulation.md"),
-    ("rest", "Calls for programs", "rest.md"),
-    ("batch", "Many systems at once", "batch.md"),
+    ("constraints", "Constraints on velocities", "nonholonomic.md"),
+    ("calls", "Calls for programs", "rest.md"),
 )
+# What is written for those who have the source: comments, and commands that are run in its folder.
+_FOR_THE_SOURCE = re.compile(r"<!--.*?-->|```[a-z]*\n[^`]*\.venv/[^`]*```|`[^`\n]*\.venv/[^`\n]*`", re.DOTALL)
 _KNOWN = {file: f"/learn/{name}" for name, _, file in PAGES}
 _LINK = re.compile(r'href="([^":#]+)(#[^"]*)?"')
 _IMAGE = re.compile(r"<img [^>]*>")
@@ -82,7 +79,7 @@ async def manual(name: str) -> HTMLResponse:
 def _body(file: str) -> Markup:
     """The page as HTML; links to other pages of the manual stay on the site, those to files of the source go."""
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
-    html = markdown.render(_text(file))
+    html = markdown.render(_FOR_THE_SOURCE.sub("", _text(file)))
     return Markup(_IMAGE.sub("", _LINK.sub(_address, html)))
 
 

@@ -89,5 +89,5 @@ def test_a_reading_that_was_meant_is_put_into_the_field(visit: Visit) -> None:
     typed.fill("x'' = -k/m x\ny'' = -y")
     visit.page.get_by_role("button", name="x'' = -(k/m)*x", exact=True).click()
     expect(typed).to_have_value("x'' = -(k/m)*x\ny'' = -y")
-    expect(visit.page.locator("#understood dl")).to_contain_text("Coordinates")
+    expect(visit.page.locator("#understood .reading")).to_contain_text("constants")
     assert visit.page.url == visit.address + "/"

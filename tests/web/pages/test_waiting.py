@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from inverse_service.service.documents import documents
-from inverse_service.web.pages.learn import hamiltonized
 from inverse_service.web.pages.reading_back import understood
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_pages import asked_of
@@ -43,13 +42,3 @@ def test_the_echo_of_a_constrained_system_is_said_to_be_the_motion() -> None:
     document = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' - y*x'"], "associated": "third"}
     headings = [heading for heading, _ in understood(documents.parse_document(document)).groups]
     assert headings == ["Lagrangian", "Constraints", "Motion"]
-
-
-def test_every_motion_that_was_decided_has_a_card() -> None:
-    """Each row of the tables of docs/open-questions.md, with the verdict that was proved."""
-    found = {str(motion): verdict for motion, verdict, _ in hamiltonized()}
-    assert len(found) == len(hamiltonized())
-    assert found["knife edge on an inclined plane"] == "variational"
-    assert found["Veselova"] == "not_variational"
-    assert set(found.values()) <= {"variational", "not_variational", "undetermined"}
-    assert len(found) > 35
