@@ -68,7 +68,7 @@ def documents() -> Iterator[dict[str, Any]]:
 
 def _rows() -> Iterator[dict[str, Any]]:
     for kind in ("system", "nonholonomic"):
-        for name in catalogue.names(kind):  # type: ignore[arg-type]
+        for name in catalogue.names(kind):
             entry = catalogue.entry(name)
             yield _row(name, entry["title"], entry.get("source", ""), entry["document"], [])
     for list_name, tag in LISTS.items():
