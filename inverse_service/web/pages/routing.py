@@ -13,7 +13,7 @@ from inverse_service.web.clients import COOKIE, LARGEST_KEY, cookie_of_key
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import (
     assets,
-    atlas,
+    atlas_pages,
     batch_pages,
     calls_page,
     exercises,
@@ -120,5 +120,5 @@ def _is_secure(request: Request) -> bool:
 router.get("/static/{mark}/{name}")(assets.static)
 for part in (account, calls_page.router, learn.open_router):
     router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
-for pages in (solve, exercises, result_pages, simulate, atlas, batch_pages, learn):
+for pages in (solve, exercises, result_pages, simulate, atlas_pages, batch_pages, learn):
     router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

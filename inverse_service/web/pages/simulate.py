@@ -20,7 +20,7 @@ from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.pages import reading_back, scenes
-from inverse_service.web.pages.atlas import body_of
+from inverse_service.web.pages.atlas_pages import body_of
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.own_calls import call, read_form
 from inverse_service.web.pages.preview import preview_task
