@@ -30,7 +30,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading.document_names import Declared, Parameters, bounded, known_names
+from inverse_service.reading.document_names import Declared, Parameters, bounded, known_names, with_products
 from inverse_service.reading.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.reading.names import Names, check_clashes, escaped
 from inverse_service.reading.reader import placed_at, read_equation, read_formula, read_tokens, split_equations
@@ -248,7 +248,7 @@ def _moves(text: str, name: str = "") -> bool:
 def _are_pairs(texts: Mapping[str, str], declared: Declared) -> bool:
     """Whether no name has two derivatives, and at least two have one."""
     named = (*declared.named_parameters(), *declared.where)
-    names = Names((), named, dict.fromkeys(declared.functions, ()))
+    names = with_products(Names((), named, dict.fromkeys(declared.functions, ())), declared, texts)
     return not inferred_coordinates(texts, names, 2) and len(inferred_coordinates(texts, names, 1)) > 1
 
 

@@ -124,7 +124,7 @@ def _of_operand(
     if declared and quotient.fraction and follows and follows[0].is_operator("(") and follows[0].value != FRACTION:
         instead = f"write {name.text}'({variables[0].text}), or * before a factor"
         raise refusal("a bracket follows a derivative", follows[0].column, instead)
-    if declared or (role is None and names.guesses and {*by} <= {*names.coordinates}):
+    if declared or (role is None and names.guesses and "t" not in by):
         return _carried_out(operand, variables, first), quotient.after
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
         if not quotient.partial and names.role("d") is not None:

@@ -20,8 +20,8 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.reading.guessing import guess_names
-from inverse_service.reading.moving_names import inferred_coordinates, key_name
+from inverse_service.reading.guessing import with_guessed
+from inverse_service.reading.moving_names import inferred_coordinates, key_name, moving_products
 from inverse_service.reading.names import (
     Names,
     check_clashes,
@@ -31,6 +31,7 @@ from inverse_service.reading.names import (
     refuse_two_spellings,
 )
 from inverse_service.reading.reader import read_formula, read_tokens
+from inverse_service.reading.tokens import closing
 
 ParameterValue = str | int | float | None
 
@@ -222,16 +223,22 @@ def document_names(
     }
     bounded(list(declared.functions), "/functions", "functions", LIMITS.names)
     defined = tuple(declared_name(name, f"/where/{escaped(name)}") for name in declared.where)
-    names = Names((), (*parameters, *defined), functions)
+    names = with_products(Names((), (*parameters, *defined), functions), declared, texts)
     names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
     if declared.guesses:
-        guess = guess_names(texts, names)
-        both = (*names.parameters, *guess.parameters)
-        names = replace(names, parameters=both, functions={**functions, **guess.functions})
+        names = with_guessed(texts, names)
     if not pairs:
         check_clashes(names, keyed)
     refuse_two_spellings(texts, names.declared())
     return replace(names, functions=_checked_functions(names, texts))
+
+
+def with_products(names: Names, declared: Declared, texts: Mapping[str, str]) -> Names:
+    """The names, with m and x'' in mx'' where undeclared names may be guessed."""
+    if not declared.guesses:
+        return names
+    names = replace(names, guesses=True)
+    return replace(names, splits=moving_products(texts, names))
 
 
 def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
@@ -267,13 +274,34 @@ def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tupl
             if argument != "t" and argument not in names.coordinates:
                 foreign.setdefault(function, place)
     for function, place in foreign.items():
-        if not texts or any(function in text for text in texts.values()):
+        if all(_always_called(function, text, names) for text in texts.values()) and texts:
+            if any(function in text for text in texts.values()):
+                foreign = {name: at for name, at in foreign.items() if name != function}  # a dummy
+        elif not texts or any(function in text for text in texts.values()):
             raise InputError(
                 f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
                 f"{joined(names.coordinates)}.",
                 f"/functions/{function}/{place}",
             )
     return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
+
+
+def _always_called(function: str, text: str, names: Names) -> bool:
+    """Whether brackets with arguments follow the function wherever it occurs in a text."""
+    try:
+        tokens = read_tokens(text, names)
+    except InputError:
+        return True
+    for place, token in enumerate(tokens):
+        if token.kind == "name" and names.spelling(token.text) == function:
+            after = place + 1
+            while after < len(tokens) and (tokens[after].kind == "prime" or tokens[after].is_operator("^")):
+                after += 1 + (tokens[after].text == "^")
+            if after < len(tokens) and tokens[after].is_operator("["):
+                after = closing(tokens, after) + 1
+            if after >= len(tokens) or not tokens[after].is_operator("("):
+                return False
+    return True
 
 
 def _coordinates(

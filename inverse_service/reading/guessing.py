@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal
@@ -26,13 +26,14 @@ from inverse_service.reading.names import (
     ask_for_the_time,
     looks_like_a_coordinate,
     not_declared,
+    only_split,
     readings,
     reason_against,
     refused,
     undeclared,
 )
 from inverse_service.reading.reader import read_tokens, remark
-from inverse_service.reading.tokens import Token, check_brackets, closing
+from inverse_service.reading.tokens import Token, check_brackets, closing, split_at_commas
 
 # Refused as functions or as numbers, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = (
@@ -45,6 +46,7 @@ NEVER_GUESSED = (
 # Bessel's, Airy's and the integral functions; as constants these names are as good as any.
 _SPECIAL = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li"))
 FUNCTION_LETTERS = frozenset("fFhHUVW")
+CALLED_LETTERS = FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
 # Of t these are impulses and steps to most.
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
@@ -52,16 +54,29 @@ _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """Names in the order in which they occur; `functions` with their arguments."""
+    """Names in the order in which they occur; `functions` with their arguments; `splits` are runs of letters."""
 
     parameters: tuple[str, ...] = ()
     functions: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def guess_names(texts: Mapping[str, str], declared: Names) -> Guess:
-    """`_guessed`; where it asks back, a bracket without its other half is named first, as it may change all that."""
+_MOST_ROUNDS = 4  # a run that is split may hold a name that splits others
+
+
+def with_guessed(texts: Mapping[str, str], declared: Names) -> Names:
+    """The names with those that the texts use beyond what is declared and the coordinates; InputError as `_guessed`.
+
+    Where it asks back, a bracket without its other half is named first, as it may change all that.
+    """
     try:
-        return _guessed(texts, declared)
+        for _ in range(_MOST_ROUNDS):
+            guess = _guessed(texts, declared)
+            if not guess.splits:
+                break
+            declared = replace(declared, splits={**declared.splits, **guess.splits})
+        both = (*declared.parameters, *guess.parameters)
+        return replace(declared, parameters=both, functions={**declared.functions, **guess.functions})
     except InputError:
         for pointer, text in texts.items():
             try:
@@ -82,6 +97,8 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     found_functions: dict[str, tuple[str, ...]] = {}
     found_parameters: dict[str, tuple[str, Token]] = {}
     called: dict[str, tuple[str, Token]] = {}  # U_x(x, y) may be a derivative
+    splits: dict[str, tuple[str, ...]] = {}
+    slopes = _slopes(lines.values(), declared)
     known = {*coordinates, *declared.declared(), *NEVER_GUESSED}
     calls = {
         (token.text, arguments)
@@ -94,23 +111,33 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
             names = {token.text, declared.spelling(token.text), derived_stem(token.text)}
             if token.kind != "name" or names & known:
                 continue
-            _refuse_operators(line, place, pointer, coordinates, calls)
+            _refuse_operators(line, place, pointer, coordinates, calls, slopes)
             if error := remark(line, place):
                 raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, place + 1, timed)
+            if not arguments and (count := _called_with(line, place, declared)):
+                arguments = tuple(f"u{number}" for number in range(1, count + 1))
+                arguments = found_functions.get(token.text, arguments)
             if len(arguments) == 1 and _is_apart(line, place):
                 raise _product_or_function(line, place, arguments[0], texts[pointer]).at(pointer)
             if arguments and "_" in token.text:
                 called.setdefault(token.text, (pointer, token))
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
-            elif not arguments and not is_primed(line, place) and not _may_be_called(line, place):
+            elif not arguments and is_primed(line, place):
+                if parts := only_split(token.text, declared):
+                    splits[token.text] = parts
+            elif not arguments and not _may_be_called(line, place):
                 found_parameters.setdefault(token.text, (pointer, token))
+    for name, by in slopes.items():
+        if by == {*coordinates}:
+            found_functions.setdefault(name, coordinates)
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
     _ask_back(called, Names(coordinates, (), {**declared.functions, **found_functions}))
-    _ask_back(guessed, Names(coordinates, declared.parameters, {**declared.functions, **found_functions}))
-    return Guess(tuple(guessed), found_functions)
+    known_names = Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
+    splits |= _ask_back(guessed, known_names)
+    return Guess(tuple(name for name in guessed if name not in splits), found_functions, splits)
 
 
 def _product_or_function(line: Sequence[Token], place: int, argument: str, text: str) -> InputError:
@@ -123,25 +150,77 @@ def _product_or_function(line: Sequence[Token], place: int, argument: str, text:
     return refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
-def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> None:
-    """InputError for the first name that may be no constant."""
+def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, set[str]]:
+    """V with x and y where dV/dx and dV/dy, or diff(V, x), occur and V is not declared."""
+    found: dict[str, set[str]] = {}
+    for line in lines:
+        for place in range(len(line) - 4):
+            called, opening, name, *rest = line[place : place + 5]
+            if called.text not in DERIVATIVE_NAMES or not opening.is_operator("(") or name.kind != "name":
+                continue
+            by = [token.text for token in line[place + 3 : closing(line, place + 1)] if not token.is_operator(",")]
+            if rest[0].is_operator(",") and by and {*by} <= {*declared.coordinates} and not declared.role(name.text):
+                found.setdefault(name.text, set()).update(by)
+    return found
+
+
+def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
+    """Whether it is x_1 or x2 and x, or x with another number, is a coordinate; x_0 is a constant to most."""
+    numbered = re.fullmatch("([A-Za-z]+)_?([1-9][0-9]*)", name)
+    stems = {re.sub("_?[0-9]+$", "", coordinate) for coordinate in coordinates}
+    return numbered is not None and numbered[1] in stems and looks_like_a_coordinate(numbered[1])
+
+
+_COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are two components to most
+
+
+def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
+    """How many arguments stand in F(x*y), F(x, x') and f(y/x), F undeclared; 0 where it may be a factor."""
+    opening = place + 1
+    while opening < len(line) and line[opening].kind == "prime":
+        opening += 1
+    if line[place].text not in CALLED_LETTERS or opening >= len(line) or not line[opening].is_operator("("):
+        return 0
+    end = closing(line, opening)
+    inside = line[opening + 1 : end]
+    moves = any(token.text == "t" or declared.role(declared.spelling(token.text)) == "coordinate" for token in inside)
+    if line[opening].space_before or end == len(line) or not moves:
+        return 0
+    return len(split_at_commas(inside))
+
+
+def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> dict[str, tuple[str, ...]]:
+    """The runs of letters that are products to every reader; InputError for the first name that may be no constant."""
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
     shared = {letter for first, second in itertools.combinations(words, 2) for letter in {*first} & {*second}}
     letters = (*(name for name in guessed if len(name) == 1), *shared)  # ml and mgl are products
     together = Names(names.coordinates, (*names.parameters, *letters), names.functions)
     seen: dict[str, str] = {}
+    splits: dict[str, tuple[str, ...]] = {}
+    ends: dict[str, set[str]] = {}  # by its first letter, the coordinates that Fx and Fy end in
+    for name in guessed:
+        if name[0] in _COMPONENTS and name[1:] in names.coordinates:
+            ends.setdefault(name[0], set()).add(name)
+    components = {name for both in ends.values() if len(both) > 1 for name in both}
     for name, (pointer, token) in guessed.items():
         column = token.column
+        if name not in components and (parts := only_split(name, together)):
+            splits[name] = parts
+            continue
         if meant := readings(name, together):
             raise undeclared(name, column, meant).at(pointer)
-        if looks_like_a_coordinate(name):
+        if name == "x" or _is_one_of_many(name, names.coordinates):
             raise ask_for_the_time(name, column, names.coordinates).at(pointer)
+        if name == "r" and {"x", "y"} <= {*names.coordinates}:
+            length = "sqrt(" + " + ".join(f"{q}^2" for q in ("x", "y", "z") if q in names.coordinates) + ")"
+            raise undeclared(name, column, (length,)).at(pointer)
         if alike := _word_of_motion(name, names.coordinates) or _may_be_motion(name, names.coordinates):
             raise undeclared(name, column, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
             instead = f"{other} occurs too; write one of the two"
             raise refusal(not_declared(name), token.column, instead, (other,)).at(pointer)
+    return splits
 
 
 _WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
@@ -163,7 +242,12 @@ def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
 
 
 def _refuse_operators(
-    line: Sequence[Token], place: int, pointer: str, coordinates: Sequence[str], calls: Collection[Call]
+    line: Sequence[Token],
+    place: int,
+    pointer: str,
+    coordinates: Sequence[str],
+    calls: Collection[Call],
+    slopes: Mapping[str, set[str]],
 ) -> None:
     """InputError for x^T, Delta x (a difference to most), diff(V, x) of a constant V, and 2j."""
     token = line[place]
@@ -174,7 +258,7 @@ def _refuse_operators(
         raise refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
     around = [other.text for other in line[place + 1 : place + 3]]
     by = around[1] if len(before) == 2 and before[0] in DERIVATIVE_NAMES and around[:1] == [","] and around[1:] else ""
-    if by in coordinates:
+    if by in coordinates and slopes.get(token.text) != {*coordinates}:
         meant = f"diff({token.text}({by}), {by})"
         what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
         raise refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)

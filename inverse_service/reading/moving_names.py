@@ -23,6 +23,36 @@ from inverse_service.reading.tokens import Token, closing, split_at_commas
 _LONGEST_ARGUMENTS = 400
 
 
+def moving_products(texts: Mapping[str, str], declared: Names) -> dict[str, tuple[str, ...]]:
+    """The runs of letters with primes that are products, mx'' of m and x'', y y'' and L I'' typed without a space."""
+    lines = [line for text in texts.values() if (line := _tokens_or_none(text, declared))]
+    words = [(line[k].text, is_primed(line, k)) for line in lines for k in range(len(line)) if line[k].kind == "name"]
+    alone, primed = ({word for word, moves in words if moves is which} for which in (False, True))
+    found: dict[str, tuple[str, ...]] = {}
+    for line in lines:
+        for name, _ in ((name, order) for name, order in _motions(line) if order == 2):
+            if name in alone | GREEK_NAMES or declared.role(declared.spelling(name)) or not name.isalnum():
+                continue
+            for cut in range(1, len(name)):
+                factor, moving = name[:cut], name[cut:]
+                single = len(moving) == 1 or moving in GREEK_NAMES or re.fullmatch("[A-Za-z][0-9]", moving)
+                elsewhere = moving in alone | primed
+                mechanical = _FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES
+                named = (looks_like_a_coordinate(moving) or moving in GREEK_NAMES) and mechanical
+                plain = mechanical or (len(factor) == 1 and factor not in "dDeEij")
+                if single and moving != "t" and plain and (elsewhere or named):
+                    factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
+                    found.setdefault(name, (*factors, moving))
+    return found
+
+
+def _tokens_or_none(text: str, declared: Names) -> list[Token]:
+    try:
+        return read_tokens(text, declared)
+    except InputError:
+        return []
+
+
 def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int = 2) -> tuple[str, ...]:
     """The names with this many time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
 

@@ -172,7 +172,7 @@ class Names:
 
     `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared. `definitions`
     are the formulas for which some of the parameters stand: their derivatives are those of the formulas.
-    `guesses`: what is not declared may be a name all the same.
+    `guesses`: what is not declared may be a name all the same. `splits`: runs of letters that are products, as kx.
     """
 
     coordinates: tuple[str, ...] = ()
@@ -181,6 +181,7 @@ class Names:
     time: bool = True
     definitions: Mapping[Expression, Expression] = field(default_factory=dict)
     guesses: bool = False
+    splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def role(self, name: str) -> Role | None:
         """What the name was declared as, None if it was not."""
@@ -297,14 +298,56 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     called = _CALLED_WITH_A_NUMBER.fullmatch(name)
     if called and called[1] in FUNCTIONS:
         return (f"{called[1]}({called[2]}{called[3] and '*' + called[3]})",)
-    moving = {f"{each}{ending}" for each in names.coordinates for ending, _ in DOTTED}
+    if not (cut := _parts(name, names)):
+        return ()
+    motion = (f"{name[1:]}'",) if name[0] == "d" and name[1:] in names.coordinates else ()
+    return (*motion, written_product(cut, names))
+
+
+_OF_NUMBERS = ("sqrt", "cbrt", "ln", "log")
+
+
+def _moving(names: Names) -> set[str]:
+    return {f"{each}{ending}" for each in names.coordinates for ending, _ in DOTTED}
+
+
+def _parts(name: str, names: Names) -> list[str]:
+    """The known names and letters that an undeclared name is made of; nothing where it may be a name."""
+    moving = _moving(names)
     known = {*names.declared(), *moving, "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
     moves = any(part in names.coordinates or part in moving for part in cut)
     if len(cut) < 2 or letters > 1 + moves or (cut[-1] in FUNCTIONS and not names.role(cut[-1])):
+        return []
+    return cut
+
+
+def only_split(name: str, names: Names) -> tuple[str, ...]:
+    """The parts of a run of letters that is one product to every reader, kx, omegat, mgx, sinx; else nothing.
+
+    dx and Dx may be derivatives, xm and rs a name with a letter for its index, asinx has two functions in it, sinc is one.
+    """
+    if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT or "_" in name:
         return ()
-    motion = (f"{name[1:]}'",) if name[0] == "d" and name[1:] in names.coordinates else ()
-    return (*motion, _written(cut, names))
+    called = _CALLED_WITH_A_NUMBER.fullmatch(name)
+    if called and called[1] in FUNCTIONS:
+        rest = called[3]
+        if called[1] == "exp" or (called[1] in _OF_NUMBERS) == bool(rest):
+            return ()  # sqrt2 and ln2 are numbers, sqrt2x and cos3 x are not clear
+        inner = (rest,) if not rest or names.role(rest) or rest == "t" else only_split(rest, names)
+        return (called[1], called[2], *(part for part in inner if part)) if inner else ()
+    cut = _parts(name, names)
+    known = {*names.declared(), *_moving(names), "t", "pi"}
+    letters = [part for part in cut if part not in known and part not in FUNCTIONS and part not in GREEK_NAMES]
+    moving = {*names.coordinates, *_moving(names), "t"}
+    doubtful = (
+        name[0] == "d"
+        or {*letters} & {"e", "E", "i", "j", "d", "D"}
+        or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in FUNCTIONS)
+        or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in moving)
+        or any(part[:1] == "a" and part[1:] in FUNCTIONS for part in cut)
+    )
+    return () if not cut or doubtful else tuple(cut)
 
 
 GREEK_NAMES = frozenset(GREEK.values())
@@ -334,11 +377,11 @@ def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
     return best.get(len(word), (0, []))
 
 
-def _written(parts: Sequence[str], names: Names) -> str:
+def written_product(parts: Sequence[str], names: Names) -> str:
     """The parts as a product, a function with what follows as its argument."""
     for place, part in enumerate(parts):
         if part in FUNCTIONS and names.role(part) is None:
-            return "*".join([*parts[:place], f"{part}({_written(parts[place + 1 :], names)})"])
+            return "*".join([*parts[:place], f"{part}({written_product(parts[place + 1 :], names)})"])
     return "*".join(parts)
 
 

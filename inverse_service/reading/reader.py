@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from fractions import Fraction
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal, shorten
@@ -17,7 +18,7 @@ from inverse_service.reading.differentials import with_derivatives
 from inverse_service.reading.names import FUNCTIONS, Names
 from inverse_service.reading.notations import in_our_words
 from inverse_service.reading.parser import check_depth, parse_tokens
-from inverse_service.reading.tokens import Token, refuse_decimal_commas, tokenize
+from inverse_service.reading.tokens import Kind, Token, refuse_decimal_commas, tokenize
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -73,11 +74,36 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     if is_latex(formula):
         from inverse_service.reading import latex
 
-        tokens = with_derivatives(latex.tokenize(formula, names), names)
+        tokens = with_derivatives(_with_products(latex.tokenize(formula, names), names), names)
     else:
-        tokens = in_our_words(tokenize(formula, names.declared()), names)
+        tokens = in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
     refuse_decimal_commas(tokens)
     return tokens
+
+
+def _with_products(tokens: list[Token], names: Names) -> list[Token]:
+    """The tokens with each run of letters of `names.splits` as its parts, those after a function in brackets."""
+    if not names.splits:
+        return tokens
+    found: list[Token] = []
+    for place, token in enumerate(tokens):
+        parts = names.splits.get(token.text, ()) if token.kind == "name" else ()
+        if not parts:
+            found.append(token)
+            continue
+        following = tokens[place + 1] if place + 1 < len(tokens) else None
+        goes_on = following is not None and (following.kind == "prime" or following.is_operator("^"))
+        column, opened = token.column, 0
+        for number, part in enumerate(parts):
+            kind: Kind = "number" if part.isdigit() else "name"
+            value = Fraction(part) if part.isdigit() else Fraction(0)
+            found.append(Token(kind, part, column, token.space_before and not number, value))
+            column += len(part)
+            if part in FUNCTIONS and names.role(part) is None and not goes_on and number + 1 < len(parts):
+                found.append(Token("operator", "(", column))
+                opened += 1
+        found += [Token("operator", ")", column)] * opened
+    return found
 
 
 def _greek(match: re.Match[str]) -> str:
