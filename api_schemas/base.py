@@ -65,7 +65,10 @@ class ParsedFormula(Document):
 
 
 class ParseAnswer(Document):
-    """What was understood: each acceleration, and the names by what they stand for; `guessed` were not declared."""
+    """What was understood: each acceleration, and the names by what they stand for; `guessed` were not declared.
+
+    `readings`: {"text": "kx", "as": "k*x"} for what was read otherwise than typed.
+    """
 
     name: str
     coordinates: list[str]
@@ -74,6 +77,7 @@ class ParseAnswer(Document):
     equations: dict[str, ParsedFormula]
     depends_on_time: bool
     guessed: list[str] = Field(default_factory=list)
+    readings: list[dict[str, str]] = Field(default_factory=list)
 
 
 class ProvenStatement(Document):

@@ -261,7 +261,8 @@ class ResultDocument(OtherAnswer):
     elsewhere, `branches` has the answers for all cells, that of the main fields first, and `not_answered` the cells
     without one; `verdict` is `differs` where the cells have different verdicts. `exceptions`: special values of the
     parameters that are not decided here.
-    `guessed` are names that the document did not declare and asked to be taken as constants (or functions).
+    `guessed` are names that the document did not declare and asked to be taken as constants (or functions),
+    `readings` ({"text": "kx", "as": "k*x"}) what was read otherwise than typed.
     `kinds` answers what the document asks about kinds of Lagrangians; `instead` is what a system without L(q, q') has.
     """
 
@@ -282,6 +283,7 @@ class ResultDocument(OtherAnswer):
     with_clock: ClockPart | None = None
     advice: AdvicePart | None = None
     guessed: list[str] = Field(default_factory=list)
+    readings: list[dict[str, str]] = Field(default_factory=list)
     incomplete: list[IncompletePart] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)
 
@@ -319,3 +321,4 @@ class ForwardResult(Document):
     hamiltonian: HamiltonianPart
     conserved: list[ConservedQuantity]
     guessed: list[str] = Field(default_factory=list)
+    readings: list[dict[str, str]] = Field(default_factory=list)

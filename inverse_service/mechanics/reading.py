@@ -33,7 +33,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, Parameters, bounded, known_names, with_products
 from inverse_service.reading.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.reading.names import Names, check_clashes, escaped
-from inverse_service.reading.reader import placed_at, read_equation, read_formula, read_tokens, split_equations
+from inverse_service.reading.reader import note, placed_at, read_equation, read_formula, read_tokens, split_equations
+from inverse_service.reading.tokens import Token
 
 MOST_PAIRS = 3  # of which every half is tried
 NOT_PAIRS = (
@@ -177,8 +178,8 @@ _Others = tuple[tuple[str, Expression], ...]
 def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_Equation], _Others]:
     """The names that have no value and no formula, the equations with these put in, what pairs leave out."""
     texts = _texts(equations)
-    if not isinstance(equations, Mapping):
-        _refuse_definitions(texts, declared)
+    if not isinstance(equations, Mapping) and (defined := _definitions(texts, declared)):
+        declared = replace(declared, where={**declared.where, **defined})
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
     pairs = not keys and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared
@@ -198,12 +199,16 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
 
 _DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
 _ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
-_DEFINES = re.compile(r"(?:^|[;,\n]|\\\\)[^\S\n]*\\?[A-Za-z]\w*\s*=")
+_DEFINES = re.compile(r"(?:^|[;,\n]|\\\\|\b(?:where|with|and|given)\b)[\s\\a-z{]*?[^\W\d]\w*(?:_\{?\w+\}?)?\}?\s*=")
 
 
-def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
-    """InputError for an equation such as r = sqrt(x^2 + y^2), which defines a name and moves nothing."""
+def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]:
+    """The names that equations such as omega = sqrt(k/m) define, which move nothing, each with its formula.
+
+    InputError for one that defines what has an equation of its own, and for a second derivative in letters.
+    """
     names = Names(tuple(declared.coordinates or ()), tuple(declared.named_parameters()))
+    found: dict[str, str] = {}
     for pointer, text in texts.items():
         try:
             groups = split_equations(text, names) if _DEFINES.search(text) else []
@@ -222,18 +227,27 @@ def _refuse_definitions(texts: Mapping[str, str], declared: Declared) -> None:
                 continue
             if first.text != "L" and not any(map(_moves, texts.values())):
                 continue  # what is missing is the motion
-            is_zero = [token.text for token in rest[1:]] == ["0"]
-            key = (
-                '"lagrangian": "…"'
-                if first.text == "L"
-                else f'"where": {{"{first.text}": "{"0" if is_zero else "…"}"}}'
-            )
             what, instead = f"{first.text} = … is a definition, not an equation of motion; it occurs", ""
-            if is_zero:
+            if first.text == "L":
+                raise refusal(what, first.column, 'write it in the document as "lagrangian": "…"').at(pointer)
+            if [token.text for token in rest[1:]] == ["0"]:
                 what = f"{first.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
+                instead = f'write it in the document as "where": {{"{first.text}": "0"}}'
+                raise refusal(what, first.column, instead).at(pointer)
             if any(_moves(each, first.text) for each in texts.values()):  # a definition would leave its own equation
                 instead = f"leave out the equation with {first.text}'' and put {first.text} into the others"
-            raise refusal(what, first.column, instead or f"write it in the document as {key}").at(pointer)
+                raise refusal(what, first.column, instead).at(pointer)
+            if len(rest) > 1:
+                formula = _END_OF_TEXT.sub("", text[rest[0].column : group.end_column - 1])
+                found[first.text] = formula
+                note(text[first.column - 1 : rest[0].column] + formula.rstrip(), DEFINITION)
+    return found
+
+
+DEFINITION = "a definition"
+_END_OF_TEXT = re.compile(
+    r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$", re.DOTALL
+)
 
 
 def _moves(text: str, name: str = "") -> bool:
@@ -284,7 +298,17 @@ def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
         if len(groups) > LIMITS.coordinates:
             most = LIMITS.coordinates
             raise LimitError(f"there are {len(groups)} equations: the limit is {most}; write fewer.")
-        return [(*read_equation(group, names), pointer) for group in groups]
+        return [(*read_equation(group, names), pointer) for group in groups if not _defines(group.tokens, names)]
+
+
+def _defines(tokens: Sequence[Token], names: Names) -> bool:
+    """Whether the equation is the definition of a name that stands for a formula."""
+    return (
+        tokens[0].kind == "name"
+        and tokens[1:2] != ()
+        and tokens[1].is_operator("=")
+        and (Symbol(names.spelling(tokens[0].text)) in names.definitions)
+    )
 
 
 def _text(value: object) -> str:

@@ -139,7 +139,8 @@ def _piece(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
     if character.isascii() and character.isdigit():
         return Raw("digit", character, column, space), place + 1
     character = OPERATORS.get(character, character)
-    if character in _PLAIN:
+    character = plain.COMPARISONS.get(character, character)
+    if character in _PLAIN or character in plain.COMPARED:
         return Raw("character", character, column, space), place + 1
     raise _not_accepted(text[place], column)
 
@@ -147,8 +148,6 @@ def _piece(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
 def _not_accepted(character: str, column: int) -> InputError:
     reasons = {
         "!": "factorials are not accepted, write the number",
-        "<": "comparisons are not accepted, write an equation with =",
-        ">": "comparisons are not accepted, write an equation with =",
         "$": "write $ only around the whole formula",
     }
     instead = reasons.get(character, "use letters, digits, + - * / ^ ( ) , = ' and LaTeX commands")
@@ -292,6 +291,12 @@ _WORDS = FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys()
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _PRODUCTS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "lbrace": "(", "rbrace": ")", "{": "(", "}": ")"}
 _OPENING, _CLOSING = "([", ")]"
+_COMPARED = {
+    **dict.fromkeys(("le", "leq", "leqslant", "lt", "ll"), "<"),
+    **dict.fromkeys(("ge", "geq", "geqslant", "gt", "gg"), ">"),
+    **dict.fromkeys(("ne", "neq"), "\u2260"),
+}
+_TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _BARS = ("vert", "lvert", "rvert")
 _REASONS = {
     "int": "integrals are not carried out, write the integral itself",
@@ -306,7 +311,6 @@ _REASONS = {
     "over": "write \\frac{a}{b}",
     **dict.fromkeys(("dv", "odv", "derivative"), "write \\frac{d^2 x}{dt^2}"),
     **dict.fromkeys(("approx", "equiv", "sim", "simeq", "propto", "cong", "coloneqq"), "write ="),
-    **dict.fromkeys(("ne", "neq", "le", "leq", "ge", "geq", "lt", "gt"), "write an equation with ="),
     "dddot": "write equations of second order",
     "ddddot": "write equations of second order",
 }
@@ -370,7 +374,7 @@ class LatexTranslator:
             self._tokens.append(Token("prime", raw.text, raw.column, raw.space_before, Fraction(len(raw.text))))
         elif raw.is_character("("):
             self._emit("(", raw, space=raw.space_before or self._holds_a_sum())
-        elif raw.text and raw.text in "+-*/)=,;|":
+        elif (raw.text and raw.text in ("+-*/)=,;|", *plain.COMPARED)) or raw.is_character(*"+-*/)=,;|"):
             self._emit(raw.text, raw)
         elif raw.is_character("[", "]"):
             self._emit("(" if raw.text == "[" else ")", raw)
@@ -430,6 +434,8 @@ class LatexTranslator:
             self._emit("|", raw)
         elif name in _PRODUCTS:
             self._emit(_PRODUCTS[name], raw)
+        elif name in _COMPARED:
+            self._emit(_COMPARED[name], raw)
         elif name == "partial" and not self._ahead.is_character("_"):
             self._emit(PARTIAL, raw)
         elif name == "\\":
@@ -582,6 +588,9 @@ class LatexTranslator:
 
     def _power(self, caret: Raw) -> None:
         raw = self._ahead
+        self._refuse_indices(caret)
+        if self._subscript_after_power():
+            return
         if raw.is_command("prime"):
             self._primes()
         elif raw.is_character("{") and _is_prime(self._raw[self._place + 1]):
@@ -602,6 +611,51 @@ class LatexTranslator:
                 self._emit("(", raw)
                 self._group(self._take())
                 self._emit(")", raw)
+
+    def _subscript_after_power(self) -> bool:
+        r"""\omega^2_0 as \omega_0^2: TeX sets both orders alike; nothing is taken where no subscript follows."""
+        start, length = self._place, len(self._tokens)
+        last = self._tokens[-1] if self._tokens else None
+        if last is None or last.kind != "name" or "_" in last.text or last.text in FUNCTIONS:
+            return False
+        raw = self._ahead
+        group = [self._take()]
+        depth = int(group[0].is_character("{"))
+        while depth and self._ahead.kind != "end":
+            group.append(self._take())
+            depth += group[-1].is_character("{") - group[-1].is_character("}")
+        if not self._ahead.is_character("_") or raw.kind == "command":
+            self._place = start
+            return False
+        name = self._with_subscript(last.text)
+        self._tokens[-1] = replace(last, text=name)
+        self._raw[start : self._place] = [Raw("character", "^", raw.column), *group]
+        self._place = start + 1
+        del self._tokens[length:]
+        self._power(self._raw[start])
+        return True
+
+    def _refuse_indices(self, caret: Raw) -> None:
+        r"""InputError for the indices of tensors, \Gamma^x_{xx} and g^{tt}, which are no powers."""
+        run: list[str] = []
+        place, depth = self._place, 0
+        while self._raw[place].kind != "end":
+            raw = self._raw[place]
+            depth += raw.is_character("{") - raw.is_character("}")
+            run.append(
+                raw.text if raw.kind in ("letter", "command") else "" if raw.is_character("{", "}", "_") else "?"
+            )
+            place += 1
+            if depth == 0 and not self._raw[place].is_character("_") and not raw.is_character("_"):
+                break
+        letters = "".join(run)
+        base = self._tokens[-1].text if self._tokens else ""
+        moving = {*self._names.coordinates} or {"x", "y", "z", "r", "t", "theta", "phi"}
+        indices = [text for text in run if text]
+        tensor = base in _TENSORS and all(text in moving | {"t", "mu", "nu", "i", "j", "k"} for text in indices)
+        if tensor and len(indices) > 1 and "?" not in letters:
+            what = f"raised and lowered indices of {base} occur"
+            raise refusal(what, caret.column, "write each component as a formula, or as a name such as G_1")
 
     def _short_power(self, caret: Raw) -> None:
         """x^2, e^x: one digit or one name; x^23 is x^2 3 in LaTeX and x^(23) to others: refused."""

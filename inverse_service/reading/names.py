@@ -325,7 +325,7 @@ def _parts(name: str, names: Names) -> list[str]:
 def only_split(name: str, names: Names) -> tuple[str, ...]:
     """The parts of a run of letters that is one product to every reader, kx, omegat, mgx, sinx; else nothing.
 
-    dx and Dx may be derivatives, xm and rs a name with a letter for its index, asinx has two functions in it, sinc is one.
+    dx and Dx may be derivatives, xm and rs names with an index, asinx has two functions in it, sinc is one.
     """
     if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT or "_" in name:
         return ()

@@ -5,9 +5,11 @@ Lists of equations are split as tokens: where one ends, and its two sides.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -15,10 +17,10 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal, shorten
 from inverse_service.expressions.tree import ZERO, Acceleration, Expression, subtract, walk
 from inverse_service.reading.differentials import with_derivatives
-from inverse_service.reading.names import FUNCTIONS, Names
+from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.notations import in_our_words
 from inverse_service.reading.parser import check_depth, parse_tokens
-from inverse_service.reading.tokens import Kind, Token, refuse_decimal_commas, tokenize
+from inverse_service.reading.tokens import COMPARED, Kind, Token, refuse_decimal_commas, tokenize
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -34,6 +36,26 @@ def is_latex(formula: str) -> bool:
 def read_formula(formula: str, names: Names) -> Expression:
     """The formula as a tree; InputError or LimitError with the column."""
     return _side([token for token in read_tokens(formula, names) if token.kind != "newline"], len(formula) + 1, names)
+
+
+_NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
+
+
+@contextmanager
+def noted() -> Iterator[dict[str, str]]:
+    """What is read inside otherwise than it was typed: kx as k*x, and lines that were left out."""
+    notes: dict[str, str] = {}
+    mark = _NOTES.set(notes)
+    try:
+        yield notes
+    finally:
+        _NOTES.reset(mark)
+
+
+def note(text: str, meant: str) -> None:
+    """Tell the caller of `noted` that a text was read as another."""
+    if (notes := _NOTES.get()) is not None:
+        notes[text] = meant
 
 
 @contextmanager
@@ -78,7 +100,116 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     else:
         tokens = in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
     refuse_decimal_commas(tokens)
-    return tokens
+    return _without_remarks(tokens, formula, names)
+
+
+LEFT_OUT, CONDITION = "left out", "a condition that is not used"
+_JOINS = {
+    **dict.fromkeys(("where", "with", "given", "and"), ("=", *COMPARED)),
+    **dict.fromkeys(("for", "if", "when"), COMPARED),
+}
+
+
+def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[Token]:
+    """The tokens without initial conditions, equation numbers and conditions such as k > 0, each of which is noted.
+
+    where and with between an equation and a definition are separators. A comparison is left out next to equations only.
+    """
+    marks = {token.text for token in tokens}
+    if not (marks & {*COMPARED, *_JOINS} or ("=" in marks and any(token.kind == "number" for token in tokens))):
+        return tokens
+    groups: list[tuple[list[Token], Token | None]] = []  # with what ends each
+    current: list[Token] = []
+    depth = 0
+    for place, token in enumerate(tokens):
+        depth += token.is_operator("(", "[") - token.is_operator(")", "]")
+        joins = depth == 0 and token.kind == "name" and _joins(tokens, place, names)
+        if depth == 0 and (token.is_operator(";", ",") or token.kind == "newline" or joins):
+            groups.append((current, Token("operator", ";", token.column) if joins else token))
+            current = []
+        else:
+            current.append(token)
+    groups.append((current, None))
+    equations = any(_has(group, "=") and not _is_initial(group) for group, _ in groups)
+    found: list[Token] = []
+    for place, (group, end) in enumerate(groups):
+        following = groups[place + 1][0] if place + 1 < len(groups) else []
+        listed = end is not None and end.is_operator(",") and len(group) == 1 and _is_condition(following)
+        if equations and group and (_is_initial(group) or _is_condition(group) or listed):
+            stop = end.column - 1 if end is not None else len(formula)
+            note(formula[group[0].column - 1 : stop].strip(" \t\n$.,;"), LEFT_OUT if _is_initial(group) else CONDITION)
+            group = []
+        found += _without_number(group, formula, names) if _has(group, "=") else group
+        found += [end] if end is not None and (group or end.kind == "newline") else []
+    while found and found[-1].is_operator(";", ","):
+        found.pop()
+    return found
+
+
+def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
+    """Whether a word stands there that joins a definition or a condition to an equation."""
+    wanted = _JOINS.get(tokens[place].text, ())
+    if not wanted or names.role(tokens[place].text):
+        return False
+    depth = 0
+    for token in tokens[place + 1 :]:
+        depth += token.is_operator("(", "[") - token.is_operator(")", "]")
+        if depth == 0 and token.is_operator(*wanted):
+            return True
+        if depth == 0 and (token.is_operator(";", ",") or token.text in _BRANCHES):
+            return False
+    return False
+
+
+_BRANCHES = ("else", "then", "otherwise")
+
+
+def _has(group: Sequence[Token], *signs: str) -> bool:
+    depth = 0
+    for token in group:
+        depth += token.is_operator("(", "[") - token.is_operator(")", "]")
+        if depth == 0 and token.is_operator(*signs):
+            return True
+    return False
+
+
+def _is_condition(group: Sequence[Token]) -> bool:
+    """Whether it is k > 0 or 0 < k < 1."""
+    return _has(group, *COMPARED) and not _has(group, "=") and not any(token.text in _BRANCHES for token in group)
+
+
+def _is_initial(group: Sequence[Token]) -> bool:
+    """Whether it is x(0) = 1 or x'(t_0) = v."""
+    primes = sum(1 for _ in itertools.takewhile(lambda token: token.kind == "prime", group[1:]))
+    opening, instant, closes, equals = (*(token.text for token in group[1 + primes : 5 + primes]), "", "", "", "")[:4]
+    timed = instant in ("t_0", "t0") or instant.replace(".", "").isdigit()
+    return group[:1] != [] and group[0].kind == "name" and timed and (opening, closes, equals) == ("(", ")", "=")
+
+
+def _without_number(group: list[Token], formula: str, names: Names) -> list[Token]:
+    """The equation without the (1) or 1. before it and the (1) after it, which are its number to most writers."""
+    texts = [token.text for token in group[:3]]
+    begins = len(group) > 3 and group[0].is_operator("(") and group[1].kind == "number" and texts[2] == ")"
+    if begins and not group[0].value and (group[3].kind == "name" or group[3].is_operator("(")):
+        note("".join(texts), LEFT_OUT)
+        return group[3:]
+    if len(group) > 1 and group[0].kind == "number" and texts[0].endswith(".") and group[1].space_before:
+        note(texts[0], LEFT_OUT)
+        return group[1:]
+    before, opening, number, end = group[-4:] if len(group) > 4 else group[:1] * 4
+    ends = (
+        formula[opening.column - 1 : opening.column] == "("
+        and opening.space_before
+        and not opening.value
+        and number.kind == "number"
+    )
+    called = before.kind == "name" and (
+        before.text in FUNCTIONS | MAY_BE_FUNCTIONS or names.role(names.spelling(before.text)) == "function"
+    )
+    if ends and end.is_operator(")") and not called and (before.kind != "operator" or before.is_operator(")")):
+        note(f"({number.text})", LEFT_OUT)
+        return group[:-3]
+    return group
 
 
 def _with_products(tokens: list[Token], names: Names) -> list[Token]:
@@ -94,6 +225,7 @@ def _with_products(tokens: list[Token], names: Names) -> list[Token]:
         following = tokens[place + 1] if place + 1 < len(tokens) else None
         goes_on = following is not None and (following.kind == "prime" or following.is_operator("^"))
         column, opened = token.column, 0
+        note(token.text, written_product(parts, names))
         for number, part in enumerate(parts):
             kind: Kind = "number" if part.isdigit() else "name"
             value = Fraction(part) if part.isdigit() else Fraction(0)
@@ -204,22 +336,10 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[Expression, E
     if len(places) > 1:
         column = equation.tokens[places[1]].column
         raise refusal("a second = occurs", column, "separate equations by ;")
-    _refuse_label(equation.tokens)
     if not places:
         return _side(list(equation.tokens), equation.end_column, names), ZERO
     left, right = list(equation.tokens[: places[0]]), list(equation.tokens[places[0] + 1 :])
     return _side(left, equation.tokens[places[0]].column, names), _side(right, equation.end_column, names)
-
-
-def _refuse_label(tokens: Sequence[Token]) -> None:
-    """InputError for (2) or 2. before an equation: its number to most writers, and no factor."""
-    texts, kinds = [token.text for token in tokens[:4]], [token.kind for token in tokens[:4]]
-    bracketed = texts[:1] + texts[2:3] == ["(", ")"] and kinds[1:2] + kinds[3:] == ["number", "name"]
-    dotted = kinds[:2] == ["number", "name"] and texts[0].endswith(".") and tokens[1].space_before
-    if bracketed or dotted:
-        shown = "".join(texts[: 3 if bracketed else 1])
-        what = f"{shown} could be an equation number"
-        raise refusal(what, tokens[0].column, "leave it out, or write * after a factor")
 
 
 def remark(line: Sequence[Token], place: int) -> InputError | None:

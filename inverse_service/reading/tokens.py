@@ -209,6 +209,7 @@ _ELEMENTWISE = {".*": "*", "./": "/", ".^": "^"}  # MATLAB's, the same for numbe
 # What compares two formulas, as the one of <, > and \u2260 that it is on an open set.
 COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
+COMPARED = ("<", ">", "\u2260")
 # In a text with a piecewise formula: what joins conditions. A boundary belongs to no open set, so <= is <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)

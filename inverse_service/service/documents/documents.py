@@ -21,6 +21,7 @@ from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading.reader import noted
 from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.answers import undetermined
 from inverse_service.service.documents.checking import compare_before_leaving
@@ -152,7 +153,11 @@ def use_cases(document: Any) -> UseCases:
 def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:
     """The answer, or the refusal, in the names that the writer of the document uses."""
     try:
-        return ready.outward(work(use_cases(ready.document)))
+        with noted() as notes:
+            found = work(use_cases(ready.document))
+        if "readings" in found:
+            found["readings"] = [{"text": text, "as": meant} for text, meant in notes.items()]
+        return ready.outward(found)
     except InputError as error:
         raise ready.error(error) from None
 

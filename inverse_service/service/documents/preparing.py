@@ -6,6 +6,7 @@ way in and its result on the way out; a coordinate called t then has a letter th
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from inverse_service.expressions.letters import greek_letter
 from inverse_service.expressions.printing_latex import name_latex
 from inverse_service.reading.document_names import AND_GUESS, GUESS
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, declared_name, readings, undeclared
+from inverse_service.reading.reader import split_equations
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
@@ -85,6 +87,41 @@ class Prepared:
         return error.said(detail, plain, error.pointer)
 
 
+_NAMES_L = re.compile(r"\s*(?:\$+|\\\[|\\begin\s*\{\w+\*?\})?\s*(?:\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)|\u2112|L)"
+                      r"\s*(?:\([^()=]*\))?\s*&?\s*=(?!=)")  # fmt: skip
+
+
+def _with_lagrangian(plain: dict[str, Any]) -> dict[str, Any]:
+    """A text that begins with L = … as the document of that Lagrangian, the other lines its constraints."""
+    given = plain.get("equations")
+    texts = [given] if isinstance(given, str) else given
+    if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
+        return plain
+    named = _NAMES_L.match(texts[0])
+    if named is None or "lagrangian" in plain or "L" in _declared(plain):
+        return plain
+    first = " " * named.end() + texts[0][named.end() :]
+    try:
+        groups = split_equations(first, Names())
+    except InputError:
+        return plain
+    ends = [group.end_column - 1 for group in groups]
+    rest = [first[start:end].strip(" ;,\n") for start, end in itertools.pairwise(ends)] + texts[1:]
+    constraints = [text for text in rest if text.strip()]
+    if any(_BARE.search(text) for text in (first, *constraints)):
+        return plain
+    where: dict[str, str] = {}
+    for text in tuple(constraints):
+        left, equal, right = text.partition("=")
+        if equal and re.fullmatch(r"\s*\\?[A-Za-z]\w*\s*", left):
+            where[left.strip().lstrip("\\")] = right
+            constraints.remove(text)
+    changed = {key: value for key, value in plain.items() if key != "equations"}
+    found = {**changed, "lagrangian": first[: ends[0]].rstrip(" ;,\n")}
+    found |= {"where": {**plain.get("where", {}), **where}} if where else {}
+    return found | ({"constraints": constraints} if constraints else {})
+
+
 def prepared(document: Any) -> Prepared:
     """The document as the schemas want it; InputError for a result in its place, and for a bad name of the time."""
     if not isinstance(document, Mapping):
@@ -92,6 +129,7 @@ def prepared(document: Any) -> Prepared:
     if str(document.get("format", "")).startswith("inverse-service/"):
         raise InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
+    plain = _with_lagrangian(plain)
     if is_forward(plain):
         plain.pop("constraints", None)
     extra = {"id": document["id"]} if "id" in document else {}

@@ -9,7 +9,7 @@ from typing import Any
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import equation_line, read_formula
+from inverse_service.reading.reader import LEFT_OUT, equation_line, read_formula
 from inverse_service.service.documents.nonholonomic_text import (
     any_associated_lines,
     first_integral_lines,
@@ -147,7 +147,10 @@ def guessed_words(result: Mapping[str, Any]) -> list[str]:
         "as any functions": [f"{name}({', '.join(functions[name])})" for name in names if name in functions],
     }
     parts = [f"taken {how}: {', '.join(found)}" for how, found in taken.items() if found]
-    return [f"not declared, {'; '.join(parts)}"] if parts else []
+    read = [f"{note['text']} as {note['as']}" for note in result.get("readings") or [] if note["as"] != LEFT_OUT]
+    left = [note["text"] for note in result.get("readings") or [] if note["as"] == LEFT_OUT]
+    lines = [f"not declared, {'; '.join(parts)}"] * bool(parts) + [f"read {', '.join(read)}"] * bool(read)
+    return lines + [f"left out: {', '.join(left)}"] * bool(left)
 
 
 def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:

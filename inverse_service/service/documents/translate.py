@@ -51,7 +51,7 @@ def to_parse_answer(system: SecondOrderSystem, schema: AnyDocument) -> ParseAnsw
     """What was understood, for a reader to compare with what was meant."""
     shown = system.given if system.is_unsolved else system.accelerations
     equations = {name: parsed(f) for name, f in zip(system.coordinates, shown, strict=True)}
-    names = {"functions": function_fields(system), "guessed": guessed_names(schema, system)}
+    names = {"functions": function_fields(system), "guessed": guessed_names(schema, system), "readings": []}
     return part_of(ParseAnswer, system, equations=equations, **names)
 
 

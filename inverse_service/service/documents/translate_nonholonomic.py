@@ -77,6 +77,7 @@ def to_nonholonomic_parse_answer(
         equations={name: parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
         depends_on_time=any(node == TIME for f in motion.accelerations for node in walk(f)),
         guessed=translate.guessed_names(schema, system),
+        readings=[],
         lagrangian=parsed(system.lagrangian),
         constraints=[parsed(tree) for tree in system.constraints],
     )

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from inverse_service.errors import InputError, Place
 from inverse_service.expressions.letters import LETTER_COMMANDS, PRIMES
@@ -128,6 +128,8 @@ def _names(answer: Mapping[str, Any]) -> list[tuple[str, Markup, str]]:
         names = Names(tuple(answer["coordinates"]), (), {k: tuple(v) for k, v in answer["functions"].items()})
         texts = [f"{name}({', '.join(arguments)})" for name, arguments in answer["functions"].items()]
         rows.append(("Functions", Markup(", ").join(typesetting.formula(text, names) for text in texts), "arbitrary"))
+    if read := [f"{note['text']} as {note['as']}" for note in answer.get("readings", ())]:
+        rows.append(("Read", escape(", ".join(read)), ""))
     if answer.get("depends_on_time"):
         rows.append(("Time", _symbols(["t"]), "occurs in the equations"))
     return rows
