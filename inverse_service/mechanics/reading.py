@@ -199,7 +199,6 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
 
 _DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
 _ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
-_DEFINES = re.compile(r"(?:^|[;,\n]|\\\\|\b(?:where|with|and|given)\b)[\s\\a-z{]*?[^\W\d]\w*(?:_\{?\w+\}?)?\}?\s*=")
 
 
 def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]:
@@ -211,7 +210,7 @@ def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]
     found: dict[str, str] = {}
     for pointer, text in texts.items():
         try:
-            groups = split_equations(text, names) if _DEFINES.search(text) else []
+            groups = split_equations(text, names) if "=" in text else []
         except InputError:
             continue  # its fault is reported where it is read
         for group in groups:
