@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from inverse_service.client import Client
     from inverse_service.errors import InputError
+    from inverse_service.sympy.many import Run
     from inverse_service.sympy.result_objects import Result
 
 __all__ = ["Client", "InputError", "Result", "catalogue", "check", "simulate", "solve"]
@@ -86,7 +87,7 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
     return check_document(text) if given is None else check_plain(_read(text), given)
 
 
-def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str, Any]:
+def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> Run:
     """The summary of a scene: for each method its outcome and every observed quantity. Raises InputError.
 
     MissingExtra where the extra `simulation` is not installed.
@@ -98,7 +99,9 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> dict[str
     except ImportError as error:
         raise missing_extra(error) or error from None
 
-    return run(_plain(scene), time_limit=time_limit)
+    from inverse_service.sympy.many import Run
+
+    return Run(run(_plain(scene), time_limit=time_limit))
 
 
 def _by_part(progress: Callable[[str, Mapping[str, Any]], None]) -> Callable[[Any], None]:

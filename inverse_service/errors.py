@@ -18,6 +18,10 @@ class InverseServiceError(Exception):
         super().__init__(detail)
         self.detail = detail
 
+    def _render_traceback_(self) -> list[str]:
+        """One line in a notebook: the sentence says what to do, the stack does not."""
+        return [f"{type(self).__name__}: {self.detail}"]
+
 
 @dataclass(frozen=True, slots=True)
 class Place:

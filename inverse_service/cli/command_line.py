@@ -30,8 +30,8 @@ application.add_typer(admin, name="admin")
 # How `solve` writes its result.
 Format = StrEnum(
     "Format",
-    "json text latex sympy python julia matlab octave mathematica maple maxima c cpp fortran rust javascript coq "
-    "lean identities",
+    "json text latex sympy python jax julia modelingtoolkit matlab octave mathematica maple maxima c cpp fortran rust "
+    "javascript coq identities",
 )
 
 

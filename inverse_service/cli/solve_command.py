@@ -26,7 +26,7 @@ from inverse_service.settings import read_settings
 MAX_TIME_LIMIT = 86_400.0
 STAGE_WIDTH, LINE_WIDTH = 78, 118
 _CALLED = re.compile(r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]")  # SymPy's and Mathematica's equations
-PROOFS = ("coq", "lean", "identities")
+PROOFS = ("coq", "identities")
 
 
 def solve_file(

@@ -14,13 +14,14 @@ SymPy's ground types; nothing here sets SYMPY_GROUND_TYPES, and the bridge works
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.sympy.result_objects import Result, result_of
 
 if TYPE_CHECKING:
+    from inverse_service.sympy.many import Answers
     from inverse_service.sympy.sympy_tensors import Conditions
 
 __all__ = ["Result", "document", "from_result", "helmholtz", "nonholonomic", "solve", "solve_many", "table"]
@@ -38,9 +39,11 @@ def solve(
 ) -> Result:
     """The result of a system of SymPy objects; its certificates are checked.
 
-    `system`: an Eq, an expression that is 0, a list or Matrix of these, {x(t): acceleration}, {X: acceleration} for
-    plain symbols with `velocities={X: vx}`, a LagrangesMethod, a KanesMethod, or what `inverse_service.solve` takes.
-    `questions` are `ansatz`, `special_cases`, `time_dependent_lagrangian`, `series_order`. Raises InputError.
+    `system`: an Eq, an expression that is 0, a list or Matrix of these, {x(t): acceleration}, {x(t).diff(t, 2):
+    acceleration}, {X: acceleration} for plain symbols with `velocities={X: vx}`, a Lagrangian (an expression with
+    velocities and no acceleration: the forward problem), a LagrangesMethod, a KanesMethod, a System, or what
+    `inverse_service.solve` takes. `questions` are keys of a document such as `ansatz`, `special_cases`,
+    `time_dependent_lagrangian`. Raises InputError.
     """
     from inverse_service import solve as solve_document
 
@@ -60,6 +63,10 @@ def asked(
     system: Any, coordinates: Any = None, *, velocities: Any = None, time: Any = None, **questions: Any
 ) -> tuple[dict[str, Any], Any]:
     """The document that is meant, and the SymPy objects of its names; None for a text, which has none."""
+    system = getattr(system, "eom_method", system)  # a System of sympy.physics.mechanics
+    questions = {
+        key: _named(value) if key in ("parameters", "functions") else value for key, value in questions.items()
+    }
     keys = {"coordinates": coordinates, "velocities": velocities, "time": time, **questions}
     given = {key: value for key, value in keys.items() if value is not None}
     if isinstance(system, str):
@@ -73,6 +80,17 @@ def asked(
 
     found = read(system, coordinates, velocities, time, questions)
     return found.document, found.names
+
+
+def _named(declared: Any) -> Any:
+    """Declarations with SymPy objects as names, such as {k: 2}, [k], {V: [x]}, as a document has them."""
+    from inverse_service.sympy.symbol_names import declared_text
+
+    if isinstance(declared, Mapping):
+        return {declared_text(key): _named(value) for key, value in declared.items()}
+    if isinstance(declared, list | tuple):
+        return [declared_text(each) for each in declared]
+    return declared if declared is None or isinstance(declared, bool | int | float | str) else declared_text(declared)
 
 
 def _of_text(text: str) -> dict[str, Any]:
@@ -116,14 +134,14 @@ def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any
 
 def solve_many(
     systems: Iterable[Any], workers: int = 2, output: str | Path | None = None, time_limit: float = 60.0
-) -> Iterator[Result | dict[str, Any]]:
+) -> Answers:
     """The results of many systems in their order, computed in processes; a problem document for a refused one.
 
     `output` keeps the answers in a file, so that an interrupted run goes on.
     """
-    from inverse_service.sympy.many import answers_to_many
+    from inverse_service.sympy.many import Answers, answers_to_many
 
-    return answers_to_many(systems, workers, None if output is None else Path(output), time_limit)
+    return Answers(answers_to_many(systems, workers, None if output is None else Path(output), time_limit))
 
 
 def table(results: Iterable[Mapping[str, Any]]) -> Any:

@@ -173,10 +173,11 @@ LANGUAGES: dict[str, Language] = {
 
 def program(answer: Answer, language: str) -> str:
     """The whole text; InputError for a language that is not there, and for arbitrary functions in compiled code."""
-    if language == "sympy":
-        return _sympy_program(answer)
+    if language in WHOLE:
+        return WHOLE[language](answer)
     if language not in LANGUAGES:
-        raise InputError(f"There is no code in '{language[:20]}': the languages are sympy, {', '.join(LANGUAGES)}.")
+        listed = ", ".join([*WHOLE, *LANGUAGES])
+        raise InputError(f"There is no code in '{language[:20]}': the languages are {listed}.")
     chosen = LANGUAGES[language]
     parts = [_function(answer, what, chosen) for what in QUANTITIES if quantity_of(answer, what) is not None]
     return chosen.start + "\n\n".join(parts) + "\n"
@@ -210,26 +211,31 @@ def arguments_of(answer: Answer, what: str) -> list[Any]:
 
 def conditions_of(answer: Answer, what: str) -> tuple[str, ...]:
     """Where this quantity is what its name says; the accelerations are everywhere."""
-    further = (answer.get("hamiltonian") or {}).get("domain", ()) if what == "hamiltonian" else ()
+    further = (answer._shown.get("hamiltonian") or {}).get("domain", ()) if what == "hamiltonian" else ()
     return () if what == "accelerations" else tuple(dict.fromkeys((*answer._where, *further)))
 
 
-def lambdified(quantity: Any, arguments: Sequence[Any], modules: Any) -> Callable[..., Any]:
-    """A numerical function; ValueError where there is nothing to make it from."""
+def lambdified(answer: Answer, what: str, modules: Any) -> Callable[..., Any]:
+    """A numerical function of t, x, x_dot (p_x for H), k, each also by this name; InputError where there is none."""
+    quantity = quantity_of(answer, what)
     if quantity is None:
-        raise ValueError("the answer has no such quantity")
-    found: Callable[..., Any] = sympy.lambdify(arguments, quantity, modules)
+        raise InputError(f"The answer has no {what}: see its verdict.")
+    given = arguments_of(answer, what)
+    plain = plain_symbols(given, answer, LANGUAGES["python"])
+    many = isinstance(quantity, list | tuple)
+    written = [with_plain(each, plain) for each in quantity] if many else with_plain(quantity, plain)
+    found: Callable[..., Any] = sympy.lambdify([plain[each] for each in given], written, modules)
     return found
 
 
 def _function(answer: Answer, what: str, language: Language) -> str:
     """One quantity as a function of plain numbers."""
     given = arguments_of(answer, what)
-    plain = _plain_symbols(given, answer, language)
+    plain = plain_symbols(given, answer, language)
     value = quantity_of(answer, what)
     values = list(value) if isinstance(value, list | sympy.MatrixBase) else [value]
-    shared, written = sympy.cse([_with_plain(each, plain) for each in values], sympy.numbered_symbols("c_"))
-    _refuse_functions([*written, *(part for _, part in shared)], answer)
+    shared, written = sympy.cse([with_plain(each, plain) for each in values], sympy.numbered_symbols("c_"))
+    refuse_functions([*written, *(part for _, part in shared)], answer)
     names = [str(plain[each]) for each in given]
     local = [str(symbol) for symbol, _ in shared]
     opening = language.opening.format(
@@ -252,12 +258,12 @@ def _continued(text: str) -> str:
     return "\n".join(" &\n      ".join(textwrap.wrap(line, 100, drop_whitespace=False)) for line in text.split("\n"))
 
 
-def _refuse_functions(expressions: Sequence[Any], answer: Answer) -> None:
+def refuse_functions(expressions: Sequence[Any], answer: Answer) -> None:
     """InputError for functions that no language knows: arbitrary ones, and the integrals of an answer."""
     if any(each.atoms(AppliedUndef, sympy.Subs) for each in expressions):
         raise InputError("The system has arbitrary functions, and code needs formulas for them: give them by 'where'.")
     called = {call.func.__name__ for each in expressions for call in each.atoms(sympy.Function)}
-    if integrals := sorted(called & (answer.get("integrals") or {}).keys()):
+    if integrals := sorted(called & (answer._shown.get("integrals") or {}).keys()):
         what = f"L holds the integral {integrals[0]}, for which this language has no formula"
         raise InputError(f"{what}: choose sympy, which writes it as an integral.")
 
@@ -271,7 +277,7 @@ def _returned(texts: list[str], language: Language) -> list[str]:
     return [language.several.format(place=place, place1=place + 1, value=text) for place, text in pairs]
 
 
-def _plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> dict[Any, Any]:
+def plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> dict[Any, Any]:
     """x, x_dot, p_x as symbols whose names every language takes."""
     table = answer._table
     words = {table.time: "t", **{each: name for name, each in (*table.coordinates.items(), *table.parameters.items())}}
@@ -290,7 +296,7 @@ def _plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> 
     return found
 
 
-def _with_plain(expression: Any, plain: dict[Any, Any]) -> Any:
+def with_plain(expression: Any, plain: dict[Any, Any]) -> Any:
     for each, symbol in sorted(plain.items(), key=lambda item: _rank(item[0])):
         expression = expression.subs(each, symbol)
     # Printers write integers into the cases of a step, or do not know it; at 0 it has no value here either.
@@ -327,7 +333,7 @@ def _sympy_program(answer: Answer) -> str:
 
     symbols = [f'{renamed[each]} = Symbol("{each}")' for each in renamed]
     symbols += [f'{words[each]} = Function("{each.func}")' for each in calls]
-    integrals = answer.get("integrals") or {}
+    integrals = answer._shown.get("integrals") or {}
     symbols += [f'{name} = Function("{found}")' for name, found in table.functions.items() if name not in integrals]
     for name, part in integrals.items():
         symbols += _integral_class(name, part, table, text)
@@ -367,6 +373,26 @@ def _integral_class(name: str, part: Mapping[str, Any], table: Table, text: Call
         "            return Function.fdiff(self, argindex)",
         f"        return known[argindex].subs(dict(zip([{formal}], self.args)), simultaneous=True)",
     ]
+
+
+def _jax_program(answer: Answer) -> str:
+    from inverse_service.sympy.jax_program import written
+
+    return written(answer)
+
+
+def _modelingtoolkit_program(answer: Answer) -> str:
+    from inverse_service.sympy.modelingtoolkit_program import written
+
+    return written(answer)
+
+
+# Programs that are more than one function for each quantity.
+WHOLE: dict[str, Callable[[Answer], str]] = {
+    "sympy": _sympy_program,
+    "jax": _jax_program,
+    "modelingtoolkit": _modelingtoolkit_program,
+}
 
 
 def _python_words(answer: Answer) -> dict[Any, str]:

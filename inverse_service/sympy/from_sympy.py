@@ -54,6 +54,10 @@ def read(
         system, coordinates = _of_lagrange(system)
     elif hasattr(system, "kanes_equations"):
         return _of_kane(system, questions)
+    if isinstance(system, Mapping):
+        system = {_moved(key): value for key, value in system.items()}
+    elif (found := _lagrangian(system)) is not None:
+        return _forward(found, coordinates, time, questions)
     given = _given(system, coordinates, velocities or {}, time)
     table, leaves = _names(given)
     equations: Any
@@ -63,6 +67,31 @@ def read(
         equations = [f"{to_text(_tree(zero, given, leaves))} = 0" for zero in given.zeros]
     document = {**_declared(table), "equations": equations, **_asked(questions, given, leaves)}
     return _of_pairs(document, table, given) if given.pairs else Reading(document, table)
+
+
+def _moved(key: Any) -> Any:
+    """x(t), where the key of an acceleration is x(t).diff(t, 2)."""
+    second = isinstance(key, sympy.Derivative) and isinstance(key.expr, AppliedUndef) and key.derivative_count == 2
+    return key.expr if second else key
+
+
+def _lagrangian(system: Any) -> Any:
+    """A single expression with velocities and no accelerations, None for anything else."""
+    if not isinstance(system, sympy.Expr):
+        return None
+    orders = {each.derivative_count for each in _expression(system).atoms(sympy.Derivative)
+              if isinstance(each.expr, AppliedUndef) and each.variables[0] in each.expr.args}  # fmt: skip
+    return system if orders == {1} else None
+
+
+def _forward(lagrangian: Any, coordinates: Sequence[Any] | None, time: Any, questions: Mapping[str, Any]) -> Reading:
+    """The document that asks for the equations of motion of a Lagrangian."""
+    zeros = (_expression(lagrangian),)
+    time = time or _found_time(zeros)
+    given = _Given(zeros, tuple(coordinates or _moving(zeros, time, 1)), {}, time)
+    table, leaves = _names(given)
+    document = {**_declared(table), "lagrangian": to_text(_tree(zeros[0], given, leaves))}
+    return Reading({**document, **_asked(questions, given, leaves)}, table)
 
 
 def _of_pairs(document: Mapping[str, Any], table: Table, given: _Given) -> Reading:
@@ -168,6 +197,8 @@ def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[A
 
 
 def _listed(system: Any) -> list[Any]:
+    if not isinstance(system, sympy.Basic | sympy.MatrixBase | str) and isinstance(system, Iterable):
+        system = list(system)  # a set, a generator, an array
     if isinstance(system, sympy.Equality) and isinstance(system.lhs, sympy.MatrixBase):
         system = system.lhs - system.rhs
     if isinstance(system, sympy.MatrixBase):

@@ -18,6 +18,46 @@ from inverse_service.sympy.result_objects import Result, result_of
 COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
 
 
+class Answers(Iterator[Result | dict[str, Any]]):
+    """The answers as they come, each once; `to_pandas` takes those that are left."""
+
+    def __init__(self, answers: Iterator[Result | dict[str, Any]]) -> None:
+        self._answers = answers
+
+    def __next__(self) -> Result | dict[str, Any]:
+        return next(self._answers)
+
+    def to_pandas(self) -> Any:
+        """A DataFrame with one row a result, see `row_of`; needs pandas."""
+        return _frame([row_of(answer) for answer in self])
+
+
+class Run(dict[str, Any]):
+    """The summary of a scene."""
+
+    def to_pandas(self) -> Any:
+        """A DataFrame with one row a method: its outcome, and every observed number; needs pandas."""
+        methods = self.get("methods") or []
+        return _frame([dict(_numbers(one)) for one in methods if isinstance(one, Mapping)])
+
+
+def _numbers(part: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Numbers and texts of nested objects, named by their path."""
+    for key, value in part.items():
+        if isinstance(value, Mapping):
+            yield from _numbers(value, f"{prefix}{key}.")
+        elif isinstance(value, int | float | str | None):
+            yield prefix + key, value
+
+
+def _frame(rows: list[dict[str, Any]]) -> Any:
+    try:
+        pandas = importlib.import_module("pandas")
+    except ImportError:
+        raise InputError("This needs pandas: run `pip install pandas`, or use `table(results)`.") from None
+    return pandas.DataFrame(rows)
+
+
 def answers_to_many(
     systems: Iterable[Any], workers: int, output: Path | None, time_limit: float
 ) -> Iterator[Result | dict[str, Any]]:

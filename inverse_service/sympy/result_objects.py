@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +16,9 @@ from typing import TYPE_CHECKING, Any
 from inverse_service.reading.reader import has_acceleration
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from sympy import Expr, ImmutableMatrix, Symbol
+
     from inverse_service.sympy.symbol_names import Table
 
 VARIATIONAL = {"variational": True, "not_variational": False}
@@ -28,16 +31,31 @@ class Step:
     text: str
     latex: str = ""
 
+    def _repr_latex_(self) -> str | None:
+        return f"$\\displaystyle {self.latex}$" if self.latex else None
+
+
+def _aligned(rows: Iterable[tuple[str, str]]) -> str:
+    """Left = right, one below the other, for a notebook."""
+    return "$\\displaystyle\\begin{aligned}" + r" \\ ".join(f"{a} &= {b}" for a, b in rows) + "\\end{aligned}$"
+
 
 @dataclass(frozen=True)
 class Hamiltonian:
     """H over (t, q, p), or over (t, q, v) where `implicit`; `momenta` are p_i(t, q, v) by their symbols."""
 
-    expr: Any
-    momenta: Mapping[Any, Any]
+    expr: Expr
+    momenta: Mapping[Symbol, Expr]
     implicit: bool
-    coordinates: Sequence[Any] = ()
+    coordinates: Sequence[Expr] = ()
     time: Any = None
+
+    def _repr_latex_(self) -> str:
+        import sympy
+
+        return _aligned(
+            [("H", sympy.latex(self.expr)), *((sympy.latex(p), sympy.latex(f)) for p, f in self.momenta.items())]
+        )
 
     def equations(self) -> list[Any]:
         """Hamilton's equations q' = dH/dp, p' = -dH/dq; ValueError where H is over the velocities."""
@@ -57,8 +75,15 @@ class Hamiltonian:
 class Verification:
     """SymPy's opinion: the Euler-Lagrange residuals along the motion, and H - (p v - L); all are 0 where they hold."""
 
-    euler_lagrange: tuple[Any, ...]
-    hamiltonian: Any = None
+    euler_lagrange: tuple[Expr, ...]
+    hamiltonian: Expr | None = None
+
+    def _repr_latex_(self) -> str:
+        import sympy
+
+        rows = [(f"E_{{{place}}}", sympy.latex(each)) for place, each in enumerate(self.euler_lagrange, 1)]
+        rows += [] if self.hamiltonian is None else [("H - (p v - L)", sympy.latex(self.hamiltonian))]
+        return _aligned(rows)
 
     @property
     def holds(self) -> bool | None:
@@ -81,35 +106,38 @@ class Answer(dict[str, Any]):
     def _system(self) -> Mapping[str, Any]:
         return self._of if self._of is not None else (self.get("system") or {})
 
-    def __bool__(self) -> bool:
-        raise TypeError("an answer is yes, no or open, so it is no truth value: use is_variational or verdict")
-
     def __repr__(self) -> str:
-        found, where = self.get("lagrangian"), f" where {', '.join(self._where)}" if self._where else ""
-        return f"{type(self).__name__}({self.verdict}{', L = ' + found['text'] if found else ''}{where})"
+        found, where = self._shown.get("lagrangian"), f" where {', '.join(self._where)}" if self._where else ""
+        verdict = self.verdict or "equations of motion"
+        return f"{type(self).__name__}({verdict}{', L = ' + found['text'] if found else ''}{where})"
 
     @cached_property
     def _where(self) -> tuple[str, ...]:
         """The conditions of the answer and of its L."""
         from inverse_service.service.documents.text_page import conditions_of
 
-        return conditions_of(self)
+        return conditions_of(self._shown)
 
     @cached_property
     def _table(self) -> Table:
         from inverse_service.sympy.symbol_names import table_of_result
 
-        table = self._given or table_of_result({"system": self._system})
-        if not self.get("integrals"):
+        table, integrals = self._given or table_of_result({"system": self._system}), self._shown.get("integrals")
+        if not integrals:
             return table
         from inverse_service.sympy.symbol_names import with_integrals
 
-        return with_integrals(table, self["integrals"])
+        return with_integrals(table, integrals)
 
-    def _expression(self, text: str) -> Any:
+    def _expression(self, text: str) -> Expr:
         from inverse_service.sympy.symbol_names import expression
 
         return expression(text, self._table)
+
+    @property
+    def _shown(self) -> Mapping[str, Any]:
+        """The document of the answer whose formulas are shown."""
+        return self
 
     @property
     def verdict(self) -> str:
@@ -122,18 +150,17 @@ class Answer(dict[str, Any]):
         return VARIATIONAL.get(self.verdict)
 
     @cached_property
-    def lagrangian(self) -> Any:
+    def lagrangian(self) -> Expr | None:
         """The Lagrangian as an expression, None where none was found."""
-        found = self.get("lagrangian")
+        found = self._shown.get("lagrangian")
         return None if found is None else self._expression(found["text"])
 
     @cached_property
-    def lagrangians(self) -> tuple[Any, ...]:
+    def lagrangians(self) -> tuple[Expr, ...]:
         """All Lagrangians found, the simplest first."""
-        others = self.get("other_lagrangians", [])
-        return tuple([self.lagrangian] if self.lagrangian is not None else []) + tuple(
-            self._expression(other["text"]) for other in others
-        )
+        others = self._shown.get("other_lagrangians", [])
+        first = () if self.lagrangian is None else (self.lagrangian,)
+        return (*first, *(self._expression(other["text"]) for other in others))
 
     @cached_property
     def domain(self) -> tuple[Any, ...]:
@@ -145,7 +172,7 @@ class Answer(dict[str, Any]):
     @cached_property
     def hamiltonian(self) -> Hamiltonian | None:
         """H with its momenta, None where there is none."""
-        found = self.get("hamiltonian")
+        found = self._shown.get("hamiltonian")
         if found is None:
             return None
         momenta = {self._table.symbol(p): self._expression(text) for p, text in found["momenta"].items()}
@@ -153,17 +180,17 @@ class Answer(dict[str, Any]):
         return Hamiltonian(self._expression(found["text"]), momenta, found["implicit"], coordinates, self._table.time)
 
     @cached_property
-    def multiplier(self) -> Any:
+    def multiplier(self) -> ImmutableMatrix | None:
         """g_ij = d2L/dv_i dv_j as an ImmutableMatrix, None where there is no L."""
         import sympy
 
-        found = self.get("multiplier")
+        found = self._shown.get("multiplier")
         return None if found is None else sympy.ImmutableMatrix([[self._expression(e) for e in row] for row in found])
 
     @property
     def proof(self) -> tuple[Step, ...]:
         """The steps of the explanation."""
-        return tuple(Step(step["text"], step.get("latex", "")) for step in self.get("explanation", ()))
+        return tuple(Step(step["text"], step.get("latex", "")) for step in self._shown.get("explanation", ()))
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:
@@ -181,7 +208,7 @@ class Answer(dict[str, Any]):
         """A numerical function of t, coordinates, velocities (momenta for H) and parameters; see `code.QUANTITIES`."""
         from inverse_service.sympy import code
 
-        return code.lambdified(code.quantity_of(self, what), code.arguments_of(self, what), modules)
+        return code.lambdified(self, what, modules)
 
     def verify(self) -> Verification:
         """SymPy's own Euler-Lagrange residuals of L along the motion, and H - (p v - L); ValueError without L."""
@@ -217,9 +244,44 @@ class Answer(dict[str, Any]):
 class Result(Answer):
     """A whole result; `result["verdict"]` and all other keys of the document go on.
 
-    Where the equations are another formula on either side of a zero (|x|, Heaviside(x), sqrt(x^2)) the attributes of
-    an answer are those of the first of the `branches`.
+    `lagrangian`, `hamiltonian`, `domain`, `multiplier` and `proof` belong to the answer that is shown first at every
+    door: that to L(q, q'), or that to L(t, q, q') where this has the simpler Lagrangian. `main` and `with_time` are the
+    two answers. Where the equations are another formula on either side of a zero (|x|, Heaviside(x), sqrt(x^2)) they
+    are those of the first of the `branches`.
     """
+
+    @property
+    def _shown(self) -> Mapping[str, Any]:
+        from inverse_service.service.documents.text_page import first_answer
+
+        return first_answer(self)
+
+    @cached_property
+    def main(self) -> Answer:
+        """The answer to the question of `verdict`: L(q, q'), or L(t, q, q') where f contains t."""
+        return Answer(self, self._table, self._system)
+
+    @property
+    def statement(self) -> Mapping[str, Any] | None:
+        """What the independent checker proved of this result, None where it proved nothing."""
+        found: Mapping[str, Any] | None = self.check().get("statement")
+        return found
+
+    def plot(
+        self,
+        start: Sequence[float] | None = None,
+        parameters: Mapping[str, float] | None = None,
+        time: float = 20.0,
+        axes: Axes | None = None,
+    ) -> Axes:
+        """A motion as a picture: (x, x') for one coordinate, the path in the plane of the first two for more.
+
+        `start` holds positions, then velocities (0.6, 0.8, … and 0 where left out); parameters are 1 where left out.
+        Needs the extra `figures`.
+        """
+        from inverse_service.sympy.motion_pictures import draw_motion
+
+        return draw_motion(self, start, parameters or {}, time, axes)
 
     def __repr__(self) -> str:
         others, differ = len(self.branches) - 1, len({branch.verdict for branch in self.branches}) > 1
@@ -311,6 +373,10 @@ class Result(Answer):
         """`to_code("python")`."""
         return self.to_code("python")
 
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
+        """Text, LaTeX, and HTML with the formulas and a picture of a motion."""
+        return {"text/plain": repr(self), "text/latex": self._repr_latex_(), "text/html": self._repr_html_()}
+
     def _repr_latex_(self) -> str:
         return "$\\displaystyle\\begin{aligned}" + " \\\\ ".join(self._rows()) + "\\end{aligned}$"
 
@@ -322,9 +388,17 @@ class Result(Answer):
                 if found := branch.get(key):
                     parts.append(f"<p>$\\displaystyle {letter} = {html.escape(found['latex'])}$</p>")
             parts += [f"<p>where {html.escape(', '.join(branch._where))}</p>"] if branch._where else []
+        parts += self._picture()
         steps = "".join(f"<li>{html.escape(step.text)}</li>" for step in self.proof)
         parts += [f"<details><summary>Proof</summary><ol>{steps}</ol></details>"] if steps else []
         return "".join(parts)
+
+    def _picture(self) -> list[str]:
+        """A motion as an image, nothing where none can be drawn."""
+        from inverse_service.sympy.motion_pictures import as_image
+
+        found = as_image(self)
+        return [] if found is None else [f'<img alt="a motion of the system" src="{found}">']
 
 
 _LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))

@@ -116,6 +116,11 @@ def table_of_result(result: Mapping[str, Any], given: Mapping[str, Any] | None =
     )
 
 
+def declared_text(each: Any) -> str:
+    """The name or value of an object in a declaration: k for Symbol("k"), V for Function("V"), 2 for 2."""
+    return each if isinstance(each, str) else _plain(each)
+
+
 def names_for(objects: Iterable[Any]) -> dict[Any, str]:
     """A name for each object: its own where a document can declare it, else one like it."""
     used, found = set[str](), {}

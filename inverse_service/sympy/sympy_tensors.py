@@ -113,7 +113,7 @@ def _put(expression: Any, ordered: Any) -> Any:
 
 def _of_hamiltonian(answer: Answer, velocities: list[Any]) -> Any:
     found = answer.hamiltonian
-    if found is None:
+    if found is None or answer.lagrangian is None:
         return None
     energy = sum((p * v for p, v in zip(found.momenta.values(), velocities, strict=True)), -answer.lagrangian)
     written = found.expr if found.implicit else found.expr.subs(dict(found.momenta))

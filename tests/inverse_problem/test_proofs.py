@@ -146,19 +146,3 @@ def test_a_theorem_of_one_branch_says_which() -> None:
     result = solved({"equations": {"x": "sqrt((x - 1)^2)*y' - y^2", "y": "-(x - 1)*x' - 2*x*y"}})
     assert result["domain"]
     assert f"The formulas are those on {', '.join(result['domain'])}." in proof_document(result, "coq", 1)
-
-
-@pytest.mark.slow
-def test_lean_gets_the_same_steps() -> None:
-    result = solved(catalogue.document("vertically-rolling-disk-first"))
-    text = proof_document(result, "lean", 1)
-    (theorem,) = theorems(result)
-    assert text.startswith("import Mathlib\n")
-    assert text.count("linear_combination") == len(theorem["steps"])
-    assert "sorry" not in text
-
-
-def test_zero_in_lean_is_a_real_number() -> None:
-    """Without a letter Lean would read natural numbers."""
-    text = proof_document(solved({"equations": {"x": "0"}}), "lean", 1)
-    assert "= (0 : \N{DOUBLE-STRUCK CAPITAL R}) := by" in text

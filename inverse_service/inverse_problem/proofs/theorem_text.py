@@ -1,4 +1,4 @@
-"""Theorems as text: for Coq (the reals of its standard library), for Lean 4 with mathlib, and as plain data."""
+"""Theorems as text: for Coq (the reals of its standard library), and as plain data."""
 
 from __future__ import annotations
 
@@ -31,9 +31,7 @@ Ltac nonzero := repeat split; repeat (assumption || apply Rmult_integral_contrap
   apply pow_nonzero || lra).
 Ltac zero := repeat (reflexivity || assumption || apply times_zero || apply plus_zero).
 """
-LEAN_HEAD = f"import Mathlib\n\n/- {HEAD} -/\n"
-REAL = "\N{DOUBLE-STRUCK CAPITAL R}"  # the type of the reals in Lean
-# Words that name no variable in Coq or Lean, and the names that proofs use themselves.
+# Words that name no variable in Coq, and the names that proofs use themselves.
 _TAKEN = re.compile(
     r"(eq|rel|nz|val|ker)\d+|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|do|else|end|exists|fix|for|"
     r"forall|from|fun|have|if|in|let|match|mod|open|return|show|then|theorem|Type|Prop|Set|SProp|using|where|with|"
@@ -170,44 +168,6 @@ def _coq_step(theorem: Theorem, letters: Letters, step: Identity, by: str) -> st
     factor = _product(letters, powers, number)
     total = _combination(letters, step)
     return f"apply (cancel ({factor})); [nonzero |].\n    transitivity ({total}); [{by} | zero]."
-
-
-def lean(theorems: Sequence[Theorem]) -> str:
-    """A file for Lean 4 with mathlib."""
-    return "\n".join([LEAN_HEAD, *map(_lean_theorem, theorems)])
-
-
-def _lean_theorem(theorem: Theorem) -> str:
-    letters = letters_of(theorem)
-    binders = f" ({' '.join(letters.names.values())} : {REAL})" if letters.names else ""
-    lines = [f"-- {text}" for text in _comments(theorem, letters)]
-    lines += [f"theorem {theorem.name}{binders}", *_hypotheses(theorem, letters, "≠")]
-    lines += [f"  : {_statement(theorem, letters, theorem.steps[-1])} = (0 : {REAL}) := by"]
-    for step in theorem.steps[:-1]:
-        lines.append(f"  have {step.gives.name} : {_statement(theorem, letters, step)} = 0 := by")
-        lines += _lean_step(theorem, letters, step, "    ")
-    return "\n".join([*lines, *_lean_step(theorem, letters, theorem.steps[-1], "  "), ""])
-
-
-def _lean_step(theorem: Theorem, letters: Letters, step: Identity, indent: str) -> list[str]:
-    number, powers = _factors(theorem, step)
-    nonzero = [f"({number} : {REAL}) ≠ 0 := by norm_num"] if number != "1" or not powers else []
-    names = {str(one): f"nz{k}" for k, one in enumerate(theorem.nonzero, 1)}
-    proofs = ["(by norm_num)"] * len(nonzero) + [f"(pow_ne_zero {e} {names[str(p)]})" for p, e in powers]
-    whole = " * ".join(
-        [f"({number} : {REAL})"] * len(nonzero) + [f"({polynomial_text(letters, p)})^{e}" for p, e in powers]
-    )
-    proof = proofs[0]
-    for other in proofs[1:]:
-        proof = f"(mul_ne_zero {proof} {other})"
-    sum_text = " + ".join(f"({polynomial_text(letters, c)}) * {fact.name}" for c, fact in step.terms) or "0"
-    fractions = step is theorem.steps[-1] and theorem.summands
-    norm = "(norm := first | (field_simp; ring1) | field_simp) " if fractions else ""
-    return [
-        f"{indent}have nonzero : {whole} ≠ 0 := {proof}",
-        f"{indent}refine (mul_eq_zero.mp ?_).resolve_left nonzero",
-        f"{indent}linear_combination {norm}{sum_text}",
-    ]
 
 
 def identities(theorems: Sequence[Theorem]) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.inverse_problem.explanation.negative import LARGEST_N
 from inverse_service.inverse_problem.proofs.deriving import Theorem, determinant_vanishes, euler_lagrange_hold
-from inverse_service.inverse_problem.proofs.theorem_text import coq, identities, lean
+from inverse_service.inverse_problem.proofs.theorem_text import coq, identities
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.names import Names
@@ -21,8 +21,8 @@ from inverse_service.reading.reader import has_acceleration, read_formula
 
 TERM_LIMIT = 20_000
 TIME_LIMIT = 10.0
-COMMENTS = {"coq": "(* {} *)\n", "lean": "-- {}\n"}
-WRITERS = {"coq": coq, "lean": lean}
+COMMENTS = {"coq": "(* {} *)\n"}
+WRITERS = {"coq": coq}
 
 
 class NoTheorem(Exception):
@@ -30,7 +30,7 @@ class NoTheorem(Exception):
 
 
 def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
-    """A file for "coq" or "lean", or the "identities" as JSON; where there are none, the reason in their place."""
+    """A file for "coq", or the "identities" as JSON; where there are none, the reason in their place."""
     theorems, reason = _theorems(result, seed)
     domain = result.get("domain") or []
     if form == "identities":

@@ -1,0 +1,124 @@
+"""What users of SymPy have in their hands goes in as it is, and comes out in a form that a notebook shows."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics.mechanics import Lagrangian as lagrangian_of
+from sympy.physics.mechanics import Particle, Point, ReferenceFrame, dynamicsymbols
+
+import inverse_service
+from inverse_service.errors import InputError
+from inverse_service.sympy import document, solve, solve_many
+
+T = sp.Symbol("t")
+C, K, M = sp.symbols("c k m")
+X = sp.Function("x")(T)
+OSCILLATOR = sp.Eq(M * X.diff(T, 2), -K * X - C * X.diff(T))
+BOOK = sp.exp(C * T / M) * (M * X.diff(T) ** 2 - K * X**2) / 2
+
+
+def test_the_simple_lagrangian_comes_first_as_on_the_command_line() -> None:
+    result = solve(OSCILLATOR)
+    assert sp.simplify(result.lagrangian - BOOK) == 0
+    assert sp.simplify(result.hamiltonian.expr.subs(result.hamiltonian.momenta) - BOOK.subs(K, -K)) == 0
+    assert result.main.lagrangian.has(sp.atan)
+    assert result.with_time
+    assert result.with_time.lagrangian == result.lagrangian
+    for language in ("sympy", "python", "jax", "modelingtoolkit", "julia"):
+        assert "atan" not in result.to_code(language)
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        {X.diff(T, 2): -X},
+        {X: -X},
+        {sp.Eq(X.diff(T, 2), -X)},
+        (equation for equation in [X.diff(T, 2) + X]),
+        np.array([X.diff(T, 2) + X]),
+    ],
+    ids=["accelerations", "coordinates", "set", "generator", "array"],
+)
+def test_equations_are_taken_in_any_shape(system: Any) -> None:
+    assert solve(system).lagrangian == X.diff(T) ** 2 / 2 - X**2 / 2
+
+
+def test_names_may_be_symbols() -> None:
+    assert document(sp.Eq(X.diff(T, 2), -K * X), parameters={K: 2})["parameters"] == {"k": 2}
+    assert document(sp.Eq(X.diff(T, 2), -K * X), parameters=[K])["parameters"] == ["k"]
+
+
+def test_an_expression_with_velocities_alone_is_a_lagrangian() -> None:
+    assert solve(X.diff(T) ** 2 / 2 - X**2 / 2)["equations"]
+    frame, (q,) = ReferenceFrame("N"), dynamicsymbols("q:1")
+    place = Point("O")
+    place.set_vel(frame, q.diff(T) * frame.x)
+    bead = Particle("P", place, M)
+    bead.potential_energy = K * q**2 / 2
+    assert "lagrangian" in document(lagrangian_of(frame, bead))
+
+
+def test_numerical_functions_take_their_arguments_by_name() -> None:
+    function = solve(OSCILLATOR).lambdify()
+    assert list(inspect.signature(function).parameters) == ["t", "x", "x_dot", "c", "k", "m"]
+    assert function(t=0, x=1, x_dot=2, c=0, k=1, m=1) == 1.5
+
+
+def test_what_an_answer_lacks_is_an_input_error_of_one_line() -> None:
+    with pytest.raises(InputError) as end:
+        solve("x'' = -x - x'^2*y; y'' = -y + x'*y'").lambdify()
+    (line,) = end.value._render_traceback_()
+    assert "\n" not in line
+
+
+def test_every_object_has_latex_and_a_result_a_picture() -> None:
+    result = solve(OSCILLATOR)
+    bundle = result._repr_mimebundle_()
+    assert {*bundle} == {"text/plain", "text/latex", "text/html"}
+    assert "data:image/png" in bundle["text/html"]
+    for part in (result, result.hamiltonian, result.verify()):
+        assert part._repr_latex_().startswith("$")
+
+
+def test_a_motion_is_drawn_from_its_start() -> None:
+    axes = solve(sp.Eq(X.diff(T, 2), -X)).plot(start=[1, 0], time=3)
+    x, v = axes.lines[0].get_data()
+    assert (x[0], v[0]) == (1, 0)
+    assert np.allclose([x[-1], v[-1]], [np.cos(3), -np.sin(3)], atol=1e-9)
+    with pytest.raises(InputError):
+        solve(OSCILLATOR).plot(parameters={"z": 1})
+
+
+@pytest.mark.slow
+def test_many_results_and_a_run_are_tables() -> None:
+    pytest.importorskip("pandas")
+    assert list(solve_many(["x'' = -x", "x'' = x"]).to_pandas()["verdict"]) == ["variational"] * 2
+    scene = {"system": {"equations": {"x": "-x"}}, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+             "step": 0.1, "steps": 5, "methods": [{"method": "reference"}]}  # fmt: skip
+    assert len(inverse_service.simulate(scene).to_pandas()) == 1
+
+
+def test_the_program_for_jax_is_python_and_has_the_motion() -> None:
+    text = solve(OSCILLATOR).to_code("jax")
+    compile(text, "program", "exec")
+    if subprocess.run([sys.executable, "-c", "import jax"], capture_output=True, check=False).returncode:
+        text = text.replace("import jax\n", "").replace("import jax.numpy as jnp", "import numpy as jnp")
+        text = text.replace('jax.config.update("jax_enable_x64", True)', "")
+    space: dict[str, Any] = {}
+    exec(text, space)
+    assert space["vector_field"](0.0, [1.0, 2.0], [0.5, 3.0, 2.0]).tolist() == [2.0, -2.0]
+    assert space["lagrangian"](0.0, [1.0, 2.0], [0.5, 3.0, 2.0]) == 2.5
+
+
+def test_the_program_for_modelingtoolkit_declares_all_that_it_uses() -> None:
+    text = solve(OSCILLATOR).to_code("modelingtoolkit")
+    assert "@parameters c k m" in text
+    assert "@variables x(t)" in text
+    assert "D(D(x)) ~" in text
