@@ -15,10 +15,10 @@ FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
 class Job(Document):
     """One piece of work. `id` is a hash of engine version, canonical document and options.
 
-    `progress` holds what is known while the job runs: stage, order, family, counts; as `so_far` the result
-    as far as it is finished and checked. `result` is there when it is successful, and with what was finished
-    when it was dismissed; `problem` when it failed. Times are seconds since 1970; `usage`: seconds of wall clock and
-    processor, peak memory in MiB, of the run that gave the answer.
+    `progress` holds what is known while the job runs: stage, order, family, counts; as `so_far` the result as far as
+    it is finished and checked. `result` is there when it is successful, and with what was finished when it was
+    dismissed; `problem` when it failed. Times are seconds since 1970, and as RFC 3339 writes them; `usage`: seconds of
+    wall clock and processor, peak memory in MiB, of the run that gave the answer.
     """
 
     id: str
@@ -30,6 +30,9 @@ class Job(Document):
     created: float | None = None
     started: float | None = None
     finished: float | None = None
+    accepted_at: str | None = None
+    started_at: str | None = None
+    ended_at: str | None = None
     usage: dict[str, float] = Field(default_factory=dict)
     links: dict[str, str] = Field(default_factory=dict)
 
@@ -55,6 +58,7 @@ class Batch(Document):
     counts: dict[JobStatus, int]
     kind: str = "solve"
     created: float | None = None
+    accepted_at: str | None = None
     links: dict[str, str] = Field(default_factory=dict)
 
     @property

@@ -17,7 +17,16 @@ from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batches import Batch, BatchLine, batch_id
 from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import NO_BOUND, Bounds, Job, JobOptions, JobRequest, StoreUnavailable, Viewer
+from inverse_service.service.jobs.model import (
+    NO_BOUND,
+    Bounds,
+    Job,
+    JobOptions,
+    JobRequest,
+    StoreUnavailable,
+    Viewer,
+    until_tomorrow,
+)
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
 from inverse_service.service.jobs.store import JobStore
@@ -30,7 +39,7 @@ from inverse_service.web import pages
 from inverse_service.web.asking import LARGEST_FACTOR, Hub, until_set
 from inverse_service.web.clients import QUICK_PROCESSES, QUICK_SHARE, ByteBudget, Keys, Places
 from inverse_service.web.known import KnownAnswers
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import Refusal, rate_limit
 
 log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
@@ -184,6 +193,14 @@ class Engine:
         """One more question was answered without work."""
         self.counters.add("inverse_service_answers_from_store_total", "Questions that were known already.", kind=kind)
 
+    async def rate_limit(self, client: str) -> dict[str, str]:
+        """The headers that say what is left of a quota, where there is one."""
+        quota = self.settings.client_daily_seconds
+        if not quota:
+            return {}
+        used = await self.read(self.store.used_today, client)
+        return rate_limit(quota, quota - used, until_tomorrow())
+
     @property
     def look_again(self) -> float:
         """After so many seconds who waits for a job looks by himself: another front end tells this one nothing."""
@@ -223,6 +240,9 @@ class Engine:
 
     def _create_batch(self, kind: str, viewer: Viewer, lines: Sequence[BatchLine], key: str) -> Batch:
         client, lines = viewer.name, [viewer.own_line(line) for line in lines]
+        if key and not self.store.claim_key(client, key, batch_id(kind, client, lines, key, 0)):
+            detail = "This Idempotency-Key came with other lines before; send these with a new one."
+            raise Refusal(422, "idempotency-key", detail)
         latest: Batch | None = None
         for generation in itertools.count():
             id = batch_id(kind, client, lines, key, generation)

@@ -5,6 +5,7 @@ As text, LaTeX or a SymPy program, for those who ask by `Accept`, workers write 
 
 from __future__ import annotations
 
+import datetime
 import json
 import re
 from collections.abc import AsyncIterator, Mapping
@@ -176,9 +177,20 @@ def job_fields(job: Job, engine: Engine) -> dict[str, Any]:
         "created": job.created,
         "started": job.started,
         "finished": job.finished,
+        "accepted_at": moment_of(job.created),
+        "started_at": moment_of(job.started),
+        "ended_at": moment_of(job.finished),
         "usage": {"wall": round(job.wall, 4), "cpu": round(job.cpu, 4), "memory": round(job.memory, 1)},
         "links": {"self": address(job), "events": f"{address(job)}/events", "page": f"/results/{job.id}"},
     }
+
+
+def moment_of(seconds: float | None) -> str | None:
+    """Seconds since 1970 as RFC 3339 writes them, in UTC."""
+    if seconds is None:
+        return None
+    found = datetime.datetime.fromtimestamp(seconds, datetime.UTC)
+    return found.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def progress_of(job: Job, engine: Engine) -> Mapping[str, Any] | None:
@@ -202,6 +214,7 @@ def batch_fields(batch: Batch) -> dict[str, Any]:
         "counts": dict(batch.counts),
         "kind": batch.kind,
         "created": batch.created,
+        "accepted_at": moment_of(batch.created),
         "links": {"self": place, "results": f"{place}/results"},
     }
 

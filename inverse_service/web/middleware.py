@@ -127,8 +127,8 @@ class SecurityHeaders(Middleware):
     """Adds HEADERS to every response that does not set them itself.
 
     Refuses requests with too large ones (431), with two lengths, of which a proxy may believe the other (400), with a
-    NUL, which databases do not take (404), and those to another host than `hosts` (421): a page elsewhere may let its
-    own name point to this machine. No `hosts`: any is taken.
+    NUL, which databases do not take (404, in a query 422), and those to another host than `hosts` (421): a page
+    elsewhere may let its own name point to this machine. No `hosts`: any is taken.
     """
 
     def __init__(self, app: ASGIApp, hosts: Sequence[str] = ()) -> None:
@@ -157,7 +157,9 @@ class SecurityHeaders(Middleware):
         if {b"content-length", b"transfer-encoding"} <= {name for name, _ in scope["headers"]}:
             detail = "The request has a Content-Length and a Transfer-Encoding; send one of them."
             return _refused(400, "unreadable", detail)
-        if "\x00" in scope["path"] or b"%00" in scope["query_string"]:
+        if b"%00" in scope["query_string"]:
+            return _refused(422, "bad-input", "The query has a NUL character (%00), which no value has; leave it out.")
+        if "\x00" in scope["path"]:
             return _refused(404, "not-found", "There is nothing at an address that has a NUL character.")
         if self._hosts and not self._hosts & {host_of(scope), "*"}:
             detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."

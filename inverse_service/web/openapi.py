@@ -13,7 +13,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from api_schemas.base import ParseAnswer, ProblemDocument
+from api_schemas.base import CheckAnswer, ParseAnswer, ProblemDocument
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
 from api_schemas.result import ForwardParseAnswer, ForwardResult, LagrangianDocument, ResultDocument
 from api_schemas.scene import SceneDocument
@@ -22,6 +22,7 @@ from api_schemas.system import SystemDocument
 from inverse_service import catalogue
 from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT
 from inverse_service.service.documents.answers import TITLES
+from inverse_service.service.jobs.model import STATUSES
 from inverse_service.web.problems import MEDIA_TYPE
 
 
@@ -44,17 +45,7 @@ def body_of(*schemas: str, others: dict[str, Any] | None = None) -> dict[str, An
     return {"requestBody": {"required": True, "content": content}}
 
 
-# What `Accept` may ask for in the place of JSON.
-WRITTEN: dict[str, Any] = {
-    name: {"schema": {"type": "string", "description": what}}
-    for name, what in (
-        ("text/plain", "The result of `solve` as text for people."),
-        ("application/x-latex", "The result of `solve` as a LaTeX document."),
-        ("text/x-python", "The result of `solve` as a SymPy program."),
-    )
-}
 SOLVED = answers_of("NonholonomicResult", "ResultDocument", "ForwardResult")
-SOLVED["content"] |= WRITTEN
 PARSED = answers_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer")
 KEY_AND_RATE = refusals(401, 429, 503)
 BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
@@ -81,6 +72,8 @@ BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, BATCH_KEY]}
 REFERENCE = "#/components/schemas/{model}"
 DOCUMENTS = (SystemDocument, NonholonomicDocument, LagrangianDocument)
 RESULTS = (ResultDocument, NonholonomicResult, ForwardResult)
+# What the result of a job is, told apart by `format`; that of a check has none.
+OF_JOBS = (NonholonomicResult, *RESULTS[:1], ForwardResult, SimulationResult, WorkPrecisionResult, CheckAnswer)
 OTHERS = (
     SceneDocument,
     SimulationResult,
@@ -125,6 +118,16 @@ OPTIONS = {
         "memory_limit": {"type": "integer"},
         "seed": {"type": "integer", "minimum": 0},
     },
+}
+# The data of one server-sent event; the description of the call says which is which.
+JOB_EVENT: dict[str, Any] = {
+    "title": "JobEvent",
+    "description": "The data of an event, by its name: `status`, `progress` or `part`.",
+    "anyOf": [
+        _object_with("StatusEvent", False, status={"enum": [*STATUSES]}),
+        _object_with("ProgressEvent", False, elapsed={"type": "number", "description": "seconds of this run"}),
+        _object_with("PartEvent", True, part={"type": "string"}, value={"type": "object"}),
+    ],
 }
 TAGS = {
     "systems": "Does a system come from a Lagrangian? Read, solve, check.",
@@ -188,6 +191,8 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
         known[name]["examples"] = [catalogue.document(example)]
     for model in (*RESULTS, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer):
         known[model.__name__]["properties"]["id"] = dict(ID)
+    known["Job"]["properties"]["result"] = {"anyOf": [*_any_of(*OF_JOBS)["anyOf"], {"type": "null"}]}
+    known["JobEvent"] = JOB_EVENT
     for name in ("HTTPValidationError", "ValidationError"):
         known.pop(name, None)
     return known

@@ -6,7 +6,7 @@ import logging
 import re
 import sqlite3
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -77,9 +77,22 @@ async def _on_error(request: Request, error: Exception) -> Response:
 
 async def _on_query(request: Request, error: Exception) -> Response:
     faults = cast("RequestValidationError", error).errors()
-    names = sorted({str(fault["loc"][-1])[:40] for fault in faults if fault.get("loc")})
-    shown = ", ".join("".join(c if c.isalnum() or c in "-_" else "?" for c in name) for name in names)
-    return problem(Refusal(422, "bad-input", f"The address or its query is not as described in /docs: {shown}."))
+    places = tuple(Place(f"{fault['msg']}.", f"/{_plain(fault)}") for fault in faults if fault.get("loc"))
+    shown = ", ".join(sorted({_plain(fault) for fault in faults if fault.get("loc")}))
+    return problem(
+        Refusal(422, "bad-input", f"The address or its query is not as described in /docs: {shown}.", places)
+    )
+
+
+def _plain(fault: Mapping[str, Any]) -> str:
+    """The name of a value of the query, without what could be markup."""
+    return "".join(c if c.isalnum() or c in "-_" else "?" for c in str(fault["loc"][-1])[:40])
+
+
+def rate_limit(quota: float, left: float, seconds: int) -> dict[str, str]:
+    """The processor seconds of a day, and how many are left for so long (draft-ietf-httpapi-ratelimit-headers)."""
+    policy = f'"day";q={quota:.0f};w=86400'
+    return {"RateLimit-Policy": policy, "RateLimit": f'"day";r={max(0.0, left):.0f};t={seconds}'}
 
 
 def _refusal_of(error: Exception) -> Refusal:
@@ -92,7 +105,8 @@ def _refusal_of(error: Exception) -> Refusal:
         case WorkerFailed():
             return Refusal(500, "fault", error.detail)
         case TooManyJobs():
-            return Refusal(429, error.code, error.detail, headers={"Retry-After": str(error.seconds)})
+            limits = rate_limit(error.quota, 0.0, error.seconds) if error.quota else {}
+            return Refusal(429, error.code, error.detail, headers={"Retry-After": str(error.seconds), **limits})
     detail = "The store of jobs does not answer; try again in some seconds."
     return Refusal(503, StoreUnavailable.code, detail, headers={"Retry-After": "5"})
 
@@ -103,6 +117,8 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
         404: "There is nothing at this address; GET /docs lists the addresses.",
         405: "This address does not take this method; GET /docs lists the methods.",
     }.get(error.status_code, "The request cannot be answered; GET /docs describes the service.")
+    if error.status_code == 405 and "access-control-request-method" in request.headers:
+        detail = "Pages of other origins may call where the operator lists these in INVERSE_SERVICE_CORS_ORIGINS."
     kind = TYPES.get(error.status_code, "refused")
     headers = dict(error.headers or {})
     if error.status_code == 405:

@@ -33,6 +33,7 @@ NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "ap
 KEEP_ALIVE = 10.0
 KindName = Literal["solve", "check", "simulate", "work-precision"]
 # A stream that wakes for every job would read the store more than it writes answers.
+LINES = {"type": "array", "items": {"type": "object", "description": "The answer of a line, with its `id`."}}
 SMALLEST_PAUSE, LARGEST_PAUSE = 0.02, 0.5
 # Any element is taken; one that is no document is answered by a problem object.
 BATCH_BODY: dict[str, Any] = {
@@ -65,7 +66,7 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     All lines are stored before the answer, which is 202 with the address of the batch. A bad line is
     answered by a problem object. Equal documents are computed once. `?kind=` asks for another kind of job.
     The same lines sent again are the same batch, unless some of it was cancelled, `Cache-Control: no-cache`
-    asks again, or `Idempotency-Key` is another one.
+    asks again, or `Idempotency-Key` is another one. A key that came with other lines before is refused (422).
     """
     engine = engine_of(request)
     media_type = asking.content_type(request)
@@ -83,7 +84,7 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
         if error.code != "limit":
             raise
         raise Refusal(413, error.code, error.detail) from None
-    headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": RETRY_AFTER}
+    headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": RETRY_AFTER} | await engine.rate_limit(client)
     return JSONResponse(batch_fields(stored), 202, headers)
 
 
@@ -103,15 +104,43 @@ async def dismiss(request: Request, id: str) -> Response:
 @router.get(
     "/v1/batches/{id}/results",
     response_class=StreamingResponse,
-    responses={200: {"content": {NDJSON: {"schema": {"type": "string"}}}}, **refusals(404), **KEY_AND_RATE},
+    responses={
+        200: {"content": {NDJSON: {"schema": {"type": "string"}}, "application/json": {"schema": LINES}}},
+        **refusals(404),
+        **KEY_AND_RATE,
+    },
 )
 async def results(request: Request, id: str) -> Response:
     """The answers as NDJSON in the order in which they come, each with the `id` of its line.
 
     The stream stays open until every line has its answer; an empty line each 10 s of silence says that it lives.
+    `Accept: application/json` has them as one JSON array.
     """
     found = await _known(request, id)
-    return StreamingResponse(_stream(engine_of(request), found), media_type=NDJSON)
+    lines = _stream(engine_of(request), found)
+    if _wants_array(request):
+        return StreamingResponse(as_array(lines), media_type="application/json", headers={"Vary": "Accept"})
+    return StreamingResponse(lines, media_type=NDJSON, headers={"Vary": "Accept"})
+
+
+def _wants_array(request: Request) -> bool:
+    accepted = [part.partition(";")[0].strip() for part in request.headers.get("accept", "").lower().split(",")]
+    return "application/json" in accepted and not NDJSON_TYPES & {*accepted}
+
+
+async def as_array(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+    """Lines, which come in parts of any length, as the elements of an array; empty ones are white space in it."""
+    yield b"["
+    is_first = begins = True
+    async for part in parts:
+        shown = list[bytes]()
+        for place, piece in enumerate(part.split(b"\n")):
+            begins = begins or place > 0
+            if piece:
+                shown += [b"" if not begins or is_first else b",\n", piece]
+                is_first = begins = False
+        yield b"".join(shown) or b"\n"
+    yield b"]\n"
 
 
 async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:

@@ -13,6 +13,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Job as JobDocument
 from api_schemas.job import JobList
+from inverse_service.errors import Place
 from inverse_service.service.jobs.event_log import last_event
 from inverse_service.service.jobs.model import Event, Job, StoreUnavailable, Viewer
 from inverse_service.service.jobs.tasks import AskingTerms, ask_task
@@ -34,15 +35,6 @@ from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(require_client)])
 STILL_THERE = b": still there\n\n"
-EVENT = {
-    "type": "object",
-    "required": ["id", "event", "data"],
-    "properties": {
-        "id": {"type": "string"},
-        "event": {"enum": ["status", "progress", "part"]},
-        "data": {"type": "string", "contentMediaType": "application/json", "contentSchema": {"type": "object"}},
-    },
-}
 
 
 @router.post(
@@ -87,6 +79,7 @@ async def ask(request: Request, kind: str) -> Response:
     headers, answer = await result_response(request, job, engine, applied_of(preference))
     if headers and job.expires is None and not media_type and not isinstance(answer, StreamingResponse):
         engine.known.keep(key, job.id, headers, bytes(answer.body))
+    answer.headers.update(await engine.rate_limit(client))
     return answer
 
 
@@ -106,7 +99,8 @@ async def list_jobs(
             engine.store.jobs, status=status, kind=kind, client=client, cursor=cursor, limit=limit
         )
     except ValueError:
-        raise Refusal(422, "bad-input", "The cursor is not one that this list gave.") from None
+        detail = "The cursor is not one that this list gave, or its job is forgotten; begin without one."
+        raise Refusal(422, "bad-input", detail, (Place(detail, "/cursor"),)) from None
     fields = await engine.read(lambda: [job_fields(job, engine) for job in jobs])
     return JSONResponse({"jobs": fields, "next": following})
 
@@ -114,7 +108,7 @@ async def list_jobs(
 @router.get(
     "/v1/jobs/{id}",
     responses={
-        200: {"model": JobDocument, "headers": {"ETag": {"schema": {"type": "string"}}}, "content": openapi.WRITTEN},
+        200: {"model": JobDocument, "headers": {"ETag": {"schema": {"type": "string"}}}},
         202: {"model": JobDocument},
         304: {"description": "The caller has this answer already."},
         **openapi.refusals(404),
@@ -131,7 +125,10 @@ async def job(request: Request, id: str) -> Response:
     "/v1/jobs/{id}", responses={200: {"model": JobDocument}, **openapi.refusals(404), **openapi.KEY_AND_RATE}
 )
 async def dismiss(request: Request, id: str) -> Response:
-    """Cancel a job: it is dismissed for you. The work stops when nobody else waits for it; what is done stays."""
+    """Cancel a job that is open; one that is done stays as it is, with its result.
+
+    It is dismissed for you. The work stops when nobody else waits for it; what was finished of it is its result.
+    """
     engine = engine_of(request)
     found = _known(await engine.dismiss(id, viewer_of(request)))
     return await whole_job(found, engine, {})
@@ -141,13 +138,18 @@ async def dismiss(request: Request, id: str) -> Response:
     "/v1/jobs/{id}/events",
     response_class=StreamingResponse,
     responses={
-        200: {"content": {"text/event-stream": {"itemSchema": EVENT}}},
+        200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}},
         **openapi.refusals(404),
         **openapi.KEY_AND_RATE,
     },
 )
 async def events(request: Request, id: str) -> Response:
-    """Server-sent events of a job: status and progress, to the end. Resumable with Last-Event-ID."""
+    """Server-sent events of a job, to the end. Resumable with Last-Event-ID.
+
+    Each has an `id`, an `event` and as `data` a JSON object (JobEvent): `status` {status}; `progress` {elapsed, stage,
+    order, family, counts}; `part` {part, value}, the fields of the result that are known with a part of it, as it is
+    finished. The values merged in their order are the result.
+    """
     engine = engine_of(request)
     viewer = viewer_of(request)
     _known(await engine.job(id, viewer))

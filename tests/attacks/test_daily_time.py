@@ -29,6 +29,7 @@ def answered(client: httpx.Client, address: str) -> dict[str, Any]:
 def test_runs_at_their_limit_and_cancelled_ones_are_charged(tmp_path: Path) -> None:
     with attacked(tmp_path, client_daily_seconds="3") as service, service.client() as alice:
         first = alice.post("/v1/solve?time_limit=1.5", json=long_question(1), headers={"Prefer": "respond-async"})
+        assert first.headers["RateLimit"].startswith('"day";r=3;t=')
         used = answered(alice, first.headers["Location"])["usage"]
         assert used["cpu"] > 0.5
         assert used["memory"] > 10
@@ -42,6 +43,8 @@ def test_runs_at_their_limit_and_cancelled_ones_are_charged(tmp_path: Path) -> N
         while (again := alice.post("/v1/solve", json=long_question(3))).status_code != 429 and time.monotonic() < end:
             alice.delete(again.headers["Location"])
             time.sleep(0.2)
-        assert again.status_code == 429
+        assert (again.status_code, again.json()["type"].rpartition(":")[2]) == (429, "quota-exceeded")
+        assert again.headers["RateLimit-Policy"] == '"day";q=3;w=86400'
+        assert again.headers["RateLimit"].startswith('"day";r=0;t=')
         with service.other() as bob:
             assert bob.post("/v1/solve", json=long_question(4)).status_code == 202

@@ -132,6 +132,19 @@ def test_a_batch_that_is_sent_again_is_the_same_one(client: httpx.Client) -> Non
     places = [first, *keyed[1:], place(lines, **anew), place(lines, **anew), *map(place, others)]
     assert len(set(places)) == len(places)
     assert client.post("/v1/batches", json=lines, headers={"Idempotency-Key": "k" * 256}).status_code == 422
+    other = client.post("/v1/batches", json=lines[:2], headers={"Idempotency-Key": "a"})
+    assert (other.status_code, other.json()["type"].rpartition(":")[2]) == (422, "idempotency-key")
+
+
+def test_results_come_as_an_array_where_that_is_asked_for(client: httpx.Client) -> None:
+    system = {"name": "array", "coordinates": ["x"], "equations": {"x": "-x"}}
+    lines = [{"id": "a", **system}, {"id": "b"}, {"id": "c", **system}]
+    place = client.post("/v1/batches", json=lines).headers["location"]
+    found = client.get(f"{place}/results", headers={"Accept": "application/json"})
+    assert found.headers["content-type"] == "application/json"
+    assert {line["id"] for line in found.json()} == {"a", "b", "c"}
+    plain = [json.loads(line) for line in client.get(f"{place}/results").text.splitlines() if line]
+    assert sorted(map(json.dumps, plain)) == sorted(map(json.dumps, found.json()))
 
 
 def test_a_cancelled_batch_that_is_sent_again_is_computed(client: httpx.Client) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -204,6 +205,7 @@ def test_jobs_are_listed_newest_first_in_pages(client: httpx.Client) -> None:
     assert [job["id"] for job in page["jobs"]] == [place.rpartition("/")[2] for place in (places[2], places[1])]
     following = client.get(f"/v1/jobs?limit=1&cursor={page['next']}").json()
     assert following["jobs"][0]["id"] == places[0].rpartition("/")[2]
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", following["jobs"][0]["accepted_at"])
     assert all(job["status"] == "failed" for job in client.get("/v1/jobs?status=failed").json()["jobs"])
     for bad in ("cursor=x", "limit=0", "limit=x", "status=sleeping"):
         assert client.get(f"/v1/jobs?{bad}").status_code == 422

@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 import jsonschema_rs
 import pytest
+from openapi_spec_validator import OpenAPIV31SpecValidator
 
 from inverse_service import catalogue
 from inverse_service.settings import read_settings
@@ -47,6 +48,22 @@ def validator(description: dict[str, Any], schema: dict[str, Any]) -> Any:
 def body_schema(description: dict[str, Any], path: str) -> dict[str, Any]:
     found: dict[str, Any] = description["paths"][path]["post"]["requestBody"]["content"]["application/json"]["schema"]
     return found
+
+
+def test_the_description_is_valid_by_the_standard(description: dict[str, Any]) -> None:
+    validator_of_the_standard = OpenAPIV31SpecValidator(description)
+    assert [(list(e.absolute_path), e.message[:200]) for e in validator_of_the_standard.iter_errors()] == []
+
+
+def test_the_answer_to_solve_is_json_alone_and_that_of_a_job_one_of_its_results(description: dict[str, Any]) -> None:
+    answer = description["paths"]["/v1/solve"]["post"]["responses"]["200"]["content"]
+    assert list(answer) == ["application/json"]
+    options = description["components"]["schemas"]["Job"]["properties"]["result"]["anyOf"]
+    names = {option["$ref"].rpartition("/")[2] for option in options if "$ref" in option}
+    formats = {
+        description["components"]["schemas"][name]["properties"]["format"]["const"] for name in names - {"CheckAnswer"}
+    }
+    assert (len(names), len(formats)) == (6, 4)
 
 
 def test_every_property_is_described(description: dict[str, Any]) -> None:

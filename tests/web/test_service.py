@@ -83,9 +83,24 @@ def test_a_compressed_body_is_415(client: httpx.Client) -> None:
     problem(client.post("/v1/batches", content=gzip.compress(b" " * 100_000), headers=headers), 415)
 
 
-@pytest.mark.parametrize("path", ["/v1/jobs/%00", "/v1/jobs?kind=%00", "/results/a%00b", "/v1/catalogue/%00"])
+@pytest.mark.parametrize("path", ["/v1/jobs/%00", "/results/a%00b", "/v1/catalogue/%00"])
 def test_an_address_with_a_nul_is_not_there(path: str, client: httpx.Client) -> None:
     problem(client.get(path), 404)
+
+
+def test_a_query_is_refused_with_its_place_and_what_is_taken(client: httpx.Client) -> None:
+    problem(client.post("/v1/solve?x=%00", json=OSCILLATOR), 422)
+    found = client.get("/v1/jobs?limit=9999&status=asleep").json()
+    assert [fault["pointer"] for fault in found["errors"]] == ["/status", "/limit"]
+    assert "500" in found["errors"][1]["detail"]
+    assert "asleep" not in json.dumps(found)
+
+
+def test_an_unanswered_preflight_names_the_setting(client: httpx.Client) -> None:
+    asked = {"Origin": "https://example.org", "Access-Control-Request-Method": "POST"}
+    response = client.options("/v1/solve", headers=asked)
+    problem(response, 405)
+    assert "CORS_ORIGINS" in response.json()["detail"]
 
 
 def test_a_json_content_type_with_a_charset_is_fine(client: httpx.Client) -> None:

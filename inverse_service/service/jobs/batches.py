@@ -125,6 +125,13 @@ def begin_batch(session: Session, id: str, kind: str, client: str) -> None:
     )  # fmt: skip
 
 
+def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
+    """Note that a client sends these lines with this key; False where it sent others with it."""
+    session.run("INSERT INTO keys VALUES (?, ?, ?, moment()) ON CONFLICT DO NOTHING", client, key, digest)
+    found = first(session, "SELECT digest FROM keys WHERE client = ? AND key = ?", client, key)
+    return bool(found["digest"] == digest)
+
+
 def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: Bounds) -> None:
     """Some lines and the jobs that are new; lines that are there already stay as they are."""
     statements.submit(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)

@@ -12,6 +12,7 @@ import functools
 import hashlib
 import json
 import math
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
@@ -290,15 +291,23 @@ def _whole(given: Mapping[str, Any], key: str, default: int, low: int, high: int
 class TooManyJobs(InverseServiceError):
     """A bound on open jobs or on the processor time of a day is reached; nothing was stored.
 
-    `seconds` is the time after which it is worth to ask again.
+    `seconds` is the time after which it is worth to ask again; `quota` is the bound on the processor time of a day,
+    where that is the one.
     """
 
     code = "too-many-jobs"
     retry = True
 
-    def __init__(self, detail: str, seconds: int = 5) -> None:
+    def __init__(self, detail: str, seconds: int = 5, quota: float = 0.0) -> None:
         super().__init__(detail)
-        self.seconds = seconds
+        self.seconds, self.quota = seconds, quota
+        if quota:
+            self.code = "quota-exceeded"
+
+
+def until_tomorrow() -> int:
+    """Seconds to the end of the day (UTC)."""
+    return 86_400 - int(time.time()) % 86_400
 
 
 class StoreUnavailable(InverseServiceError):

@@ -1,7 +1,8 @@
 """Tables of the store, and how those of older versions become these.
 
 `answers` of a batch numbers its answers: `order_number` of its lines. `askers` says which clients wait for an open job
-besides batches; one that is `gone` cancelled it for itself. `ranks` are an operator's, `uses` what a client used on a
+besides batches; one that is `gone` cancelled it for itself. `keys` says with which lines a client sent
+an Idempotency-Key. `ranks` are an operator's, `uses` what a client used on a
 day (since 1970, UTC). `counters` holds single numbers by name.
 """
 
@@ -61,6 +62,9 @@ CREATE TABLE IF NOT EXISTS askers (
 CREATE TABLE IF NOT EXISTS ranks (client TEXT PRIMARY KEY, rank INTEGER NOT NULL){table};
 CREATE TABLE IF NOT EXISTS uses (
     client TEXT NOT NULL, day INTEGER NOT NULL, runs INTEGER NOT NULL, cpu {real} NOT NULL, PRIMARY KEY (client, day)
+){keyed};
+CREATE TABLE IF NOT EXISTS keys (
+    client TEXT NOT NULL, key TEXT NOT NULL, digest TEXT NOT NULL, created {real} NOT NULL, PRIMARY KEY (client, key)
 ){keyed};
 CREATE TABLE IF NOT EXISTS counters (name TEXT PRIMARY KEY, value {long} NOT NULL){table};
 """

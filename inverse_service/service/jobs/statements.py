@@ -8,7 +8,6 @@ taken in the order jobs (by id), then batches (by id), so that no two wait for e
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, Final, Protocol
@@ -151,7 +150,7 @@ def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: m
         used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"
         if session.rows(used, list(clients), float(bounds.daily)):
             detail = "The processor time of this client for today (UTC) is used; ask again tomorrow."
-            raise model.TooManyJobs(detail, seconds=86_400 - int(time.time()) % 86_400)
+            raise model.TooManyJobs(detail, model.until_tomorrow(), bounds.daily)
     if _room(session, clients, bounds) > FAR * len(new) + FAR_AT_LEAST:
         return
     session.lock(ACCEPT_LOCK)
@@ -261,6 +260,12 @@ def count_use(session: Session, client: str, usage: Usage) -> None:
         "ON CONFLICT (client, day) DO UPDATE SET runs = uses.runs + 1, cpu = uses.cpu + excluded.cpu",
         client, float(usage.cpu),
     )  # fmt: skip
+
+
+def used_today(session: Session, client: str) -> float:
+    """The processor seconds of a client's runs today (UTC)."""
+    found = first(session, "SELECT cpu FROM uses WHERE client = ? AND day = today()", client)
+    return 0.0 if found is None else float(found["cpu"])
 
 
 def leave(session: Session, id: str, client: str) -> tuple[model.Job | None, bool]:

@@ -177,13 +177,19 @@ class JobStore(ABC):
         self, *, status: model.JobStatus | None = None, kind: str | None = None, client: str | None = None,
         cursor: str | None = None, limit: int = 50,
     ) -> tuple[list[model.Job], str | None]:  # fmt: skip
-        """One page, newest first, without bodies, and the cursor of the next one. ValueError: a bad cursor."""
-        wanted = {"status": status, "kind": kind, "client": client, "sequence": _sequence_of(cursor)}
+        """One page, newest first, without bodies, and the cursor of the next one: the id of its last job.
+
+        ValueError: a bad cursor.
+        """
+        last = None if cursor is None else self.job(cursor, with_body=False)
+        if cursor is not None and (last is None or client not in (None, last.client)):
+            raise ValueError("not a cursor of this list")
+        wanted = {"status": status, "kind": kind, "client": client, "sequence": last and last.sequence}
         chosen = {name: value for name, value in wanted.items() if value is not None}
         where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
         query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
         found = jobs_of(self._read(lambda s: s.rows(query, *chosen.values(), limit + 1)))
-        return found[:limit], str(found[limit - 1].sequence) if len(found) > limit else None
+        return found[:limit], found[limit - 1].id if len(found) > limit else None
 
     def add_events(self, events: Iterable[tuple[str, model.Event]]) -> None:
         """Append events (job id, event); need not be durable."""
@@ -219,6 +225,14 @@ class JobStore(ABC):
             self._write(lambda s: batches.forget_batch(s, id))
             raise
         return self._write(lambda s: batches.complete_batch(s, id, len(lines)), lambda _: [""])
+
+    def used_today(self, client: str) -> float:
+        """The processor seconds of a client's runs today (UTC)."""
+        return self._read(lambda s: statements.used_today(s, client))
+
+    def claim_key(self, client: str, key: str, digest: str) -> bool:
+        """Whether a client's key for a batch is new, or came with the same lines before."""
+        return self._write(lambda s: batches.claim_key(s, client, key, digest), durable=False)
 
     def batch(self, id: str) -> batches.Batch | None:
         """One batch with its counts."""
@@ -306,12 +320,3 @@ class JobStore(ABC):
 
 def _ids(jobs: Iterable[model.Job]) -> list[str]:
     return [job.id for job in jobs]
-
-
-def _sequence_of(cursor: str | None) -> int | None:
-    """The place of a cursor in the list; raises ValueError."""
-    if cursor is None:
-        return None
-    if not (cursor.isascii() and cursor.isdigit() and len(cursor) < 16):
-        raise ValueError("not a cursor of this list")
-    return int(cursor)

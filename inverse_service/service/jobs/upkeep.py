@@ -26,6 +26,7 @@ def forget(session: Session, before: float, most: int) -> tuple[int, int]:
     that a batch has locked which is made at this moment.
     """
     session.lock(PRUNE_LOCK)
+    session.run("DELETE FROM keys WHERE created <= ?", before)
     batch = first(
         session,
         "SELECT id FROM batches WHERE created <= ? AND NOT EXISTS (SELECT 1 FROM lines WHERE batch = batches.id "
@@ -121,7 +122,7 @@ def erase(session: Session, client: str) -> int:
     Jobs that others wait for, or that a batch of another client names, lose its name instead.
     """
     session.run("DELETE FROM lines WHERE batch IN (SELECT id FROM batches WHERE client = ?)", client)
-    for table in ("batches", "askers", "ranks", "uses"):
+    for table in ("batches", "askers", "keys", "ranks", "uses"):
         session.run(f"DELETE FROM {table} WHERE client = ?", client)
     rows = session.rows(
         f"SELECT id FROM jobs WHERE client = ? AND {FINISHED} AND NOT EXISTS (SELECT 1 FROM lines WHERE job = jobs.id) "
