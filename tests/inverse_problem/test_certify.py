@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from inverse_service.algebra.real_point import real_sign
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.decision.analysis import analyze
@@ -129,15 +128,6 @@ def test_the_real_point_of_the_domain_is_written_down() -> None:
     near = certificate(ROOTS)["near"]
     assert set(near) == {"x", "y", "x'", "y'", "t"}
     assert float(near["x"]) > 0
-
-
-def test_a_domain_that_is_a_box_leaves_room_about_its_point() -> None:
-    """The first point that is met lies close to speed 1, where a box could have but a 64th of its size."""
-    text = "-sqrt(1-(cos(A)*R'-R*sin(A)*A')^2)-sqrt(1-(sin(A)*R'+R*cos(A)*A')^2)+log(R*cos(A))"
-    analysis = analyze(read_system(["R", "A"], {"R": "0", "A": "0"}))
-    domain = certify.domain_of(analysis, parse(text, Names(("R", "A"), ())))
-    assert domain.point is not None
-    assert all(real_sign(tree, domain.point) > 0 for tree in domain.positive)
 
 
 # Functions that a decision over a prime field must not take for independent: the checker is real.
