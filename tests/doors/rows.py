@@ -14,7 +14,7 @@ from inverse_service import catalogue
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 SYSTEMS = (
-    *("textbook", "books", "search", "pairs", "literature", "kamke", "generated"),
+    *("textbook", "books", "search", "pairs", "literature", "kamke", "generated", "tables"),
     *("kinds", "branches", "identities", "families", "constrained"),
 )
 DOORS = ("python", "python", "python", "python", "command line", "http")
