@@ -41,6 +41,8 @@ Observed = Literal[
     "velocities",
     "cost",
     "lyapunov",
+    "constraint_forces",
+    "period",
 ]
 Beginning = Literal["momenta", "discrete_constraint"]
 Word = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_NAME_CHARACTERS)]
@@ -212,6 +214,7 @@ class SceneDocument(base.Document):
     friction or drag. `functions`: formulas for the arbitrary functions of the system. `step` and `steps`, or `step` and
     `time` (the length of time). `free_lagrangian`: L~ as a formula, or "first", "second" or "third" for that associated
     system; `constants`: its free constants. `circle`: the two coordinates whose path is matched by circles.
+    `points`: bodies and their places in a plane, {"bob": ["l*sin(a)", "-l*cos(a)"]}.
     `units`: of coordinates, velocities (v_x), momenta (p_x), the time and observables, for labels and files.
     `step_sizes`: those of `work-precision`; `long`: it measures a hundred times the time too.
     `forces`: further forces Q(t, q, q') by coordinate; `rayleigh`: a function R of which -dR/dq' is a force.
@@ -242,6 +245,9 @@ class SceneDocument(base.Document):
     start: Beginning = "momenta"
     free_lagrangian: FreeLagrangian | None = None
     constants: Numbers = Field(default_factory=dict)
+    points: Annotated[dict[Name, Annotated[list[Formula], Field(min_length=2, max_length=2)]], Field(max_length=16)] = (
+        Field(default_factory=dict)
+    )
     circle: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
     units: Annotated[dict[Name, Word], Field(max_length=64)] = Field(default_factory=dict)
     step_sizes: Annotated[list[Value], Field(min_length=1, max_length=MAX_STEP_SIZES)] | None = None

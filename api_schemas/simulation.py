@@ -126,6 +126,9 @@ class SimulatedMethod(Document):
     error_against: str | None = None
     error_uncertainty: float | None = None
     circle: CirclePart | None = None
+    constraint_forces: dict[str, Any] | None = None
+    period: Numbers | None = None
+    conserved: dict[str, Any] | None = None
     events: list[EventPart] | None = None
     switches: SwitchPart | None = None
     final: FinalPoint | None = None
@@ -166,6 +169,7 @@ class SimulationResult(Document):
     system: SimulatedSystem
     initial: StartPoint
     units: dict[str, str]
+    bodies: dict[str, list[str]]
     step: float
     steps: int
     record_every: int

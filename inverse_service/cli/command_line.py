@@ -194,11 +194,14 @@ def simulate(
     ] = None,
     time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 600.")] = None,
     figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
+    moving: Annotated[
+        Path | None, typer.Option("--animate", help="A moving picture of the first method: FILE.gif or FILE.mp4.")
+    ] = None,
 ) -> None:
     """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` says where a run is no motion."""
     from inverse_service.cli.simulate_command import simulate_file
 
-    sys.exit(simulate_file(scene, output, time_limit, figures))
+    sys.exit(simulate_file(scene, output, time_limit, figures, moving))
 
 
 @application.command("work-precision")

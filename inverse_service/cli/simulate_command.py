@@ -33,7 +33,9 @@ LONG = ("seconds", "energy_error", "energy_drift", "constraint_error", "shape_ch
 NARROWEST = 80
 
 
-def simulate_file(name: str, output: Path | None, time_limit: float | None, figures: bool) -> ExitCode:
+def simulate_file(
+    name: str, output: Path | None, time_limit: float | None, figures: bool, moving: Path | None = None
+) -> ExitCode:
     """Run the scene in a process of its own; write DIR, or the summary on standard output.
 
     Exit 0 where at least one method got through, 1 where none did.
@@ -43,6 +45,10 @@ def simulate_file(name: str, output: Path | None, time_limit: float | None, figu
     folder = None if output is None else made_folder(output)
     found = value_in_time(tasks.simulate_task, document, limit)
     summary = without_points(found["result"])
+    if moving is not None:
+        from inverse_service.service.figures.moving import animate
+
+        animate(moving, summary, found["tables"])
     if folder is None:
         write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
     else:

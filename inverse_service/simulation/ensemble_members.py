@@ -18,8 +18,8 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.derivation import Derived, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
-from inverse_service.simulation.estimates import angles, errors_of, finer
-from inverse_service.simulation.initial import without_value
+from inverse_service.simulation.estimates import errors_of, finer
+from inverse_service.simulation.initial import angles, without_value
 from inverse_service.simulation.observing import (
     energy,
     point_kinetic,

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Apply, Expression, Number, Symbol, children
 from inverse_service.integrators.method_table import METHODS, OWN_STEPS
 from inverse_service.integrators.trajectory import Array, Trajectory
+from inverse_service.simulation.initial import angles
 from inverse_service.simulation.observing import greatest
 from inverse_service.simulation.quantities import Observed
 from inverse_service.simulation.resolution import TOO_LARGE, energies_of
@@ -25,7 +24,6 @@ from inverse_service.simulation.scene_data import Grid, Requested, Scene, Truth,
 from inverse_service.simulation.watches import SMALLEST
 
 MOST_STEPS = 1_000_000
-PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
 VARIES = (
     "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy; at the start "
@@ -86,26 +84,6 @@ def errors_of(
     least = np.maximum(LEAST_RANGE * ranges.max(axis=-1, keepdims=True), 100 * noise)
     errors = np.maximum(np.abs(positions - nearer) / part, noise)
     return errors, errors / np.maximum(np.maximum(ranges, least), SMALLEST)
-
-
-def angles(scene: Scene) -> NDArray[np.bool_]:
-    """Which coordinates are angles, (n,): they stand in sines and cosines of whole multiples of them only."""
-    trees = [scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces]
-    return np.array([_is_angle([tree for tree in trees if tree is not None], Symbol(x)) for x in scene.coordinates])
-
-
-def _is_angle(stack: list[Expression], name: Symbol) -> bool:
-    turns = False
-    while stack:
-        node = stack.pop()
-        slope = differentiate(node.argument, name) if isinstance(node, Apply) and node.function in PERIODIC else None
-        if node == name:
-            return False
-        if isinstance(slope, Number) and slope.value.denominator == 1:
-            turns = turns or slope.value != 0
-        else:
-            stack.extend(children(node))
-    return turns
 
 
 Repeat = Callable[[Scene, Requested], Trajectory | Unavailable]

@@ -11,16 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import Expression, Sum
+from inverse_service.expressions.tree import Apply, Expression, Number, Sum, Symbol, Velocity, add
 from inverse_service.integrators.method_table import POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble
+from inverse_service.simulation.initial import angles
 from inverse_service.simulation.observing import point_velocities
 from inverse_service.simulation.quantities import Observed, velocities_at_points
 from inverse_service.simulation.scene_data import Event, Grid, MethodChoice, Problem, Unavailable
@@ -46,6 +49,7 @@ TOUCHED = "At t = {:.7g} the formula is 0 within round-off and its sign stays: t
 ENDED = "The run was ended by an event at t = {:.12g}."
 NO_VALUE = "The formula has no value at {} of the {} points of the run: there is no event there."
 NO_SIZE = "The formula is 0 within round-off all along the run: none of its changes of sign is an event."
+NO_PERIOD = "A period needs velocities and every step recorded."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 
 
@@ -58,6 +62,11 @@ class Found:
     positions: Array
     velocities: Array
     note: str = ""
+
+
+def float_number(value: float) -> Expression:
+    """The very number."""
+    return Number(Fraction(float(value)))
 
 
 def located(run: Observed, events: Sequence[Event], motion: Problem | Unavailable) -> tuple[Found, ...]:
@@ -318,3 +327,33 @@ def _zeros(brackets: Brackets, way: Way) -> State:
             break
     assert state is not None
     return state
+
+
+def period_of(run: Observed, motion: Problem | Unavailable) -> dict[str, Any]:
+    """{"period": {mean, least, greatest, returns, apart}}: the times between returns to the section through the start,
+    across its velocity, or across its acceleration among the velocities where it begins at rest; `apart` is how far the
+    first return is from the start, as a share of the motion's size: a period where that is small."""
+    scene, at = run.scene, run.trajectory
+    velocities = velocities_at_points(run)
+    if velocities is None or scene.grid.record_every > 1 or len(at.times) < 3:
+        return {"period": None, "period_note": NO_PERIOD}
+    turns = angles(scene)
+    if np.abs(velocities[0]).max() > 0:
+        way = velocities[0]
+        parts = [Symbol(x) - float_number(q) for x, q in zip(scene.coordinates, at.positions[0], strict=True)]
+        terms = [Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
+    else:
+        way = velocities[1]
+        terms = [Velocity(name) for name in scene.coordinates]
+    formula = add(*(float_number(v) * term for v, term in zip(way, terms, strict=True) if v))
+    (found,) = located(run, [Event(formula, 1, False)], motion)
+    later = found.times > at.times[0] + TOUCH_FROM * scene.grid.step
+    times = np.concatenate([at.times[:1], found.times[later]])
+    if len(times) < 2:
+        return {"period": None, "period_note": "The motion does not return to the section through its start."}
+    moved = found.positions[later][0] - at.positions[0]
+    moved = np.where(turns, np.abs((moved + np.pi) % (2 * np.pi) - np.pi), np.abs(moved))
+    size = np.where(turns, np.minimum(np.ptp(at.positions, axis=0), 2 * np.pi), np.ptp(at.positions, axis=0)).max()
+    gaps = np.diff(times)
+    numbers = {"mean": gaps.mean(), "least": gaps.min(), "greatest": gaps.max(), "apart": moved.max() / (size or 1.0)}
+    return {"period": {name: float(value) for name, value in numbers.items()} | {"returns": len(gaps)}}

@@ -17,7 +17,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, add, walk
+from inverse_service.expressions.tree import ZERO, Apply, Expression, Number, Symbol, Velocity, add, children, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.array_values import array_value, table_of
@@ -27,6 +27,7 @@ TOLERANCE = 1e-9
 RANK = 1e-10
 NEARBY = 6
 MOST_ITERATIONS = 60
+PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 NO_VALUE = "The Lagrangian has no value at the start: start somewhere else."
 
 
@@ -170,6 +171,26 @@ def _times(matrices: Array, vectors: Array) -> Array:
     """(N, m, n) times (N, n)."""
     found: Array = np.einsum("kmn,kn->km", matrices, vectors)
     return found
+
+
+def angles(scene: Scene) -> NDArray[np.bool_]:
+    """Which coordinates are angles, (n,): they stand in sines and cosines of whole multiples of them only."""
+    trees = [scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces]
+    return np.array([_is_angle([tree for tree in trees if tree is not None], Symbol(x)) for x in scene.coordinates])
+
+
+def _is_angle(stack: list[Expression], name: Symbol) -> bool:
+    turns = False
+    while stack:
+        node = stack.pop()
+        slope = differentiate(node.argument, name) if isinstance(node, Apply) and node.function in PERIODIC else None
+        if node == name:
+            return False
+        if isinstance(slope, Number) and slope.value.denominator == 1:
+            turns = turns or slope.value != 0
+        else:
+            stack.extend(children(node))
+    return turns
 
 
 def velocities_from_momenta(

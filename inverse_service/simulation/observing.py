@@ -46,8 +46,8 @@ from inverse_service.simulation.matching_circle import (
 )
 from inverse_service.simulation.scene_data import Grid, Observable, Observation, Problem, Scene, Truth
 
-WITH_TIME = "The Lagrangian contains t, so its energy is no constant of the motion: there is no error to tell."
-FORCED = "Further forces do work, so the energy is no constant of the motion: see the balance of energy and work."
+WITH_TIME = "The Lagrangian contains t, so its energy changes."
+FORCED = "Forces do work, so the energy T + V changes: see its balance with the work."
 ACTED = "Events change the motion, so the energy is no constant."
 MOVING_CONSTRAINTS = (
     "A constraint has a part without velocities and may do work, so the energy is no constant of the motion: there is "

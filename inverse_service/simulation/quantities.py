@@ -8,8 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
+from inverse_service.simulation.callables import walls
 from inverse_service.simulation.derivation import timed
 from inverse_service.simulation.observing import (
     circle_numbers,
@@ -27,8 +31,10 @@ from inverse_service.simulation.observing import (
     start_energy,
     why_energy_varies,
 )
+from inverse_service.simulation.regular_motion import accelerations_and_multipliers
 from inverse_service.simulation.scene_data import Problem, Requested, Scene, Truth, Unavailable, places_of
 
+KEPT = "See `conserved`: {} is constant."
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations, and no Lagrangian of it was found, so there is no energy."
 _NO_VALUE = "The formula has no value at {} of the {} recorded points, the first at t = {:.7g}."
@@ -137,9 +143,31 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
         every = scene.grid.record_every
         reach = float(np.hypot(*scene.velocities[pair])) * abs(scene.grid.step) * every
         return circle_numbers(positions[:, pair], None if true is None else true[:, pair], every, reach), {}
+    if name == "constraint_forces":
+        return _constraint_forces(run)
     if name in ("phase", "error"):
         return _compared(name, scene, positions, true, truth)
     return {}, {}
+
+
+def _constraint_forces(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The multipliers lambda_a of the constraints and the forces w^T lambda that they exert, at the recorded points."""
+    scene, velocities = run.scene, velocities_at_points(run)
+    if velocities is None or scene.lagrangian is None or not scene.constraints:
+        note = _NO_VELOCITIES if velocities is None else "There are no constraints."
+        return {"constraint_forces": None, "constraint_forces_note": note}, {}
+    found = accelerations_and_multipliers(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
+    if found is None:
+        return {"constraint_forces": None, "constraint_forces_note": "The constraints are too many for a formula."}, {}
+    table = table_of(scene.coordinates, run.trajectory.positions, velocities, dict(run.values), run.trajectory.times)
+    columns = {f"lambda_{a}": array_value(one, table) for a, one in enumerate(found[1], 1)}
+    for name in scene.coordinates:
+        pairs = zip(scene.constraints, columns.copy().items(), strict=False)
+        forces = [array_value(differentiate(w, Velocity(name)), table) * column for w, (key, column) in pairs]
+        columns[f"force_{name}"] = sum(forces, np.zeros(len(run.trajectory.times)))
+    formulas = {f"lambda_{a}": to_text(one) for a, one in enumerate(found[1], 1)}
+    largest = {name: greatest(column) for name, column in columns.items()}
+    return {"constraint_forces": {"formulas": formulas, "greatest": largest}}, columns
 
 
 def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -158,11 +186,13 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     wall = end_of_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
     varies = why_energy_varies(run.scene) or (wall and _WALL.format(wall))
     if varies:
-        numbers = {"energy_start": start, "max_energy_error": None, "energy_note": varies}
+        kept, drifts = _conserved(run, velocities)
+        note = f"{varies} {KEPT.format(run.scene.conserved[0].name)}" if kept else varies
+        numbers = {"energy_start": start, "max_energy_error": None, "energy_note": note} | kept
         if not run.scene.forces:
-            return numbers, series
+            return numbers, series | drifts
         further, columns = _balance(run, velocities, points, start)
-        return numbers | further, series | columns
+        return numbers | further, series | columns | drifts
     errors = np.abs(points - start) / (abs(start) or 1.0)
     found: dict[str, Any] = {
         "energy_start": start,
@@ -171,6 +201,28 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     }
     found |= {} if start else {"energy_error_is": "absolute, because the energy of the start is 0"}
     return found | numbers, series
+
+
+def _conserved(run: Observed, velocities: Array) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The drift of each constant of the motion that was found, from the start of each part of the way on which its
+    formula is one: where it passes a pole, as an arctangent of x'/x at x = 0, it begins again."""
+    found: dict[str, Any] = {}
+    series: dict[str, Array] = {}
+    at, scene = run.trajectory, run.scene
+    table = table_of(scene.coordinates, at.positions, velocities, dict(run.values), at.times)
+    for k, one in enumerate(scene.conserved, 1):
+        values = array_value(one.expression, table)
+        ends = walls(one.expression, set(map(Symbol, scene.coordinates)))
+        turned = [np.diff(np.sign(array_value(wall, table))) != 0 for wall in ends]
+        cuts = np.flatnonzero(np.any([*turned, np.zeros(len(values) - 1, dtype=bool)], axis=0)) + 1
+        pieces = np.split(values, cuts)
+        drift = np.concatenate([piece - piece[0] for piece in pieces])
+        size = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
+        found[one.name] = {
+            "text": to_text(one.expression), "max_error": greatest(drift / size), "parts": len(pieces),
+        }  # fmt: skip
+        series[f"conserved_{k}"] = drift / size
+    return ({"conserved": found} if found else {}), series
 
 
 def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[str, Array]]:

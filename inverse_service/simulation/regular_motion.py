@@ -35,6 +35,17 @@ def regular_accelerations(
     forces: Sequence[Expression] = (),
 ) -> tuple[Expression, ...] | None:
     """All n accelerations over (q, v), with further forces Q; None where the matrices are too large to be inverted."""
+    found = accelerations_and_multipliers(coordinates, lagrangian, constraints, forces)
+    return None if found is None else found[0]
+
+
+def accelerations_and_multipliers(
+    coordinates: Sequence[str],
+    lagrangian: Expression,
+    constraints: Sequence[Expression],
+    forces: Sequence[Expression] = (),
+) -> tuple[tuple[Expression, ...], tuple[Expression, ...]] | None:
+    """a and lambda; the constraints exert the forces w^T lambda."""
     names = tuple(coordinates)
     inertia = inverse(hessian(lagrangian, names))
     if inertia is None:
@@ -42,15 +53,16 @@ def regular_accelerations(
     own = tuple(-e for e in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names)))
     free = _applied(inertia, tuple(map(add, own, forces)) if forces else own)
     if not constraints:
-        return free
+        return free, ()
     rows = tuple(tuple(collect(differentiate(w, Velocity(name))) for name in names) for w in constraints)
     lifted = tuple(_applied(inertia, row) for row in rows)
     gram = inverse(tuple(tuple(dot(row, lift) for lift in lifted) for row in rows))
     if gram is None:
         return None
     defects = [_rate(w, names) + dot(row, free) for w, row in zip(constraints, rows, strict=True)]
-    reactions = [-dot(line, defects) for line in gram]
-    return tuple(free[i] + dot([lift[i] for lift in lifted], reactions) for i in range(len(names)))
+    multipliers = tuple(-dot(line, defects) for line in gram)
+    moved = (free[i] + dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
+    return tuple(moved), multipliers
 
 
 def inverse(matrix: Matrix) -> Matrix | None:

@@ -38,7 +38,7 @@ from inverse_service.simulation.derivation import (
 )
 from inverse_service.simulation.ensemble_members import EnsembleRun, run_members
 from inverse_service.simulation.estimates import estimated
-from inverse_service.simulation.events import Found, with_events
+from inverse_service.simulation.events import Found, period_of, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.hybrid import Pieces, has_pieces, run_pieces
 from inverse_service.simulation.initial import ended_at_start
@@ -223,6 +223,9 @@ def observed_run(
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
     numbers, series = observed_quantities(observed, seconds)
+    if "period" in scene.observe:
+        with timed(seconds, "period"):
+            numbers |= period_of(observed, with_accelerations(scene, derived))
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed, pieces)
 
 

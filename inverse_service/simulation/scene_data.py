@@ -141,7 +141,7 @@ EXACT = "exact"
 # What each observed quantity is called in the scene, in the order in which a person reads them.
 OBSERVED = (
     "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
-    "lyapunov",
+    "lyapunov", "constraint_forces", "period",
 )  # fmt: skip
 
 
@@ -236,7 +236,8 @@ class Scene:
     `found` is a Lagrangian of given accelerations, where their energy is observed.
     `units` are names of units, of which nothing is computed.
     `circle` are the places of the two coordinates whose path is matched by circles. `parts` are the effects that the
-    system has, those that act and those that are left out.
+    system has, those that act and those that are left out. `conserved` are constants of the motion where the energy is
+    none. `bodies` are points that move: names with those of the observables of their places in a plane.
     """
 
     name: str
@@ -260,6 +261,8 @@ class Scene:
     found: FreeLagrangian | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     parts: tuple[Effect, ...] = ()
+    conserved: tuple[Observable, ...] = ()
+    bodies: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

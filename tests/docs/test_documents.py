@@ -31,6 +31,7 @@ NOT_RUN = {
 # Blocks of plain text: pictures, and what other tests compare.
 TEXTS = {
     "architecture.md": (3, "pictures of the house, the way of a document"),
+    "simulation.md": (1, "the times of one machine"),
     "nonholonomic.md": (1, "compared by tests/service/test_nonholonomic_page.py"),
 }
 COMMAND = re.compile(
@@ -116,7 +117,7 @@ def without_id(document: dict[str, Any]) -> dict[str, Any]:
 
 def accept(document: Any) -> None:
     """Raise where this is no System, Nonholonomic or Scene document, nor some keys of a Nonholonomic one."""
-    if "methods" in document:
+    if "methods" in document or "step" in document:
         SceneDocument.model_validate(document)
     elif {"equations", "lagrangian"} & set(document):
         look(document)

@@ -81,7 +81,7 @@ def test_an_energy_that_is_not_kept_is_drawn_as_it_is_and_not_as_an_error() -> N
     )
     assert drawn is not None
     figure, caption = drawn
-    assert [axes.get_ylabel() for axes in figure.axes] == ["E, no constant of the motion"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["E = T + V", "conserved H, relative drift"]
     assert caption == ""
 
 

@@ -149,6 +149,62 @@ def _panel(axes: Any, times: Array, values: Array, color: str) -> None:
     axes.plot(times, middle, color=color, linewidth=1.6)
 
 
+def section_figure(result: Mapping[str, Any]) -> tuple[Figure, str] | None:
+    """The points at events: velocity against position of each coordinate, a panel for each event and coordinate; None
+    where no event has two points. A coordinate that is zero at its event has no panel."""
+    names = result["system"]["coordinates"][:MOST_COORDINATES]
+    methods = [(k, m) for k, m in enumerate(result["methods"]) if any(e["count"] > 1 for e in m.get("events", ()))]
+    if not methods:
+        return None
+    panels = [(k, name) for k, event in enumerate(methods[0][1]["events"]) for name in names if name != event["when"]]
+    wide = min(3, len(panels))
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(3.4 * wide + 0.6, 3.0 * -(-len(panels) // wide) + 0.6)
+        grid = figure.subplots(-(-len(panels) // wide), wide, squeeze=False).ravel()
+        for axes, (k, name) in zip(grid, panels, strict=False):
+            for place, method in methods:
+                columns = method["events"][k]["columns"]
+                axes.plot(
+                    columns[name], columns[f"v_{name}"], ".", color=styles.look(place, method["method"]).color,
+                    markersize=3, label=styles.plain(method["label"]),
+                )  # fmt: skip
+            title = styles.plain(f"{methods[0][1]['events'][k]['when']} = 0")
+            axes.set(xlabel=styles.with_unit(name, result), ylabel=f"{name}'", title=title)
+        for axes in grid[len(panels) :]:
+            axes.set_visible(False)
+        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
+    return figure, f"{result['name'] or 'Section'}: the states at which each event happens."
+
+
+def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
+    """What members of an ensemble end with, against the parameter that differs; None where none or several do."""
+    methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
+    columns = {
+        m["label"]: {name.removeprefix("member_"): column for name, column in tables[m["label"]].items()
+                     if name.startswith("member_")}
+        for _, m in methods
+    }  # fmt: skip
+    first = columns[methods[0][1]["label"]]
+    varied = [name for name in result["system"]["parameters"] if name in first and np.ptp(first[name])]
+    shown = [name for name in first if name.endswith("_end") or name == "max_energy_error"][:MOST_COORDINATES]
+    if len(varied) != 1 or not shown:
+        return None
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(7.0, 1.7 * len(shown) + 0.8)
+        panels = figure.subplots(len(shown), 1, squeeze=False, sharex=True).ravel()
+        for axes, name in zip(panels, shown, strict=True):
+            for place, method in methods:
+                own = columns[method["label"]]
+                axes.plot(
+                    own[varied[0]], own[name], ".", color=styles.look(place, method["method"]).color, markersize=3,
+                    label=styles.plain(method["label"]),
+                )  # fmt: skip
+            axes.set_ylabel(name.replace("_", " "))
+        panels[-1].set_xlabel(varied[0])
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
+    return figure, f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
+
+
 def draw_simulation(
     folder: Path,
     result: Mapping[str, Any],
@@ -161,8 +217,12 @@ def draw_simulation(
     found = []
     observed = set(result["observe"])
     if any("members" in method for method in result["methods"]):
-        figure, caption = ensemble_figure(result, tables)
-        return [{"files": styles.save(figure, folder, "ensemble", caption), "caption": caption}]
+        pairs = {"ensemble": ensemble_figure(result, tables), "sweep": sweep_figure(result, tables)}
+        return [
+            {"files": styles.save(pair[0], folder, name, pair[1]), "caption": pair[1]}
+            for name, pair in pairs.items()
+            if pair
+        ]
     if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
         figure, caption = path_figure(result, tables, truth)
         found.append({"files": styles.save(figure, folder, "path", caption), "caption": caption})
@@ -171,6 +231,8 @@ def draw_simulation(
         found.append({"files": styles.save(figure, folder, "coordinates", caption), "caption": caption})
     if observed >= {"trajectory", "velocities"} and (drawn := portrait_figure(result, tables)) is not None:
         found.append({"files": styles.save(drawn[0], folder, "phase-portrait", drawn[1]), "caption": drawn[1]})
+    if (drawn := section_figure(result)) is not None:
+        found.append({"files": styles.save(drawn[0], folder, "section", drawn[1]), "caption": drawn[1]})
     for name in QUANTITIES:
         asked = name in observed or (name == "discrete_energy" and "energy" in observed)
         drawn = series_figure(name, result, tables, truth) if asked else None

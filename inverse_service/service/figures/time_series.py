@@ -97,7 +97,9 @@ def _energy(name: str) -> Quantity:
     def varying(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
         return None if keeps_energy(method, name) else table.get(name)
 
-    signed = [(label, energy_error(name)), ("E, no constant of the motion", varying)]
+    signed = [(label, energy_error(name)), ("E = T + V", varying)]
+    if name == "energy":
+        signed.append(("conserved H, relative drift", column("conserved_1")))
     return Quantity(f"|{label}|", words, energy_error(name), lambda *_: signed)
 
 

@@ -5,8 +5,10 @@ Here the two subjects meet as text: what the solver finds is read again and test
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -32,14 +34,15 @@ from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.callables import walls
+from inverse_service.simulation.callables import switching_functions, walls
 from inverse_service.simulation.derivation import Find
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
 from inverse_service.simulation.free_lagrangians import ClassLagrangian, class_lagrangian, keeps_motion, start_momenta
 from inverse_service.simulation.regular_motion import regular_accelerations
-from inverse_service.simulation.scene_data import FreeLagrangian, Scene, Unavailable
+from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
 
-SOLVE_SECONDS = 15.0  # of processor time
+SOLVE_SECONDS, CONSERVED_SECONDS = 15.0, 3.0  # of processor time
+MOST_CONSERVED = 3  # coordinates, and constants of the motion
 NO_INVERSE = (
     "The momenta at the start do not give back its velocities: the Lagrangian is singular there, or its Hamiltonian "
     "belongs to another branch. Begin elsewhere, or take another method."
@@ -226,14 +229,18 @@ def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
         if found.system is None:
             return Unavailable(found.explanation)
         accelerations = found.system.accelerations
+    # For the system itself an L(t, q, q') serves too; an associated one is wanted as the paper has it.
+    return _of_equations(scene, accelerations, False if scene.accelerations is None else None)
+
+
+def _of_equations(scene: Scene, accelerations: Sequence[Expression], with_time: bool | None) -> dict[str, Any]:
     texts = {name: to_text(f) for name, f in zip(scene.coordinates, accelerations, strict=True)}
     used = {node.name for f in accelerations for node in walk(f) if isinstance(node, Symbol)}
     return {
         "coordinates": list(scene.coordinates),
         "equations": texts,
         "parameters": [name for name in scene.values if name in used],
-        # For the system itself an L(t, q, q') serves too; an associated one is wanted as the paper has it.
-        "time_dependent_lagrangian": False if scene.accelerations is None else None,
+        "time_dependent_lagrangian": with_time,
     }
 
 
@@ -259,10 +266,9 @@ def _catalogued(catalogue_name: str | None, which: str) -> str | None:
 
 
 def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_system.KnownLagrangian, ...], str]:
-    try:
-        result = solve_system(question, SolveOptions(time_limit=SOLVE_SECONDS))
-    except InverseServiceError as error:
-        return (), error.detail
+    result = _answer(json.dumps(question), SOLVE_SECONDS)
+    if isinstance(result, str):
+        return (), result
     known = scene_system.lagrangians_of(result, names)
     if known:
         return known, ""
@@ -270,6 +276,35 @@ def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_system.
     if verdict == "variational":
         return (), "the solver proves that there is one, but finds no closed form in its time."
     return (), f"the solver says {verdict}."
+
+
+@lru_cache(maxsize=16)
+def _answer(question: str, seconds: float) -> dict[str, Any] | str:
+    """What the solver says, or why it says nothing."""
+    try:
+        return solve_system(json.loads(question), SolveOptions(time_limit=seconds))
+    except InverseServiceError as error:
+        return error.detail
+
+
+def conserved(
+    scene: Scene, system: scene_system.MechanicalSystem, accelerations: Sequence[Expression] | Unavailable | None
+) -> tuple[Observable, ...]:
+    """Constants of the motion where the energy is none: of the solver, for the equations that are run."""
+    if accelerations is None or isinstance(accelerations, Unavailable) or len(scene.coordinates) > MOST_CONSERVED:
+        return ()
+    jumps = switching_functions(accelerations, scene.coordinates)
+    if scene.constraints or jumps or any(event.acts for event in scene.events):
+        return ()
+    given = scene.accelerations is not None
+    question = _of_equations(scene, accelerations, None)
+    result = _answer(json.dumps(question), SOLVE_SECONDS if given else CONSERVED_SECONDS)
+    listed = [] if isinstance(result, str) else result.get("first_integrals") or []
+    found = []
+    for one in listed[:MOST_CONSERVED]:
+        name = "H" if one["name"] == "energy" else one["name"]
+        found.append(Observable(name, scene_system.formula(one["text"], system.names, "/system")))
+    return tuple(found)
 
 
 def _constants(schema: SceneDocument) -> dict[str, float]:

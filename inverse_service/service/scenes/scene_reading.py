@@ -65,6 +65,10 @@ def read_observables(
             if name in taken or name in found:
                 raise InputError("this name is taken by another column: give the observable another.", pointer)
             found[name] = Observable(name, _read(text, system, definitions, pointer))
+    for body, texts in schema.points.items():
+        for axis, text in zip("xy", texts, strict=True):
+            pointer = f"/points/{escape(body)}/{'xy'.index(axis)}"
+            found[f"{body}_{axis}"] = Observable(f"{body}_{axis}", _read(text, system, definitions, pointer))
     return tuple(found.values())
 
 
@@ -194,6 +198,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSys
         forces=forces,
         own=read_observables(schema, system, definitions),
         events=read_events(schema, system, definitions),
+        bodies={body: (f"{body}_x", f"{body}_y") for body in schema.points},
         units={names.spelling(name): unit for name, unit in schema.units.items()},
     )
     if schema.ensemble is not None:
@@ -203,7 +208,15 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSys
 
 def _has_formulas(schema: SceneDocument) -> bool:
     """Whether the scene has formulas beyond those of its system, which may use parameters that the system has not."""
-    own = (schema.terms, schema.functions, schema.free_lagrangian, schema.forces, schema.rayleigh, schema.events)
+    own = (
+        schema.terms,
+        schema.functions,
+        schema.free_lagrangian,
+        schema.forces,
+        schema.rayleigh,
+        schema.events,
+        schema.points,
+    )
     return any(own) or any(isinstance(item, dict) for item in schema.observe) or _method_lagrangians(schema)
 
 

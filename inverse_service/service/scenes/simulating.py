@@ -6,6 +6,7 @@ import io
 import json
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,14 +17,15 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.service.scenes.ensemble_tables import ensemble_arrays, ensemble_document
-from inverse_service.service.scenes.scene_lagrangian import finder
+from inverse_service.service.scenes.scene_lagrangian import conserved, finder
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.simulation.advice import advice
-from inverse_service.simulation.derivation import Derived, derive
+from inverse_service.simulation.derivation import Derived, derive, derived_for_truth
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.hybrid import Switch
+from inverse_service.simulation.observing import why_energy_varies
 from inverse_service.simulation.quantities import columns_of, last_point, velocities_at_points
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene_data import FreeLagrangian, Progress, Requested, Scene, Truth, Unavailable
@@ -116,6 +118,8 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
         progress("deriving")
     find = finder(schema, system, catalogue_name(schema))
     derived = derive(scene, find)
+    if "energy" in scene.observe and (scene.accelerations is not None or why_energy_varies(scene)):
+        scene = replace(scene, conserved=conserved(scene, system, derived_for_truth(scene, derived).accelerations))
     done = time.perf_counter()
     half = (now() + end) / 2
     found = run_scene(scene, derived, progress, lambda: now() > end, find, lambda: now() > half)
@@ -153,6 +157,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
             "velocities": columns_of(scene, scene.velocities),
         },
         "units": dict(scene.units),
+        "bodies": {name: list(columns) for name, columns in scene.bodies.items()},
         "step": scene.grid.step,
         "steps": scene.grid.steps,
         "record_every": scene.grid.record_every,

@@ -1,0 +1,83 @@
+"""Forces of constraints, periods, constants of damped motions, and bodies that are drawn."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from inverse_service.cli.simulate_command import simulate_file
+from inverse_service.service.scenes.simulating import simulate
+
+PENDULUM: dict[str, Any] = {
+    "system": {"coordinates": ["a"], "lagrangian": "a'^2/2 + cos(a)"},
+    "initial": {"positions": {"a": 1}, "velocities": {"a": 0}}, "step": 0.02, "time": 20, "methods": ["adaptive"],
+}  # fmt: skip
+
+
+def only(scene: dict[str, Any]) -> dict[str, Any]:
+    (found,) = simulate(scene)["methods"]
+    return dict(found)
+
+
+def test_a_constraint_exerts_the_force_that_the_motion_has() -> None:
+    """A bead on the line y = x under gravity: the line bears m g cos(45 degrees), across itself."""
+    scene = {
+        "system": {"coordinates": ["x", "y"], "lagrangian": "m*(x'^2 + y'^2)/2 - m*g*y", "constraints": ["y' - x'"]},
+        "parameters": {"m": 2, "g": 9.81}, "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 0}},
+        "step": 0.01, "steps": 50, "observe": ["constraint_forces"],
+    }  # fmt: skip
+    for method in ("nonholonomic", "adaptive"):
+        found = only(scene | {"methods": [method]})
+        columns = found["points"]["columns"]
+        assert columns["force_x"] == pytest.approx([-9.81] * 51, abs=1e-12)
+        assert columns["force_y"] == pytest.approx([9.81] * 51, abs=1e-12)
+        assert columns["lambda_1"] == pytest.approx([9.81] * 51, abs=1e-12)
+        assert "g" in found["constraint_forces"]["formulas"]["lambda_1"]
+
+
+@pytest.mark.parametrize("method", ["adaptive", "reference", {"method": "stormer-verlet", "order": 8}])
+def test_the_period_of_a_pendulum_is_an_elliptic_integral(method: Any) -> None:
+    period = only(PENDULUM | {"methods": [method], "observe": ["period"]})["period"]
+    assert period["mean"] == pytest.approx(4 * ellipk(np.sin(0.5) ** 2), abs=1e-9)
+    assert period["apart"] < 1e-9
+    turning = {"positions": {"a": 1}, "velocities": {"a": 3}}
+    assert only(PENDULUM | {"initial": turning, "observe": ["period"]})["period"]["returns"] == 8
+
+
+def test_a_motion_that_does_not_return_has_no_period() -> None:
+    free = {"coordinates": ["a"], "lagrangian": "a'^2/2"}
+    initial = {"positions": {"a": 1}, "velocities": {"a": 1}}
+    found = only(PENDULUM | {"system": free, "initial": initial, "observe": ["period"]})
+    assert found["period"] is None
+    assert "does not return" in found["period_note"]
+
+
+def test_a_damped_oscillator_keeps_what_the_solver_found() -> None:
+    """T + V falls, and H is constant to round-off on each side of x = 0; a method of order 2 shows its drift."""
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "rayleigh": "c*x'^2/2",
+        "parameters": {"c": 0.1}, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.02, "time": 20,
+        "observe": ["energy"],
+    }  # fmt: skip
+    exact, rough = (only(scene | {"methods": [method]}) for method in ("adaptive", "variational"))
+    assert exact["conserved"]["H"]["max_error"] < 1e-13 < 1e-7 < rough["conserved"]["H"]["max_error"] < 1e-3
+    assert exact["points"]["columns"]["energy"][-1] < 0.2 * exact["points"]["columns"]["energy"][0]
+    assert max(map(abs, exact["points"]["columns"]["conserved_1"])) < 1e-13
+
+
+def test_bodies_are_columns_and_a_moving_picture(tmp_path: Path) -> None:
+    scene = PENDULUM | {"points": {"bob": ["l*sin(a)", "-l*cos(a)"]}, "parameters": {"l": 2}, "time": 2}
+    result = simulate(scene | {"observe": ["trajectory"]})
+    assert result["bodies"] == {"bob": ["bob_x", "bob_y"]}
+    columns = result["methods"][0]["points"]["columns"]
+    assert columns["bob_x"] == pytest.approx(2 * np.sin(columns["a"]))
+    assert columns["bob_y"] == pytest.approx(-2 * np.cos(columns["a"]))
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps(scene))
+    assert simulate_file(str(path), tmp_path, None, False, tmp_path / "bob.gif") == 0
+    assert (tmp_path / "bob.gif").read_bytes().startswith(b"GIF8")
