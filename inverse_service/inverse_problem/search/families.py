@@ -42,7 +42,6 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.inverse_problem.search.closure import closed, is_admissible, potentials
 from inverse_service.inverse_problem.search.factors import Factors, position_monomials, products
-from inverse_service.inverse_problem.search.gradings import by_degree
 from inverse_service.inverse_problem.search.linear_ansatz import letters_of, to_montgomery
 from inverse_service.inverse_problem.search.material import Material, antiderivatives, distinct
 from inverse_service.inverse_problem.search.motion_terms import has_velocity, split_velocities
@@ -89,24 +88,20 @@ def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -
 def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> Possible:
     if not shapes:
         return Possible([])
-    groups = [group[: bounds.SMALL] for group in _groups(material, shapes)]
     unknowns = material.motion.size + 1 + material.motion.with_time
-    sampler, chosen = sampler_of(material.analysis, [shape for group in groups for shape in group])
-    groups = [kept for group in groups if (kept := [shape for shape in group if shape in chosen])]
+    sampler, chosen = sampler_of(material.analysis, list(shapes[: bounds.SMALL]))
     points, letters = sampler.at_one_place(seed), letters_of(chosen)
-    count = (max(map(len, groups)) * unknowns + SPARE) // material.motion.size**2 + 2
+    count = (len(chosen) * unknowns + SPARE) // material.motion.size**2 + 2
     table = table_at(points, letters, count, with_third=True)
     matrix, hessians = helmholtz_matrix(sampler, table, letters, chosen)
-    generator, weights = random.Random(f"velocity shapes {seed}"), list[int]()
+    generator = random.Random(f"velocity shapes {seed}")
 
     def solution(places: Sequence[int]) -> list[int]:
         return _random_solution(material, table, matrix[:, places], hessians[:, places], generator)
 
-    fixed: dict[Monomial, frozenset[Variable]] = {}
-    for group in groups:
-        found = solution(range(len(weights), len(weights) + len(group)))
-        weights += found[: len(group)]
-        fixed.update(zip(group, _fixed(material, found, len(group)), strict=True))
+    found = solution(range(len(chosen)))
+    weights = found[: len(chosen)]
+    fixed = dict(zip(chosen, _fixed(material, found, len(chosen)), strict=True))
     used = _used(chosen, weights, hessians[0], table.prime)
     squares = used == [monomial(v, v) for v in material.motion.velocities]
     if squares and not _has_function_of_position(points):
@@ -148,10 +143,6 @@ def _has_function_of_position(points: SamplePoints) -> bool:
     rest = ps.subtract(slope[: len(second)], ps.multiply(v, second))
     wanted = ps.subtract(ps.derivative(rest, position), ps.derivative(second, time))
     return not ps.value_at_point(ps.derivative(second, velocity)) and not ps.value_at_point(wanted)
-
-
-def _groups(material: Material, shapes: Sequence[Monomial]) -> list[list[Monomial]]:
-    return [list(shapes)] if material.motion.with_time else by_degree(material.analysis.system, shapes)
 
 
 def _random_solution(

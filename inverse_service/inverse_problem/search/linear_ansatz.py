@@ -15,8 +15,7 @@ from inverse_service.algebra.echelon_kernels import Words
 from inverse_service.algebra.modular import Field, compiled, minus, multiply, plus
 from inverse_service.algebra.point import number_value
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.search.gradings import graded
-from inverse_service.inverse_problem.search.null_vectors import SPARE, SampledRows, kernel, vectors_of_groups
+from inverse_service.inverse_problem.search.null_vectors import SPARE, SampledRows, kernel, rational_vectors
 from inverse_service.inverse_problem.search.sampling import (
     Derivatives,
     Integers,
@@ -121,8 +120,7 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
         return euler_lagrange_matrix(table, letters, candidates)
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
-    groups = graded(sampler.analysis.system, candidates, sampler.analysis.constrained)
-    found = vectors_of_groups(groups, SampledRows(equations, n), sampler.prime(seed), SPARE)
+    found = rational_vectors(len(candidates), SampledRows(equations, n), sampler.prime(seed), SPARE)
     kept = _that_hold(sampler, candidates, found, seed + 77_777)
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
 

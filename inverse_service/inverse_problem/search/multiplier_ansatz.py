@@ -23,7 +23,6 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, node_count
 from inverse_service.inverse_problem.kinds.helmholtz import tensors, written
-from inverse_service.inverse_problem.search.gradings import graded
 from inverse_service.inverse_problem.search.linear_ansatz import (
     Exponents,
     LagrangianSpace,
@@ -35,8 +34,8 @@ from inverse_service.inverse_problem.search.null_vectors import (
     SPARE,
     SampledRows,
     pivots,
+    rational_vectors,
     settled_kernel,
-    vectors_of_groups,
 )
 from inverse_service.inverse_problem.search.sample_points import Integers, Matrix, SamplePoints
 from inverse_service.inverse_problem.search.sampling import (
@@ -61,8 +60,7 @@ def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> 
         return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
-    groups = graded(sampler.analysis.system, terms)
-    vectors = vectors_of_groups(groups, SampledRows(equations, n * n), sampler.prime(seed), SPARE)
+    vectors = rational_vectors(len(terms), SampledRows(equations, n * n), sampler.prime(seed), SPARE)
     return LagrangianSpace(sampler, tuple({terms[k]: a for k, a in vector.items()} for vector in vectors))
 
 

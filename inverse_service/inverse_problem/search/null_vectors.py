@@ -7,7 +7,7 @@ reduced form: each vector has the last of its columns to itself, with entry 1.
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
@@ -166,16 +166,11 @@ class SampledRows:
         return self.rows[begin * self.width : end * self.width, columns]
 
 
-def vectors_of_groups(
-    groups: Iterable[Sequence[int]], rows: SampledRows, prime: int, spare: int
-) -> list[dict[int, Fraction]]:
-    """The rational null vectors in the span of each group of unknowns, in the order of their own columns."""
+def rational_vectors(unknowns: int, rows: SampledRows, prime: int, spare: int) -> list[dict[int, Fraction]]:
+    """The rational null vectors, in the order of their own columns."""
 
     def samples(unknowns: int) -> int:
         return (unknowns + spare) // rows.width + 1
 
-    found: list[dict[int, Fraction]] = []
-    for group in sorted(groups, key=len, reverse=True):
-        inside = settled_kernel(partial(rows.of, group), prime, samples(len(group)), samples)
-        found += [{group[k]: a for k, a in vector.items()} for vector in inside.rational_vectors()]
-    return sorted(found, key=max)
+    inside = settled_kernel(partial(rows.of, range(unknowns)), prime, samples(unknowns), samples)
+    return sorted(inside.rational_vectors(), key=max)

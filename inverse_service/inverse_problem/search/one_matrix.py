@@ -72,11 +72,12 @@ def accepts(material: Material) -> bool:
 
 def propose(material: Material, seed: int) -> list[ex.Expression]:
     """The Lagrangian with the one multiplier G(t, q), for the caller to check; none where there is none, or more."""
+    system, table = material.analysis.system, material.analysis.real_point
     try:
-        search = OneMatrix.of(material.analysis.system, seed)
+        search = OneMatrix.of(system, seed)
         if search is None:
             return []
-        entries, system, table = search.matrix(), material.analysis.system, material.analysis.real_point
+        entries = search.matrix()
         found = search.lagrangian(Integrator(system, table), entries)
         if found is None:
             found = search.lagrangian(Integrator(system, table, signs=True), entries)

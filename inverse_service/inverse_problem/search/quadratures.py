@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from fractions import Fraction
-from functools import reduce
 from itertools import count
 
 from inverse_service import bounds
 from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.rational_functions import Quotient, TooLarge, coefficients_of
+from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.algebra.real_point import RealTable, is_defined, real_sign
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import end, left, now
@@ -39,7 +38,6 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     holds,
-    is_exponential,
     multiply,
     negated,
     rebuild,
@@ -51,7 +49,7 @@ from inverse_service.inverse_problem.decision.certify import of_lagrangian
 from inverse_service.inverse_problem.search.completion import completed
 from inverse_service.inverse_problem.search.one_coordinate.algebra import shortest
 from inverse_service.inverse_problem.search.terms import Monomial, Terms, TooManyTerms, monomial_tree, terms_of, tree_of
-from inverse_service.mechanics.potential import Potential, potential
+from inverse_service.mechanics.potential import Potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import joined, readable
 
@@ -70,35 +68,6 @@ def exponential(ring: ExactRing, logarithm: Potential, table: RealTable | None) 
         factors.append((tree if table is None or real_sign(tree, table) > 0 else negated(tree)) ** exponent)
     rest = logarithm.rest
     return multiply(*factors, *([] if rest.is_zero else [Apply("exp", readable(ring, rest))]))
-
-
-def exponential_with_integrals(ring: ExactRing, form: Sequence[Quotient], analysis: Analysis) -> Expression | None:
-    """exp of the integral of a form over t and the coordinates, each slope of which holds its own variable alone.
-
-    None for others: a function under an integral sign is known by one derivative.
-    """
-    places = range(len(form))
-    if any(not ring.partial(i)(form[j]).is_zero for i in places for j in places if i != j):
-        return None
-    names = fresh_names(analysis.system)
-    factors: list[Expression] = []
-    for place, slope in enumerate(form):
-        for part in _parts(ring, slope):
-            found = potential(ring, [place], [part])
-            if found is not None:
-                factors.append(exponential(ring, found, analysis.real_point))
-                continue
-            elementary = _elementary_factors(readable(ring, part), ring.variables[place], analysis)
-            if elementary is not None:
-                factors += elementary
-                continue
-            constant, inner = _without_constants(ring, part)
-            argument = ring.variables[place]
-            integral = Integral(next(names), (argument,), (0,), (readable(ring, inner),))
-            factors.append(Apply("exp", readable(ring, constant) * integral))
-    inside = [factor.argument for factor in factors if is_exponential(factor)]
-    others = [factor for factor in factors if not is_exponential(factor)]
-    return multiply(*others, *([Apply("exp", add(*inside))] if inside else []))
 
 
 def exponential_of_integral(slope: Expression, variable: Expression, analysis: Analysis) -> Expression:
@@ -269,20 +238,6 @@ def _has_slope(tree: Expression, slope: Expression, x: Symbol, table: RealTable)
     except IrreducibleAtoms:
         return False
     return check_certificate(certificate, time_limit=left(end())).verdict == "valid"
-
-
-def _parts(ring: ExactRing, element: Quotient) -> list[Quotient]:
-    """The parts of a sum that hold different products of functions and roots: one that is rational comes apart."""
-    special = [index for index, tree in ring.trees.items() if not isinstance(tree, Symbol | Velocity)]
-    return list(element.parts(special).values())
-
-
-def _without_constants(ring: ExactRing, element: Quotient) -> tuple[Quotient, Quotient]:
-    """(c, rest) with element = c rest, c the greatest constant factor of the numerator."""
-    varying = sorted({index for table in ring.images for index in table})
-    constants = coefficients_of(element.numerator, varying).values()
-    constant = Quotient(element.field, reduce(lambda a, b: a.gcd(b), constants), ())
-    return constant, element / constant
 
 
 def potential_with_integrals(

@@ -1,36 +1,26 @@
-"""Reductions in the given coordinates: blocks that share none, damping taken away, forces in a time of their own.
+"""Reductions in the given coordinates: blocks that share none, damping taken away.
 
 Along q'' = f_0 - c v the Euler-Lagrange expressions of e^(int c dt) L_0 are e^(int c dt) c (p - g v), with p = dL_0/dv
 and g its Hessian, where L_0 is a Lagrangian of f_0: they vanish where p = g v, as for a kinetic energy that is
 quadratic in v without linear terms (Bateman 1931 for one coordinate).
-
-Where w'' = 0 and x'' = k(w') F(x) a Lagrangian l(x, x') of x'' = F(x), with the energy E, gives one on the time of x,
-sqrt(k) l(x, x'/sqrt(k)), whose derivative by w' is -(sqrt k)' E: constant, as the equation of w asks. It is regular
-where (sqrt k)'' E is not 0; else w'^2/2 is added.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 
 from inverse_service import bounds
 from inverse_service.algebra.exact_atoms import factored
 from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.algebra.real_point import real_sign
 from inverse_service.deadline import end
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
     TIME,
-    ZERO,
     Apply,
     Expression,
     Integral,
@@ -38,12 +28,9 @@ from inverse_service.expressions.tree import (
     Velocity,
     add,
     children,
-    factors_of,
     holds,
-    multiply,
     number,
     rebuild,
-    substitute,
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import analyze
@@ -190,71 +177,3 @@ def _undamped(material: Material, rate: Expression) -> SecondOrderSystem:
         if not _is_quadratic(material):
             without = tuple(factored(without, leaves, Budget(bounds.TERMS, end())))
     return replace(system, accelerations=without)
-
-
-@dataclass(frozen=True, slots=True)
-class Timed:
-    """x'' = k(w') F(x) with w'' = 0: w', and for each k > 0 its coordinates with their F."""
-
-    carrier: str
-    groups: dict[Expression, dict[str, Expression]]
-
-
-def timed(material: Material) -> Timed | None:
-    """The system so, some k no constant; None where it is of another kind."""
-    pairs = list(zip(material.analysis.system.coordinates, material.motion.forces, strict=True))
-    carriers = [name for name, force in pairs if not force]
-    found = (_timed_by(name, material) for name in carriers if len(carriers) < len(pairs))
-    return next((one for one in found if one is not None), None)
-
-
-def _timed_by(carrier: str, material: Material) -> Timed | None:
-    system, groups = material.analysis.system, dict[Expression, dict[str, Expression]]()
-    for name, force in zip(system.coordinates, system.accelerations, strict=True):
-        if name != carrier:
-            parts = _rate_and_rest(force, carrier, material)
-            if parts is None:
-                return None
-            groups.setdefault(parts[0], {})[name] = parts[1]
-    closed = all(
-        _coordinates_in(f, system.coordinates) <= {*group} for group in groups.values() for f in group.values()
-    )
-    return Timed(carrier, groups) if closed and {*groups} != {ONE} else None
-
-
-def _rate_and_rest(force: Expression, carrier: str, material: Material) -> tuple[Expression, Expression] | None:
-    """(k, F) of a force k(w') F(x), k positive at the real point."""
-    v, table, names = Velocity(carrier), material.analysis.real_point, material.analysis.system.coordinates
-    moving: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
-    try:
-        whole = factored([force], moving, Budget(bounds.EXPANSION, end()))[0]
-        parts = factors_of(whole)
-        rate = multiply(*(part for part in parts if v in walk(part)))
-        rest = multiply(*(part for part in parts if v not in walk(part)))
-        sign = number(1 if table is None else real_sign(rate, table))
-    except (TooLarge, ZeroDivisionError, KeyError, NoRealValue, IrreducibleAtoms):
-        return None
-    alone = all(node == v or node not in moving for node in walk(rate))
-    still = not any(node in (TIME, Symbol(carrier)) or isinstance(node, Velocity) for node in walk(rest))
-    return (collect(sign * rate), sign * rest) if alone and still else None
-
-
-def in_own_time(material: Material, seed: int) -> Iterator[Smaller]:
-    """x'' = F(x); l(x, x') of these makes sqrt(k) l(x, x'/sqrt(k)), with p_w = -(sqrt k)' E constant."""
-    found = timed(material)
-    if found is not None:
-        system, groups = material.analysis.system, tuple(found.groups.values())
-        smaller = (replace(system, coordinates=tuple(f), accelerations=tuple(f.values())) for f in groups)
-        yield Smaller(tuple(smaller), False, partial(_quickened, found))
-
-
-def _quickened(found: Timed, lagrangians: Sequence[Sequence[Expression]]) -> list[Expression]:
-    """Where some sqrt(k) bends, w'^2/2 is not needed."""
-    total: Expression = ZERO
-    v, bends = Velocity(found.carrier), False
-    for (rate, group), (own, *_) in zip(found.groups.items(), lagrangians, strict=True):
-        root = rate**HALF.value
-        slower: dict[Expression, Expression] = {Velocity(name): Velocity(name) / root for name in group}
-        total = total + collect(root * substitute(own, slower))
-        bends = bends or collect(differentiate(differentiate(root, v), v)) != ZERO
-    return [*[total] * bends, HALF * v**2 + total]

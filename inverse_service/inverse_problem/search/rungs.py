@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from inverse_service import bounds
 from inverse_service.inverse_problem.search import (
-    constant_velocity,
     holomorphic,
     one_matrix,
     other_coordinates,
@@ -15,7 +14,7 @@ from inverse_service.inverse_problem.search import (
 )
 from inverse_service.inverse_problem.search.families import Family
 from inverse_service.inverse_problem.search.linear_systems.time_dependent import is_linear, linear_lagrangians
-from inverse_service.inverse_problem.search.one_coordinate import contact, last_multiplier
+from inverse_service.inverse_problem.search.one_coordinate import last_multiplier
 from inverse_service.inverse_problem.search.protocol import Leaf, Reduction
 
 Rung = Leaf | Reduction | Family
@@ -49,30 +48,12 @@ LEAVES = (
         exact=True,
     ),
     Leaf(
-        "one function times a constant matrix, by a quadrature",
-        0.7,
-        scalar_multiplier.is_of_one_coordinate,
-        scalar_multiplier.propose_with_integrals,
-        "The divergence of `f` is that of a multiplier `phi(t, x)`, an integral; then `L = phi v^2/2 - V`, "
-        "and `V` is another.",
-        exact=True,
-    ),
-    Leaf(
         "linear systems, multipliers in t alone",
         1.5,
         is_linear,
         linear_lagrangians,
         "The system is linear: a `g` that depends on `t` alone has to solve `g' = g N + (g N)^T` and keep `g Phi` "
         "symmetric.",
-    ),
-    Leaf(
-        "velocities carried by a constant one",
-        2.5,
-        constant_velocity.applies,
-        constant_velocity.propose,
-        "One velocity `w'` is constant and `x'' = w' W'(w) A x'` in blocks: then `L = w'^2/2 + x'^T S(W) x'/(2 w')` "
-        "will do with `dS/dW = -S A`.",
-        exact=True,
     ),
     Leaf(
         "one coordinate, products of Darboux factors",
@@ -111,15 +92,6 @@ REDUCTIONS = (
         "exponential of its integral, brings the damping back.",
     ),
     Reduction(
-        "forces times a function of a constant velocity",
-        1.85,
-        lambda material: reductions.timed(material) is not None,
-        reductions.in_own_time,
-        "One velocity `w'` is constant and `x'' = k(w') F(x)`: a Lagrangian `l` of `x'' = F(x)` gives "
-        "`sqrt(k) l(x, x'/sqrt(k))`, plus `w'^2/2` where `sqrt(k)` is linear: its derivative by `w'` is constant.",
-        exact=True,
-    ),
-    Reduction(
         "other coordinates",
         3.5,
         other_coordinates.applies,
@@ -146,13 +118,11 @@ REDUCTIONS = (
 ANSATZ = (
     Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
     Family("quadratic in the velocities, short factors", 2, shapes.quadratic, bounds.SMALL),
-    Family("ratios of three velocities", 3.72, shapes.ratios_to_constants, bounds.LARGE),
     Family("functions of velocities as in f, short factors", 3.74, shapes.as_in_force, bounds.SMALL),
     Family("functions of velocities, constant coefficients", 3.75, shapes.of_velocities, 0),
     Family("ratios of velocities, short factors", 3.7, shapes.ratios, bounds.SMALL),
     Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, bounds.LARGE),
     Family("functions of velocities, short factors", 4, shapes.functions, bounds.SMALL),
-    Family("a multiplier after a contact transformation", 6.6, contact.kinetic_terms, 0, given=True),
     Family("products of up to four velocities", 7, shapes.polynomials, bounds.LARGE),
     Family("squares times powers of a velocity", 7.5, shapes.carried, bounds.LARGE),
     Family("products, roots and logarithms of velocities", 8, shapes.products_and_roots, bounds.LARGE),

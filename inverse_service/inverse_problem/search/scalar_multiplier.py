@@ -32,8 +32,6 @@ from inverse_service.inverse_problem.search.members import Matrix as RealMatrix
 from inverse_service.inverse_problem.search.members import definite_weights
 from inverse_service.inverse_problem.search.quadratures import (
     exponential,
-    exponential_with_integrals,
-    potential_with_integrals,
 )
 from inverse_service.inverse_problem.search.terms import (
     Monomial,
@@ -124,20 +122,6 @@ def is_of_one_coordinate(material: Material) -> bool:
     return material.motion.size == 1
 
 
-def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
-    """For one coordinate phi v^2/2 - V where V has no closed form that is found: a function known by its slope."""
-    known = _prepared(material)
-    if known is None:
-        return []
-    setting, system = known.setting, material.analysis.system
-    try:
-        wanted = _wanted(setting, material.motion.velocities, known.matrices[0][0])
-        rest = potential_with_integrals(system, setting.phi, wanted, material.analysis.real_point)
-    except (TooLarge, TooManyTerms, ZeroDivisionError):
-        return []
-    return [] if rest is None else [_kinetic(setting, material.motion.velocities, known.matrices[0]) + rest]
-
-
 def _prepared(material: Material) -> _Prepared | None:
     """None where f has no such multiplier; computed once for all rungs that ask."""
     if "scalar multiplier" not in material.shared:
@@ -170,12 +154,9 @@ def _setting(exact: MotionInRing, analysis: Analysis) -> _Setting | None:
     velocities = [ring.atoms[v] for v in ring.variables if isinstance(v, Velocity)]
     drag = sum_of(motion.zero, [share, *(-(slope * v) for slope, v in zip(alpha, velocities, strict=True))])
     found = potential(ring, range(1 + motion.size), [drag, *alpha])
-    phi = (
-        exponential(ring, found, analysis.real_point)
-        if found is not None
-        else exponential_with_integrals(ring, [drag, *alpha], analysis)
-    )
-    return None if phi is None else _Setting(exact, slopes, share, drag, phi)
+    if found is None:
+        return None
+    return _Setting(exact, slopes, share, drag, exponential(ring, found, analysis.real_point))
 
 
 def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:

@@ -48,12 +48,6 @@ def ratios(material: Material) -> list[Monomial]:
     return distinct([*quadratic(material), *quotients(material, 2)])
 
 
-def ratios_to_constants(material: Material) -> list[Monomial]:
-    """These, and v_i v_j v_k / w^2 and its like where some velocities w are constant."""
-    constant = any(not f for f in material.motion.forces)
-    return distinct([*ratios(material), *quotients(material, 3)]) if constant else []
-
-
 def of_velocities(material: Material) -> list[Monomial]:
     """These, powers and logarithms of one velocity."""
     return distinct([*ratios(material), *(shape for v in material.motion.velocities for shape in single(v))])
