@@ -56,8 +56,15 @@ def with_derivatives(tokens: list[Token], names: Names, depth: int = 0) -> list[
 
 
 def second_derivatives(tokens: list[Token]) -> Iterator[tuple[str, str]]:
-    """(y, x) for each d^2y/dx^2 and d^2/dx^2 y, whatever y and x are."""
+    """(y, x) for each d^2y/dx^2, d^2/dx^2 y and y''(x), whatever y and x are."""
     for place in range(len(tokens)):
+        after = place + 1
+        while after < len(tokens) and tokens[after].kind == "prime":
+            after += 1
+        order = sum(int(prime.value) for prime in tokens[place + 1 : after])
+        called = [token.text for token in tokens[after : after + 3]][::2] in (["(", ")"], ["[", "]"])
+        if tokens[place].kind == "name" and order == 2 and called and tokens[after + 1].kind == "name":
+            yield tokens[place].text, tokens[after + 1].text
         found = _quotient(tokens, place, Names())
         if found is None or found.order != 2 or len({token.text for token in found.variables}) > 1:
             continue

@@ -344,7 +344,8 @@ def _looks_like_a_function(name: str) -> bool:
 
 def _may_depend_on_time(name: str) -> bool:
     """Not x(t), a coordinate without an equation, nor delta(t), nor words."""
-    return not (looks_like_a_coordinate(name) or name in _IMPULSES or _looks_like_a_function(name))
+    moves = looks_like_a_coordinate(name) and name not in ("q", "r", "s")
+    return not (moves or name in _IMPULSES or _looks_like_a_function(name))
 
 
 def _may_be_called(line: Sequence[Token], place: int) -> bool:

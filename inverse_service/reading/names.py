@@ -346,6 +346,7 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
         or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in FUNCTIONS)
         or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in moving)
         or any(part[:1] == "a" and part[1:] in FUNCTIONS for part in cut)
+        or any(len(part) == 2 and part in GREEK_NAMES and {*part} & moving for part in cut)
     )
     return () if not cut or doubtful else tuple(cut)
 
@@ -358,6 +359,12 @@ _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # 
 _NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
 
 
+# Capitals that no Latin letters are: Mu in GMu is M and u.
+_GREEK_IN_RUNS = {name for name in GREEK_NAMES if name.islower()} | {
+    *("Gamma", "Delta", "Theta", "Lambda", "Sigma", "Phi", "Psi", "Omega")
+}
+
+
 def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
     """The fewest single letters, and the word as the fewest parts with these; no parts where it cannot be cut."""
     best: dict[int, tuple[int, list[str]]] = {0: (0, [])}
@@ -368,9 +375,9 @@ def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
             match = _NUMBERED.fullmatch(part)
             stem = match[1] if match else part
             is_letter = len(stem) == 1 and stem.isalpha()
-            if part in known or stem in GREEK_NAMES or is_letter:
+            if part in known or stem in _GREEK_IN_RUNS or is_letter:
                 letters, parts = best[start]
-                alone = part not in known and stem not in GREEK_NAMES
+                alone = part not in known and stem not in _GREEK_IN_RUNS
                 cuts.append((letters + alone, [*parts, part]))
         if cuts:
             best[end] = min(cuts, key=lambda cut: (cut[0], len(cut[1])))

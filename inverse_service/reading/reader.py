@@ -103,6 +103,18 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     return _without_remarks(tokens, formula, names)
 
 
+def undifferentiated(formula: str) -> list[Token]:
+    """The tokens with quotients of differentials as they stand; none for a formula that cannot be read."""
+    try:
+        if is_latex(formula):
+            from inverse_service.reading import latex
+
+            return latex.tokenize(formula)
+        return tokenize(formula)
+    except InputError:
+        return []
+
+
 LEFT_OUT, CONDITION = "left out", "a condition that is not used"
 _JOINS = {
     **dict.fromkeys(("where", "with", "given", "and"), ("=", *COMPARED)),

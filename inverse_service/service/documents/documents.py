@@ -156,7 +156,7 @@ def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -
         with noted() as notes:
             found = work(use_cases(ready.document))
         if "readings" in found:
-            found["readings"] = [{"text": text, "as": meant} for text, meant in notes.items()]
+            found["readings"] = [{"text": text, "as": meant} for text, meant in {**ready.readings, **notes}.items()]
         return ready.outward(found)
     except InputError as error:
         raise ready.error(error) from None

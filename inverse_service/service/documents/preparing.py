@@ -9,15 +9,26 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.letters import greek_letter
+from inverse_service.expressions.letters import GREEK, greek_letter
 from inverse_service.expressions.printing_latex import name_latex
+from inverse_service.reading.differentials import second_derivatives
 from inverse_service.reading.document_names import AND_GUESS, GUESS
-from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, declared_name, readings, undeclared
-from inverse_service.reading.reader import split_equations
+from inverse_service.reading.moving_names import moving_names, moving_products
+from inverse_service.reading.names import (
+    DERIVATIVE_NAMES,
+    FUNCTIONS,
+    Names,
+    declared_name,
+    only_split,
+    readings,
+    undeclared,
+    written_product,
+)
+from inverse_service.reading.reader import read_tokens, split_equations, undifferentiated
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
@@ -29,15 +40,12 @@ _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 # A name at the beginning of a word, behind a number; one inside. No long word may take time that grows with its square.
 _FIRST, _NAME = r"\b\d*([A-Za-z]\w*)", r"([A-Za-z]\w*+)"
-# y''(x), diff(y(x), x, 2), Derivative(y(x), (x, 2)), diff(y(x), x$2), D[y[x], {x, 2}], d^2y/dx^2, d^2 y/dx^2 in LaTeX.
+# diff(y(x), x, 2), Derivative(y(x), (x, 2)), diff(y(x), x$2), D[y[x], {x, 2}]; y''(x) and d^2y/dx^2 are read as tokens.
 _NAMED = (
-    re.compile(rf"{_FIRST}\s*(?:''|\u2033|'\s*')\s*[\[(]\s*{_NAME}\s*[\])]"),
     re.compile(rf"(?:[dD]iff|Derivative|D)\s*[\[(]\s*{_NAME}\s*[\[(]\s*{_NAME}\s*[\])]\s*,\s*[({{]?\s*\2\b"),
     re.compile(rf"{_FIRST}\s*\(\s*{_NAME}\s*\)\s*\.diff\(\s*\2\b"),
     re.compile(rf"[dD]iff\s*\(\s*{_NAME}\s*,\s*{_NAME}\s*(?:,\s*(?:2|\2)|\$\s*2)\s*\)"),
     re.compile(rf"\(\s*D\s*@@\s*2\s*\)\s*\(\s*{_NAME}\s*\)\s*\(\s*{_NAME}\s*\)"),
-    re.compile(rf"d(?:\^2|\u00b2|2)\s*{_NAME}\s*/\s*d\s*([A-Za-z]+?)(?:\^2|\u00b2|2)"),
-    re.compile(r"\\d?frac\{d\^\{?2\}?\s*\\?([A-Za-z]*)\}\{d\s*\\?([A-Za-z]+)\^\{?2\}?\}"),
 )
 _MOVING = re.compile(rf"{_FIRST}(?:\s*['\u2032\u2033]|_?d?dot\b)")
 _BARE = re.compile(rf"{_FIRST}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_FIRST}_?ddot\b")
@@ -68,6 +76,7 @@ class Prepared:
     time: str = "t"
     other: str = ""
     extra: Mapping[str, Any] = field(default_factory=dict)
+    readings: Mapping[str, str] = field(default_factory=dict)
 
     def outward(self, result: dict[str, Any]) -> dict[str, Any]:
         """The result in the words of the writer."""
@@ -135,12 +144,14 @@ def prepared(document: Any) -> Prepared:
     extra = {"id": document["id"]} if "id" in document else {}
     plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
     time = _time_name(plain)
-    if time == "t":
+    free = "" if time != "t" else _free_variable(plain)
+    notes = {free: "the independent variable"} if free else {}
+    if time == free == "t" or not (time := free or time) or time == "t":
         return Prepared(plain, extra=extra)
-    _refuse_hidden_time(plain, time)
+    plain, products = _with_time_apart(plain, time)
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
-    return Prepared({**plain, **inside}, time, other, extra)
+    return Prepared({**plain, **inside}, time, other, extra, notes | products)
 
 
 def prepared_scene(scene: Any) -> Any:
@@ -198,20 +209,53 @@ def _time_name(plain: dict[str, Any]) -> str:
     return name
 
 
-def _refuse_hidden_time(plain: Mapping[str, Any], time: str) -> None:
-    """InputError for kx, which is k*x to its writer, where names are guessed and x is the time."""
+def _guesses(plain: Mapping[str, Any]) -> bool:
     named = plain.get("parameters")
-    if named != GUESS and not (isinstance(named, list | dict) and AND_GUESS in named):
-        return
+    return named == GUESS or (isinstance(named, list | dict) and AND_GUESS in named)
+
+
+def _free_variable(plain: Mapping[str, Any]) -> str:
+    """The x of y'' = 6 y^2 + x, where names are guessed, one name moves, by primes, and neither t nor dots occur."""
+    texts = [text for _, text in _placed({key: plain[key] for key in FORMULAS if key in plain}, "")]
+    if not _guesses(plain) or not {*plain} <= {"equations", "parameters", "name", "functions"}:
+        return ""
+    if "x" in _declared(plain) or any("dot" in text for text in texts):
+        return ""
+    try:
+        known = Names(guesses=True)
+        known = replace(known, splits=moving_products({str(k): text for k, text in enumerate(texts)}, known))
+        tokens = [token for text in texts for token in read_tokens(text, known)]
+    except InputError:
+        return ""
+    moving = {*moving_names(tokens, 1)}
+    words = {token.text for token in tokens if token.kind == "name"}
+    names = Names((), ("x", *moving))
+    occurs = any(word == "x" or "x" in only_split(word, names) for word in words)
+    alone = len(moving) == 1 and not moving & {"x", "X", "z"} and "t" not in words
+    siblings = {"z"} & words  # then x may be a coordinate too
+    return "x" if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
+
+
+def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any], dict[str, str]]:
+    """The document with x*y for xy, where names are guessed and x is the time; InputError where xy may be a name."""
+    if not _guesses(plain):
+        return dict(plain), {}
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
     moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
     known = Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
+    found: dict[str, str] = {}
     for pointer, text in texts.items():
         for word in _PLAIN_WORD.finditer("" if "\\" in text else text):
             name, column = word[0], word.start() + 1
             plain_name = name not in FUNCTIONS and not known.role(name) and name[0] != "d" and time in name
-            if plain_name and (meant := readings(name, known)):
+            if not plain_name:
+                continue
+            if parts := only_split(name, known):
+                found[name] = written_product(parts, known)
+            elif meant := readings(name, known):
                 raise undeclared(name, column, meant).at(pointer)
+    changed = {key: _changed(plain[key], found) if key in FORMULAS and found else part for key, part in plain.items()}
+    return changed, found
 
 
 def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
@@ -229,6 +273,7 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     found, moving = set(), set()
     for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
         pairs = [match.groups() for pattern in _NAMED for match in pattern.finditer(text)]
+        pairs += second_derivatives(undifferentiated(text))
         found |= {by for name, by in pairs if name not in _declared(plain, ("functions",))}
         moving |= {name for name, _ in pairs}
         if _BARE.search(text):
@@ -285,7 +330,11 @@ def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
         new = f"{form[1] or ''}{table[form[2]]}{form[3] or ''}"
         return new.ljust(len(match.group())) if pad else new
 
-    return _PLAIN_WORD.sub(replaced, text)
+    found = _PLAIN_WORD.sub(replaced, text)
+    for character in {*text} & GREEK.keys():
+        if pad and GREEK[character] in table:
+            found = found.replace(character, table[GREEK[character]])
+    return found
 
 
 def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
