@@ -66,7 +66,7 @@ def record(given: Given, limit: float) -> Run:
     finders: dict[str, None] = {}
     began = time.process_time()
     with observed(finders):
-        solution = solve_branches(system, SolveOptions(time_limit=limit, given=equations))[0]
+        solution = solve_branches(system, SolveOptions(time_limit=limit, given=equations))[0][0]
     seconds = time.process_time() - began
     answer = best(solution)
     if answer is None or answer.lagrangian is None:

@@ -207,10 +207,14 @@ class Letters:
             return value
         turned = self.is_negative(rest)
         rest = Quotient(-rest.above, rest.below) if turned else rest
+        coefficients = [c for _, c in rest.above.terms()]
+        times = math.gcd(*(int(c.p) for c in coefficients)) if rest.below.is_constant() else 1
+        times = times if times <= 64 else 1
+        rest = Quotient(rest.above / times, rest.below)
         place = self.letter(f"exp({self.text(rest)})", self.needs_of(rest))
         self.positive.add(place)
         self.exponentials[place] = rest
-        letter = self.generators[place]
+        letter = self.generators[place] ** times
         return self.multiply(value, Quotient(self.one, letter) if turned else Quotient(letter, self.one))
 
     def root(self, w: Quotient, a: Fraction) -> Quotient:
@@ -220,7 +224,9 @@ class Letters:
         left = [self.context.constant(content), self.context.constant(other)]
         for side, sign, found in ((0, 1, above), (1, -1, below)):
             for p, k in found:
-                if k % 2 == 0 and (k * a).denominator == 1 and (k * a) % 2 == 0:
+                simple = self.single(p)
+                positive = simple is not None and simple[0] in self.positive
+                if (k * a).denominator == 1 and (positive or (k % 2 == 0 and (k * a) % 2 == 0)):
                     value = self.raised(value, Quotient(p, self.one), int(sign * k * a))
                 else:
                     left[side] = left[side] * p**k
@@ -306,7 +312,7 @@ class Letters:
 
     def pieces(self, kind: str, u: Quotient) -> Iterator[Need]:
         """That u > 0, or u != 0, by factors: those of even multiplicity are not 0, the product of the others is > 0."""
-        (content, above), (other, below) = self.factors(self.circled(u.above)), self.factors(self.circled(u.below))
+        (content, above), (other, below) = map(self.plain_factors, (u.above, u.below))
         if kind == "!=":
             yield from (need_of("!=", p) for p, _ in above)
             return
@@ -319,16 +325,47 @@ class Letters:
         if not odd.is_constant():
             yield need_of(">", odd)
 
-    def circled(self, polynomial: Polynomial) -> Polynomial:
-        """With 1 - cos(u)^2 in the place of sin(u)^2."""
-        for place, (name, u) in list(self.circular.items()):
-            if name == "sin" and polynomial.degrees()[place] > 1:
-                other = self.letter(f"cos({self.text(u)})", self.inner[place])
-                self.bounded.add(other)
-                self.circular[other] = "cos", u
-                square = Quotient(1 - self.generators[other] ** 2, self.one)
-                polynomial = self.put_square(polynomial, place, square).above
-        return polynomial
+    def plain_factors(self, polynomial: Polynomial) -> tuple[fmpq, list[tuple[Polynomial, int]]]:
+        """Factors, with as few of odd multiplicity as sin^2 + cos^2 = 1 gives, and plain ones for e^u - 1."""
+        forms = [self.factors(polynomial), *(self.factors(form) for form in self.circled(polynomial))]
+        content, found = min(forms, key=lambda form: (sum(k % 2 for _, k in form[1]), len(form[1])))
+        plain = list[tuple[Polynomial, int]]()
+        for p, k in found:
+            same = self.same_sign(p)
+            number, pieces = (fmpq(1), [(p, 1)]) if same is None else self.plain_factors(same)
+            content *= number if k % 2 else abs(number)
+            plain += [(q, k * j) for q, j in pieces]
+        return content, plain
+
+    def same_sign(self, p: Polynomial) -> Polynomial | None:
+        """A polynomial with the sign of this one, which has fewer functions in it."""
+        letters = self.holds(p)
+        if len(letters) != 1 or p.total_degree() != 1:
+            return None
+        (place,), terms = letters, list(p.terms())
+        sign = 1 if terms[0][1] > 0 else -1
+        if len(terms) == 1 and place in self.odd:
+            return self.odd[place].above * self.odd[place].below * sign
+        if len(terms) == 1 and place in self.logarithms:
+            u = self.logarithms[place]
+            return (u.above - u.below) * u.below * sign
+        if len(terms) == 2 and place in self.exponentials and terms[0][1] == -terms[1][1]:
+            return self.exponentials[place].above * self.exponentials[place].below * sign
+        return None
+
+    def circled(self, polynomial: Polynomial) -> Iterator[Polynomial]:
+        """With 1 - cos(u)^2 in the place of sin(u)^2, and the other way round."""
+        for here, there in (("sin", "cos"), ("cos", "sin")):
+            form = polynomial
+            for place, (name, u) in list(self.circular.items()):
+                if name == here and form.degrees()[place] > 1:
+                    other = self.letter(f"{there}({self.text(u)})", self.inner[place])
+                    self.bounded.add(other)
+                    self.circular[other] = there, u
+                    square = Quotient(1 - self.generators[other] ** 2, self.one)
+                    form = self.put_square(form, place, square).above
+            if form != polynomial:
+                yield form
 
     def factors(self, polynomial: Polynomial) -> tuple[fmpq, list[tuple[Polynomial, int]]]:
         """(number, [(irreducible with leading coefficient 1, multiplicity)])."""
@@ -364,6 +401,7 @@ class Knowledge:
     def __init__(self, ring: Letters, needs: Iterable[Need] = ()) -> None:
         self.ring = ring
         self.nonzero, self.signs = set[str](), dict[str, int]()
+        self.wholes = list[Polynomial]()
         self.products, self.listed = list[tuple[int, list[Polynomial]]](), list[tuple[Polynomial, int]]()
         for need in needs:
             self.learn(need)
@@ -377,6 +415,7 @@ class Knowledge:
                 self.signs[str(odd[0])] = sign
                 self.listed.append((odd[0], sign))
             self.products.append((sign, odd))
+            self.wholes.append(need.polynomial)
 
     def implies(self, need: Need) -> bool:
         if need.kind == "!=":
@@ -389,6 +428,11 @@ class Knowledge:
         if content == 0:
             return 0
         sign, left = 1 if content > 0 else -1, list[Polynomial]()
+        for q in self.wholes:  # which is positive, or negative where its coefficient is
+            rest = polynomial / polynomial.leading_coefficient() - q / q.leading_coefficient()
+            own = 1 if q.leading_coefficient() > 0 else -1
+            if rest.is_constant() and (rest == 0 or rest.leading_coefficient() * own > 0):
+                return own if polynomial.leading_coefficient() > 0 else -own
         for p, k in found:
             if k % 2 == 0:
                 if str(p) not in self.nonzero and not self.irreducible(p, depth):
@@ -410,13 +454,12 @@ class Knowledge:
     def irreducible(self, p: Polynomial, depth: int) -> int:
         if (known := self.signs.get(str(p))) is not None:
             return known
-        simple = self.ring.single(p)
-        for replaced, factor in () if simple is None or depth < 1 else self.simpler(*simple):
-            if sign := self.sign(replaced.above * replaced.below, depth - 1):
-                return sign * factor
+        simple, same = self.ring.single(p), self.ring.same_sign(p)
+        if same is not None and depth > 0 and (sign := self.sign(same, depth - 1)):
+            return sign
         if (sign := self.by_facts(p) or self.by_terms(p)) or depth < 1:
             return sign
-        found = self.by_roots(p) or self.by_squares(p, depth) or self.of_exponential(p, depth)
+        found = self.by_roots(p) or self.by_squares(p, depth)
         return found or self.by_norm(p, depth) or (0 if simple is None else self.by_quarter(simple[0], depth))
 
     def by_facts(self, p: Polynomial) -> int:
@@ -450,15 +493,6 @@ class Knowledge:
             if self.sign(low * u.below, depth - 1) > 0 and self.sign(high * u.below, depth - 1) > 0:
                 return -1 if k % 2 else 1
         return 0
-
-    def simpler(self, place: int, factor: fmpq) -> Iterator[tuple[Quotient, int]]:
-        """atan u has the sign of u, log u that of u - 1."""
-        sign = 1 if factor > 0 else -1
-        if place in self.ring.odd:
-            yield self.ring.odd[place], sign
-        elif place in self.ring.logarithms:
-            u = self.ring.logarithms[place]
-            yield self.ring.reduced(u.above - u.below, u.below), sign
 
     def by_terms(self, p: Polynomial) -> int:
         """Every term has one sign at least weakly, and their bounds exclude 0."""
@@ -509,16 +543,6 @@ class Knowledge:
             if (sign := self.sign(a, depth - 1)) and self.sign(4 * a * c - b * b, depth - 1) > 0:
                 return sign
         return 0
-
-    def of_exponential(self, p: Polynomial, depth: int) -> int:
-        """e^u - 1 has the sign of u."""
-        terms = list(p.terms())
-        letters = self.ring.holds(p)
-        alone = len(terms) == 2 and len(letters) == 1 and p.total_degree() == 1
-        if not alone or letters[0] not in self.ring.exponentials or terms[0][1] != -terms[1][1]:
-            return 0
-        u = self.ring.exponentials[letters[0]]
-        return self.sign(u.above * u.below, depth - 1) * (1 if terms[0][1] > 0 else -1)
 
 
 def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters:

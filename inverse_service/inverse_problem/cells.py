@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice, product
 from typing import TypeVar
 
 from inverse_service.algebra.elementary import to_kernels
-from inverse_service.algebra.real_point import RealTable, are_positive, find_real_point
+from inverse_service.algebra.real_point import RealTable, find_real_point
+from inverse_service.deadline import now
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import Expression
 from inverse_service.inverse_problem.decision.analysis import variables_of
 from inverse_service.mechanics.second_order_system import (
     MOST_BRANCHES,
     SecondOrderSystem,
-    branches_of,
     on_side,
     unreached,
 )
 
 Answer = TypeVar("Answer")
-_SEEDS = range(2, 10)  # of points all over, each of which has to be in a cell
+_MOST_OUTSIDE = 64  # choices of one side of each cell
+NO_TIME = "the time was over"
 NO_POINT = "no real point was found here"
 TOO_MANY = f"more than {MOST_BRANCHES} cells"
 BEYOND = "no cell that was answered holds the point"
@@ -37,20 +40,23 @@ class Left:
 
 def answered(
     branches: Sequence[SecondOrderSystem],
-    answer: Callable[[SecondOrderSystem, int], tuple[Answer, Sequence[Expression]]],
+    answer: Callable[[SecondOrderSystem, Sequence[SecondOrderSystem]], tuple[Answer, Sequence[Expression]]],
+    end: float = math.inf,
 ) -> tuple[list[Answer], list[Left]]:
     """The answers on all cells, and what is left.
 
-    `answer` is asked about a system, and for how many it has to leave time; it gives the answer and the trees that are
-    positive on its cell. What is beyond each of these, within the same branch, is a cell of its own.
+    `answer` is asked about a system, beside those that wait; it gives the answer and the trees that are positive on
+    its cell. What is beyond each of these, within the same branch, is a cell of its own. No further one is begun after
+    the `end`.
     """
     waiting, found, left = [*branches], list[Answer](), list[Left]()
     while waiting:
         system = waiting.pop(0)
-        if len(found) == MOST_BRANCHES:
-            left.append(Left(tuple(map(collect, system.positive)), point_of(system), TOO_MANY))
+        if len(found) == MOST_BRANCHES or (system not in branches and now() > end):
+            reason = TOO_MANY if len(found) == MOST_BRANCHES else NO_TIME
+            left.append(Left(tuple(map(collect, system.positive)), point_of(system), reason))
             continue
-        one, sides = answer(system, len(waiting) + 1)
+        one, sides = answer(system, waiting)
         found.append(one)
         known = {collect(tree) for tree in system.positive}
         fresh = [side for side in sides if side not in known]
@@ -62,18 +68,16 @@ def answered(
 
 
 def beyond(system: SecondOrderSystem, cells: Sequence[Sequence[Expression]]) -> list[Left]:
-    """Cases without a known point, and the first point of the system that lies in none of the cells."""
+    """Cases without a known point, and sets that lie in none of the cells, each with a point."""
     found = [Left(tuple(map(collect, one.positive)), None, NO_POINT) for one in unreached(system)]
-    for seed in _SEEDS:
-        point = point_of(system, seed)
-        if point is not None and not any(are_positive(cell, point) for cell in cells):
-            return [*found, Left((), point, BEYOND)]
+    for outside in islice(product(*cells), _MOST_OUTSIDE) if system.branch is None else ():
+        other = on_side(system, [collect(-side) for side in outside])
+        point = None if other is None else point_of(other)
+        if other is not None and point is not None:
+            return [*found, Left(other.positive, point, BEYOND)]
     return found
 
 
 def point_of(system: SecondOrderSystem, seed: int = 1) -> RealTable | None:
     kernels = tuple(map(to_kernels, system.accelerations))
     return find_real_point(kernels, variables_of(system), seed, system.positive)
-
-
-__all__ = ["Left", "answered", "beyond", "branches_of", "point_of"]

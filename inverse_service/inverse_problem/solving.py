@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import bounds
+from inverse_service.algebra.real_point import are_positive
+from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.formulas import MAX_TEXT
-from inverse_service.deadline import OutOfTime, now, until
+from inverse_service.deadline import OutOfTime, left, now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, holds, node_count, walk
+from inverse_service.inverse_problem import cells
 from inverse_service.inverse_problem.confirming import (
     NOT_YET,
     Progress,
@@ -62,6 +66,8 @@ if TYPE_CHECKING:
 _SEARCH_SHARE = 0.5
 # Of the time left, what the decision on the first of two questions may take.
 _SHARE_OF_FIRST = 0.6
+# Seeds of points on other parts of a set.
+_OTHER_POINTS = range(2, 8)
 _UNSOLVED = (
     "the accelerations, solved for, are too long to decide about, and the equations as given have no Lagrangian of "
     "their own that answers this"
@@ -82,10 +88,12 @@ _QUICK, _FAIR = 1.9, 3.65
 
 def solve_branches(
     system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
-) -> tuple[Solution, ...]:
-    """The answers on each open set on which roots of squares, |u| and the like are single formulas.
+) -> tuple[tuple[Solution, ...], tuple[cells.Left, ...]]:
+    """The answers on all cells of the system, and the cells without one.
 
-    Each has its share of the time. More than `MOST_BRANCHES` give one undetermined answer.
+    Cells begin with the open sets on which roots of squares, |u| and the like are single formulas; what is beyond the
+    sides that the proof of an answer depends on is a cell of its own. Each has its share of the time. More than
+    `MOST_BRANCHES` sets give one undetermined answer.
     """
     branches = branches_of(system)
     if len(branches) > MOST_BRANCHES:
@@ -94,16 +102,48 @@ def solve_branches(
             f"roots of squares and the like make {number} cases of signs, each with an answer of its own; "
             f"at most {MOST_BRANCHES} are solved: write the formulas of one"
         )
-        return (_unreduced(system, options, None, reason),)
+        return (_unreduced(system, options, None, reason),), ()
     told, end, solutions = options.hand_over, now() + options.time_limit, list[Solution]()
-    quiet = options if len(branches) == 1 else replace(options, hand_over=None)
-    for place, branch in enumerate(branches):
-        share = (end - now()) / (len(branches) - place)
-        solutions.append(solve(branch, replace(quiet, time_limit=max(0.1, share)), progress))
-        if told is not None and len(branches) > 1:
-            left = [_unreduced(each, options, None, NOT_YET) for each in branches[place + 1 :]]
-            told((), partial(tuple, [*solutions, *left]))
-    return tuple(solutions)
+
+    def answer(
+        branch: SecondOrderSystem, waiting: Sequence[SecondOrderSystem]
+    ) -> tuple[Solution, Sequence[Expression]]:
+        alone = not waiting and not solutions
+        share = (end - now()) / (1 + len(waiting))
+        chosen = options if alone else replace(options, hand_over=None)
+        found = solve(branch, replace(chosen, time_limit=max(0.1, share)), progress)
+        solutions.append(found)
+        if told is not None and not alone:
+            open_ones = [_unreduced(each, options, None, NOT_YET) for each in waiting]
+            told((), partial(tuple, [*solutions, *open_ones]))
+        return found, sides_of(found)
+
+    _, open_cells = cells.answered(branches, answer, end)
+    open_cells += cells.beyond(system, [sides_of(one) for one in solutions])
+    open_cells += (one for found in solutions if (one := _other_part(found, end)) is not None)
+    return tuple(solutions), tuple(open_cells)
+
+
+def _other_part(solution: Solution, end: float) -> cells.Left | None:
+    """A point of the set of an answer for one part of it, at which its proof is none; None where all have it."""
+    for answer in (solution.autonomous, solution.with_time):
+        if answer is None or not answer.one_side or answer.certificate is None:
+            continue
+        for seed in _OTHER_POINTS:
+            point = cells.point_of(solution.system, seed)
+            if point is None or not are_positive(answer.sides, point) or now() > end:
+                continue
+            moved = dict(answer.certificate) | {"near": certify.moved_to(answer.certificate["near"], point)}
+            if check_certificate(moved, time_limit=left(end, 1.0)).verdict != "valid":
+                return cells.Left(sides_of(solution), point, "this part is not connected with the one answered")
+    return None
+
+
+def sides_of(solution: Solution) -> tuple[Expression, ...]:
+    """The trees that are positive on the cell of an answer, as far as its proofs depend on their signs."""
+    answers = [one for one in (solution.autonomous, solution.with_time) if one is not None]
+    sides = [*map(collect, solution.system.positive), *(side for one in answers for side in one.sides)]
+    return tuple(dict.fromkeys(sides))
 
 
 def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None) -> Solution:

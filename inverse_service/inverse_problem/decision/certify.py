@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -32,6 +32,7 @@ from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
+    PI,
     TIME,
     ZERO,
     Apply,
@@ -178,7 +179,8 @@ def _hinted(analysis: Analysis, certificate: dict[str, Any]) -> Iterator[dict[st
         names = replace(system.names, functions={**system.names.functions, **integrals})
         formulas.append(read_formula(certificate["lagrangian"], names))
     known = certificate.get("roots", [])
-    for roots in (_inverse_roots(formulas, table), [*_inverse_roots(formulas, table), *_signs(analysis)]):
+    first = [*_circular_roots(formulas, table), *_inverse_roots(formulas, table)]
+    for roots in (first, [*first, *_signs(analysis)]):
         if roots:
             yield certificate | {"roots": [*known, *roots]}
     if table is not None:
@@ -210,6 +212,43 @@ def _inverse_roots(formulas: Sequence[Expression], table: RealTable | None) -> l
             values = (value for side, value in root_ways(root) if are_positive(side, table))
             found += [{"root": to_text(root), "is": to_text(value)} for value in values]
     return found
+
+
+def _circular_roots(formulas: Sequence[Expression], table: RealTable | None) -> list[dict[str, str]]:
+    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(2 - 2*cos(u)) = +-2 sin(u/2) and the like, on the side of the point."""
+    found = list[dict[str, str]]()
+    for node in distinct_nodes(formulas) if table is not None else ():
+        if not isinstance(node, Power) or not is_even_root(node):
+            continue
+        angles = dict.fromkeys(angle for one in walk(node.base) if (angle := _angle(one)) is not None)
+        parts = [part for u in angles for part in (u, u / 2, u / 2 + PI / 4)]
+        for value in (apply(name, part) for part in parts for name in ("sin", "cos")):
+            factor = _factor(node.base, value**2, table or {})
+            if factor is not None:
+                sign = 1 if are_positive([value], table or {}) else -1
+                root = square_root(node.base)
+                found.append({"root": to_text(root), "is": to_text(sign * square_root(number(factor)) * value)})
+                break
+    return found
+
+
+def _angle(node: Expression) -> Expression | None:
+    match node:
+        case Apply("sin" | "cos", u) if varies(u):
+            return u
+    return None
+
+
+def _factor(base: Expression, square: Expression, table: RealTable) -> Fraction | None:
+    """A rational number that the quotient seems to be; the checker proves it."""
+    ratios = []
+    for shift in (0, Fraction(1, 7), Fraction(-2, 9)):
+        with suppress(NoRealValue, ZeroDivisionError):
+            moved = {key: value * (1 + mpmath.mpf(shift.numerator) / shift.denominator) for key, value in table.items()}
+            ratios.append(evaluate(base, moved) / evaluate(square, moved))
+    if len(ratios) < 3 or max(ratios) - min(ratios) > mpmath.mpf(10) ** -12 * abs(ratios[0]) or ratios[0] <= 0:
+        return None
+    return Fraction(mpmath.nstr(ratios[0], 15)).limit_denominator(1000)
 
 
 def point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
@@ -302,6 +341,12 @@ def head_of(
 def conditions_of(positive: Iterable[Expression]) -> list[str]:
     """The inequalities of a certificate that say that these trees are positive."""
     return [*dict.fromkeys(map(inequality_text, positive))][:_MOST_CONDITIONS]
+
+
+def moved_to(near: Mapping[str, str], table: RealTable) -> dict[str, str]:
+    """The values of the same names at another point."""
+    named = {to_text(key): mpmath.nstr(value, _DIGITS) for key, value in table.items() if not isinstance(key, Integral)}
+    return {name: named.get(name, value) for name, value in near.items()}
 
 
 def near_of(table: RealTable | None, names: Sequence[Symbol | Velocity]) -> dict[str, str]:

@@ -18,7 +18,7 @@ from inverse_service.inverse_problem.explanation.wording import with_conditions
 from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise, vanish
 from inverse_service.inverse_problem.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
 from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
-from inverse_service.inverse_problem.solving import solve, solve_branches
+from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics import first_integrals as kept
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.legendre.transform import LegendreTransform
@@ -285,7 +285,7 @@ def _answered(
     if one.system is None:
         return AssociatedAnswer(one, None)
     if one.system.branch is None:  # too many of them
-        return AssociatedAnswer(one, solve_branches(one.system, options)[0])
+        return AssociatedAnswer(one, solve(one.system, options))
     end = now() + options.time_limit
     free = options.time_dependent is not True and not options.ansatz
     known = _known(report, one, end) if free else ()

@@ -82,7 +82,11 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
         return _of_certificate(_object(result), document, end)
     system = _object(_object(result).get("system"))
     verdict, coordinates = _object(result).get("verdict"), system.get("coordinates")
-    good = _object(result).get("format") == RESULT_FORMAT and verdict in _VERDICTS and isinstance(coordinates, list)
+    good = (
+        _object(result).get("format") == RESULT_FORMAT
+        and verdict in (*_VERDICTS, "differs")
+        and isinstance(coordinates, list)
+    )
     if not good or not isinstance(system.get("equations"), dict) or len(_object(result)) > MAX_MEMBERS:
         return _answer(CheckResult("invalid", (_NO_RESULT,)))
     examination = Examination(_object(result), document, end)
@@ -215,12 +219,19 @@ class Examination:
             self.claim("/system/name", "/system/given/name")
         moving = isinstance(plain, dict) and (is_nonholonomic(plain) or is_motion(plain))
         timed = self.question(plain, own)
-        main = self.main(result, "", timed, own)
+        branches = result.get("branches") or []
+        first = {key: branches[0].get(key) for key in ("verdict", "verdict_with_time") if self.differ(key)}
+        main = self.main(result | first, "", timed, own)
+        for key in ("verdict", "verdict_with_time"):
+            if key in first or result.get(key) == "differs":
+                good = (result.get(key) == "differs") is (key in first)
+                self.agree(f"/{key}", good, result.get(key), "It is not what the verdicts of the cells make it.")
         for place, branch in enumerate(result.get("branches") or []):
             at = f"/branches/{place}"
             if place == 0:
                 for key, value in branch.items():
-                    if value != result.get(key):
+                    several = key in ("verdict", "verdict_with_time") and self.differ(key)
+                    if value != result.get(key) and not several:
                         self.contradict(f"{at}/{key}", value, "The first branch is not what the main fields say.")
             main = self.main(branch, at, timed, own) and main
         self.kinds(plain, own, moving)
@@ -237,6 +248,10 @@ class Examination:
         self.named(plain, own)
         if not self.contradictions:
             self.statement = canonical.of_cells(result, own, self.cells)
+
+    def differ(self, key: str) -> bool:
+        """Whether the cells have different verdicts."""
+        return len({str(one.get(key)) for one in self.result.get("branches") or []}) > 1
 
     def question(self, plain: Any, own: dict[str, Any]) -> bool:
         """Whether the main fields answer L(t, q, q')."""
@@ -259,7 +274,7 @@ class Examination:
         if timed and later not in (None, verdict):
             self.contradict(f"{at}/verdict_with_time", later, "Both answer one question differently.")
         for key, value in (("verdict", verdict), ("verdict_with_time", later)):
-            if value not in (*_VERDICTS, None):
+            if value not in (*_VERDICTS, None) and (at or value != "differs"):
                 self.contradict(f"{at}/{key}", value, "It is no verdict.")
         if (verdict, later) == ("variational", "not_variational"):
             self.contradict(f"{at}/verdict_with_time", later, "An L(q, q') is an L(t, q, q') too.")

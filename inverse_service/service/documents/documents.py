@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
     from inverse_service.expressions.tree import Expression
+    from inverse_service.inverse_problem.cells import Left
     from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
     from inverse_service.inverse_problem.solutions import Solution
 
@@ -194,9 +195,9 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     def tell(parts: Sequence[str], make: Callable[[], tuple[Solution, ...]]) -> None:
         grow.hand_over(parts, lambda: checked(_result(make(), schema), 1.0))
 
-    solutions = solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
+    solutions, left = solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
-    result = _result(solutions, schema)
+    result = _result(solutions, schema, left)
     limit = now() + SHARE_OF_SOLVER * (end - now())
     # What follows is loaded when asked for, so that others start sooner.
     if result.verdict == "not_variational":
@@ -221,11 +222,19 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         grow.begin("special_cases")
         result = with_special_cases(result, system, asked, (end, grow.stage))
     grow.begin("certificate")
-    return ordered(grow.end(checked(result, end - now())))
+    return with_one_verdict(ordered(grow.end(checked(result, end - now()))))
 
 
-def _result(solutions: Sequence[Solution], schema: SystemDocument) -> ResultDocument:
-    return translate.to_result(solutions[0], schema, solutions[1:])
+def _result(solutions: Sequence[Solution], schema: SystemDocument, left: Sequence[Left] = ()) -> ResultDocument:
+    return translate.to_result(solutions[0], schema, solutions[1:], left)
+
+
+def with_one_verdict(document: dict[str, Any]) -> dict[str, Any]:
+    """The main verdicts are `differs` where those of the cells do."""
+    for key in ("verdict", "verdict_with_time"):
+        if len({branch[key] for branch in document["branches"]}) > 1:
+            document[key] = "differs"
+    return document
 
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:

@@ -60,13 +60,16 @@ def _source(result: Mapping[str, Any], address: str) -> str:
 
 def _cases(result: dict[str, Any]) -> Iterator[str]:
     """All cases with their verdicts, before the answers, where there are several."""
-    branches = text_page.branches_of(result)
-    if len(branches) > 1:
+    branches, left = text_page.branches_of(result), result.get("not_answered") or []
+    if len(branches) > 1 or left:
         differ = ", which differ" * (text_page.common_verdict(branches) == "mixed")
         yield rf"{len(branches)} cases{differ}: \begin{{itemize}}"
         for branch in branches:
             where = conditions_latex(branch["domain"], result["system"])
             yield rf"\item {where}: {text_page.spaced(branch['verdict'])}"
+        for one in left:
+            where = conditions_latex(one["domain"], result["system"]) if one["domain"] else "elsewhere"
+            yield rf"\item {where}: not answered"
         yield r"\end{itemize}"
 
 

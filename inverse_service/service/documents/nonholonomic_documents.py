@@ -120,7 +120,7 @@ def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | Non
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
     grow.begin("certificate")
-    return documents.ordered(grow.end(documents.checked(whole, end - now())))
+    return documents.with_one_verdict(documents.ordered(grow.end(documents.checked(whole, end - now()))))
 
 
 @dataclasses.dataclass(slots=True)

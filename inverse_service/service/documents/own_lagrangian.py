@@ -104,7 +104,7 @@ def _on_cells(
         return [judging.judge(system, lagrangian)[0]], []
     both = replace(system, accelerations=(*system.accelerations, lagrangian))
 
-    def answer(one: SecondOrderSystem, others: int) -> tuple[dict[str, Any], Sequence[Expression]]:
+    def answer(one: SecondOrderSystem, _: object) -> tuple[dict[str, Any], Sequence[Expression]]:
         branch = one.branch and replace(one.branch, given=one.branch.given[:-1])
         return judging.judge(replace(one, accelerations=one.accelerations[:-1], branch=branch), one.accelerations[-1])
 
@@ -172,8 +172,7 @@ class _Judging:
             point = cells.point_of(system, seed)
             if point is None:
                 continue
-            named = {translate.name_of(key): mpmath.nstr(value, 20) for key, value in point.items()}
-            moved = certificate | {"near": {name: named.get(name, x) for name, x in certificate["near"].items()}}
+            moved = certificate | {"near": certify.moved_to(certificate["near"], point)}
             found = check_certificate(moved, time_limit=limit)
             if found.verdict == "invalid":
                 return {"verdict": "differs", "reasons": [found.reasons[0]]} | self.failing(system, point)

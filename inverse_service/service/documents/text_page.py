@@ -120,11 +120,17 @@ DEFINITE = "positive_definite"
 
 
 def _cases(result: dict[str, Any]) -> Iterator[str]:
-    branches = branches_of(result)
-    if len(branches) > 1:
+    branches, left = branches_of(result), result.get("not_answered") or []
+    if len(branches) > 1 or left:
         yield f"{len(branches)} cases{', which differ' * (common_verdict(branches) == 'mixed')}:"
         yield from (f"  {', '.join(each['domain'])}: {spaced(each['verdict'])}" for each in branches)
+        yield from (f"  {place_of(each)}: not answered, {each['reason']}" for each in left)
         yield ""
+
+
+def place_of(part: Mapping[str, Any]) -> str:
+    """Where a cell is: its conditions, or a point of it."""
+    return ", ".join(part["domain"]) or ", ".join(f"{name} = {value}" for name, value in part["near"].items())
 
 
 def _both_answers(branch: Mapping[str, Any], result: dict[str, Any], explain: bool) -> Iterator[str]:

@@ -6,10 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import mpmath
+
 from api_schemas import result as schemas
 from api_schemas.base import Document, ParseAnswer, ParsedFormula
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
+from inverse_service.algebra.real_point import strongest
 from inverse_service.expressions.inequalities import inequality_text, is_plainly_nonzero, is_plainly_positive
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
@@ -29,6 +32,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem import solutions
+from inverse_service.inverse_problem.cells import Left
 from inverse_service.inverse_problem.decision.certify import integrals_of
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -99,11 +103,14 @@ def function_fields(system: SecondOrderSystem | NonholonomicSystem) -> dict[str,
 
 
 def to_result(
-    solution: solutions.Solution, schema: Asking, others: Sequence[solutions.Solution] = ()
+    solution: solutions.Solution,
+    schema: Asking,
+    others: Sequence[solutions.Solution] = (),
+    left: Sequence[Left] = (),
 ) -> schemas.ResultDocument:
     """The result document; `with_time` is filled where the other question has another answer.
 
-    `others` are the solutions on further branches of the same system.
+    `others` are the solutions on further cells of the same system, `left` the cells without one.
     """
     branches = [solution, *others] if others else []
     return schemas.ResultDocument(
@@ -112,9 +119,18 @@ def to_result(
         **_both_answers(solution, schema),
         conditions=_conditions(solution.conditions),
         branches=[schemas.BranchPart(**_both_answers(branch, schema)) for branch in branches],
+        not_answered=[_not_answered(one) for one in left],
         advice=_advice(solution, schema.time_dependent_lagrangian),
         guessed=guessed_names(schema, solution.system),
         provenance={"program": "inverse-service", "version": __version__, **plain(solution.provenance)},
+    )
+
+
+def _not_answered(left: Left) -> schemas.NotAnsweredPart:
+    named = {name_of(key): mpmath.nstr(value, 20) for key, value in (left.near or {}).items()}
+    near = {name: value for name, value in named.items() if name}
+    return schemas.NotAnsweredPart(
+        domain=list(map(inequality_text, strongest(left.positive))), near=near, reason=left.reason
     )
 
 
