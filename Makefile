@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation font reference
+.PHONY: docs install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation font reference
 
 # What the service and the command line need; what tests and development need besides.
 service: $(SERVICE)
@@ -97,6 +97,10 @@ font: install
 	  --output-file=$(FONT).woff2
 	cp build/font/package/LICENSE $(FONT).LICENSE
 
-# docs/fields.md and docs/reference.md from the program; a test says when they are old.
+# docs/fields.md from the program; a test says when it is old.
 reference: install
 	.venv/bin/python -m tests.docs.reference
+
+# The documentation as a site in build/site; a warning is an error.
+docs: install
+	.venv/bin/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs build/site

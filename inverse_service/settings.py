@@ -180,7 +180,7 @@ def _refuse_unknown(environment: Mapping[str, str]) -> None:
     for name in environment:
         if name.startswith(PREFIX) and name.removeprefix(PREFIX) not in known:
             near = difflib.get_close_matches(name.removeprefix(PREFIX), known, 1)
-            hint = f"did you mean {PREFIX}{near[0]}?" if near else "the README lists all."
+            hint = f"did you mean {PREFIX}{near[0]}?" if near else "docs/reference/settings.md lists all."
             raise InputError(f"There is no setting {name[:80]}; {hint}")
 
 

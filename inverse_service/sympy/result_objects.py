@@ -245,8 +245,8 @@ class Result(Answer):
     """A whole result; `result["verdict"]` and all other keys of the document go on.
 
     `lagrangian`, `hamiltonian`, `domain`, `multiplier` and `proof` belong to the answer that is shown first at every
-    door: that to L(q, q'), or that to L(t, q, q') where this has the simpler Lagrangian. `main` and `with_time` are the
-    two answers. Where the equations are another formula on either side of a zero (|x|, Heaviside(x), sqrt(x^2)) they
+    door: that to L(q, q'), or that to L(t, q, q') where this has the simpler Lagrangian. `main` and `with_time` are
+    the two answers. Where the equations are another formula on either side of a zero (`abs(x)`, `Heaviside(x)`) they
     are those of the first of the `branches`.
     """
 

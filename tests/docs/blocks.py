@@ -20,7 +20,8 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.
                 ROOT / "inverse_service" / "certificate" / "FORMAT.md"])  # fmt: skip
 PROGRAMS = ("sh", "bash", "python")
 DOCUMENTS = ("json", "yaml")
-LANGUAGES = (*PROGRAMS, *DOCUMENTS, "output", "text")
+# What begins with a brace is for the site alone (`make docs`).
+LANGUAGES = (*PROGRAMS, *DOCUMENTS, "output", "text", "{toctree}", "{eval-rst}")
 MARKS = ("slow", "not-run")
 # What the pages print where a test has an address and a folder of its own.
 ADDRESS = "http://127.0.0.1:8000"

@@ -1,9 +1,7 @@
-"""docs/fields.md from the OpenAPI description, docs/reference.md from docstrings: `make reference`."""
+"""docs/fields.md from the OpenAPI description: `make reference`."""
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -15,16 +13,6 @@ from tests.docs.blocks import ROOT
 DOCS = ROOT / "docs"
 # What is written by hand stands before and after these marks.
 BEGIN, END = "<!-- fields -->\n\n", "<!-- end of fields -->\n"
-MODULES = (
-    "inverse_service",
-    "inverse_service.sympy",
-    "inverse_service.sympy.result_objects",
-    "inverse_service.client",
-    "inverse_service.catalogue",
-    "inverse_service.errors",
-)
-# What stands in a module for others of the package and not for its users.
-INNER = frozenset(("result_of", "find", "names_for", "answers_to_many", "row_of", "table_of"))
 
 
 def fields(description: dict[str, Any]) -> str:
@@ -94,71 +82,6 @@ def kind(schema: dict[str, Any]) -> str:
     return plain.get(schema.get("type", ""), "anything")
 
 
-def reference() -> str:
-    """Every public function and class of `MODULES` with its signature and docstring."""
-    parts = [
-        "# The Python interface\n\n"
-        "Made from the docstrings by `make reference`. Examples are in the [guide](guide.md) and in "
-        "[sympy.md](sympy.md); the\nfields of documents and results in [fields.md](fields.md).\n"
-    ]
-    for name in MODULES:
-        module = importlib.import_module(name)
-        parts.append(f"## {name}\n\n{_text(module)}\n")
-        parts += [_entry(word, getattr(module, word)) for word in _public(module)]
-    return "\n".join(parts)
-
-
-def _public(module: Any) -> list[str]:
-    """The names a user may take from the module: its __all__, else what is defined there."""
-    own = getattr(module, "__all__", None) or [
-        name for name, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__
-    ]
-    elsewhere = "inverse_service.sympy.result_objects"
-    documented = elsewhere if module.__name__ != elsewhere else ""
-    values = {name: getattr(module, name) for name in own if name[0] != "_" and name not in INNER}
-    return sorted(
-        name
-        for name, value in values.items()
-        if (inspect.isfunction(value) or inspect.isclass(value)) and value.__module__ != documented
-    )
-
-
-def _entry(name: str, value: Any) -> str:
-    if not inspect.isclass(value):
-        return f"### {name}\n\n`{name}{_signature(value)}`\n\n{_text(value)}\n"
-    members = []
-    for word, member in vars(value).items():
-        function = getattr(member, "func", getattr(member, "fget", member))
-        if word[0] == "_" or not inspect.isfunction(function):
-            continue
-        called = _signature(member) if inspect.isfunction(member) else ""
-        members.append(f"- `{word}{called}`: {_plain(inspect.getdoc(function) or '')}")
-    made = _signature(value) if issubclass(value, Exception) is False else ""
-    return "\n".join([f"### {name}\n\n`{name}{made}`\n\n{_text(value)}\n", *members, ""])
-
-
-def _signature(value: Any) -> str:
-    """The arguments without their types, which are in the source."""
-    signature = inspect.signature(value)
-    plain = [
-        parameter.replace(annotation=parameter.empty)
-        for parameter in signature.parameters.values()
-        if parameter.name != "self"
-    ]
-    return str(signature.replace(parameters=plain, return_annotation=signature.empty))
-
-
-def _text(value: Any) -> str:
-    """The docstring; indented lines are code already."""
-    return (inspect.getdoc(value) or "").replace("*", "\\*") if not inspect.ismodule(value) else _plain_module(value)
-
-
-def _plain_module(module: Any) -> str:
-    text = inspect.getdoc(module) or ""
-    paragraphs = [part for part in text.split("\n\n") if not part.startswith("    ")]
-    return "\n\n".join(paragraphs)
-
-
 def fields_page(description: dict[str, Any]) -> str:
     """docs/fields.md with its tables made again."""
     page = (DOCS / "fields.md").read_text()
@@ -167,9 +90,8 @@ def fields_page(description: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Write both pages."""
+    """Write the page."""
     (DOCS / "fields.md").write_text(fields_page(create_application(read_settings()).openapi()))
-    (DOCS / "reference.md").write_text(reference())
 
 
 if __name__ == "__main__":

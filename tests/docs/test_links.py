@@ -51,16 +51,11 @@ def test_every_file_that_is_named_is_there(page: Path) -> None:
     assert [name for name in names if not (ROOT / name).exists()] == []
 
 
-def test_every_command_is_in_the_readme() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_every_command_is_on_its_page() -> None:
+    page = (ROOT / "docs/reference/cli.md").read_text(encoding="utf-8")
     for command in application.registered_commands:
         name = command.name or command.callback.__name__
-        assert re.search(rf"^\| .*`{name}[ `].* \|$", readme, re.MULTILINE), name
-
-
-def test_every_page_is_linked_from_the_readme() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert [page.name for page in PAGES if page.name != "README.md" and page.name not in readme] == []
+        assert re.search(rf"^\| .*`{name}[ `].* \|$", page, re.MULTILINE), name
 
 
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.name)
@@ -98,7 +93,3 @@ def test_citation_and_licence_belong_to_this_version() -> None:
     assert citation["license"] == project["license"] == "MIT"
     assert "MIT License" in (ROOT / project["license-files"][0]).read_text(encoding="utf-8")
     assert f"## {inverse_service.__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-
-
-def test_the_readme_is_short() -> None:
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 150

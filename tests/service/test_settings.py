@@ -45,7 +45,7 @@ def test_a_bad_value_names_its_variable(name: str, value: str) -> None:
     ("name", "words"),
     [
         ("API_KEY", "INVERSE_SERVICE_API_KEYS"), ("TIMELIMIT", "INVERSE_SERVICE_TIME_LIMIT"), ("WORKER", "WORKERS"),
-        ("ZZZZZZ", "README"),
+        ("ZZZZZZ", "settings.md"),
     ],
 )  # fmt: skip
 def test_a_misspelt_setting_stops_the_start(name: str, words: str) -> None:

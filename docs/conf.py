@@ -1,0 +1,20 @@
+"""The documentation as a site: `make docs`."""
+
+from __future__ import annotations
+
+from inverse_service import __version__
+
+project = "inverse-service"
+author = "The inverse-service authors"
+release = version = __version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+source_suffix = {".md": "markdown"}
+html_theme = "pydata_sphinx_theme"
+html_theme_options = {"show_prev_next": False, "navigation_with_keys": False}
+html_title = "inverse-service"
+myst_heading_anchors = 4
+# Pages link to files of the repository, which are no pages of the site.
+suppress_warnings = ["myst.xref_missing", "myst.header"]
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+highlight_language = "text"
