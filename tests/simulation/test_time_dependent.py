@@ -116,7 +116,7 @@ def test_the_energy_of_a_driven_system_is_that_of_its_motion() -> None:
 
 def test_a_lagrangian_that_has_other_motions_is_refused() -> None:
     scene = DAMPED | {"step": 0.1, "steps": 5, "methods": ["variational"], "free_lagrangian": "exp(t)*(x'^2 - x^2)"}
-    with pytest.raises(InputError, match="no solution of this Lagrangian"):
+    with pytest.raises(InputError, match="no solution of this"):
         simulate(scene)
 
 

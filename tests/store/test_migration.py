@@ -88,7 +88,7 @@ def test_a_newer_database_says_so_and_stays_as_it_is(tmp_path: Path) -> None:
     before = path.read_bytes()
     with pytest.raises(WrongVersion):
         SqliteStore(path)
-    with pytest.raises(InputError, match="a newer version of this program wrote it"):
+    with pytest.raises(InputError, match="a newer version of"):
         open_store(str(path))
     assert path.read_bytes() == before
 
@@ -113,7 +113,7 @@ def test_a_database_of_another_program_is_left_as_it_is(tmp_path: Path, script: 
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute(script)
     connection.close()
-    with pytest.raises(InputError, match="no database of this program"):
+    with pytest.raises(InputError, match="no database of this"):
         open_store(str(path))
     with sqlite3.connect(path) as connection:
         tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_schema")}

@@ -123,7 +123,7 @@ def assert_each_line_is_answered_once(service: Service, place: str, count: int, 
     lines = [json.loads(line) for line in text.splitlines() if line]  # an empty one says that the stream lives
     assert Counter(line["id"] for line in lines) == Counter(range(1, count + 1))
     failed = [line["detail"] for line in lines if "verdict" not in line]
-    assert all("worker process was killed repeatedly" in detail for detail in failed)
+    assert all("worker process was killed" in detail for detail in failed)
     print(f"{count} lines, each answered once, {len(failed)} without a verdict")
     assert len(failed) <= most_failed
     assert {line["verdict"] for line in lines if "verdict" in line} <= {"variational", "not_variational"}
