@@ -262,7 +262,8 @@ class ResultDocument(OtherAnswer):
     without one; `verdict` is `differs` where the cells have different verdicts. `exceptions`: special values of the
     parameters that are not decided here.
     `guessed` are names that the document did not declare and asked to be taken as constants (or functions),
-    `readings` ({"text": "kx", "as": "k*x"}) what was read otherwise than typed.
+    `readings` ({"text": "kx", "as": "k*x"}) what was read otherwise than typed, `ignored` keys
+    that are not of documents.
     `kinds` answers what the document asks about kinds of Lagrangians; `instead` is what a system without L(q, q') has.
     """
 
@@ -284,6 +285,7 @@ class ResultDocument(OtherAnswer):
     advice: AdvicePart | None = None
     guessed: list[str] = Field(default_factory=list)
     readings: list[dict[str, str]] = Field(default_factory=list)
+    ignored: list[str] = Field(default_factory=list)
     incomplete: list[IncompletePart] = Field(default_factory=list)
     provenance: dict[str, Any] = Field(default_factory=dict)
 
@@ -322,3 +324,4 @@ class ForwardResult(Document):
     conserved: list[ConservedQuantity]
     guessed: list[str] = Field(default_factory=list)
     readings: list[dict[str, str]] = Field(default_factory=list)
+    ignored: list[str] = Field(default_factory=list)

@@ -122,14 +122,21 @@ def solve(
             help="Take undeclared names as constants, and say so; the default for equations on the command line only.",
         ),
     ] = None,
+    parameters: Annotated[str | None, typer.Option(help="Names of constants: q,r or q=1/2,r.")] = None,
+    functions: Annotated[str | None, typer.Option(help='Arbitrary functions: "V(x,y), f(t)".')] = None,
+    coordinates: Annotated[str | None, typer.Option(help="The coordinates, in their order: x,y.")] = None,
+    time: Annotated[str | None, typer.Option(help="The name of the independent variable, such as x.")] = None,
     progress: Annotated[bool, typer.Option("--progress", help="A line for each part as it is finished.")] = False,
 ) -> None:
     """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
     from inverse_service.cli.solve_command import solve_file
 
     form = format.value
+    named = {"parameters": parameters, "functions": functions, "coordinates": coordinates, "time": time}
     sys.exit(
-        solve_file(file, form, time_limit, seed, explain, special_cases, guess, kind or (), clock, output, progress)
+        solve_file(
+            file, form, time_limit, seed, explain, special_cases, guess, kind or (), clock, output, progress, named
+        )
     )
 
 

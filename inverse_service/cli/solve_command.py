@@ -41,14 +41,15 @@ def solve_file(
     clock: str | None = None,
     output: Path | None = None,
     progress: bool = False,
+    named: Mapping[str, str | None] | None = None,
 ) -> ExitCode:
     """Solve the document in a process of its own and print the result, or write it to a file.
 
-    `progress`: a line on standard error for each part as it is finished.
+    `progress`: a line on standard error for each part as it is finished. `named` declares names, as a document does.
     """
     settings = read_settings()
     limit = time_limit_or(settings.time_limit, time_limit)
-    document, given = split_options(given_document(name, guess))
+    document, given = split_options(with_declared(given_document(name, guess), named or {}))
     asked = read_options(given, JobOptions(limit, settings.memory_limit, seed))
     if special_cases and isinstance(document, dict):
         document = {**document, "special_cases": True}
@@ -62,7 +63,7 @@ def solve_file(
     write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
-    if result.get("guessed") and form != "text":
+    if (result.get("guessed") or result.get("readings")) and form != "text":
         _say_what_was_guessed(result)
     return ExitCode.OPEN if _is_open(result) else ExitCode.DONE
 
@@ -115,6 +116,24 @@ def given_document(name: str, guess: bool | None) -> Any:
     else:
         document = read_document(read_bytes(name), name)
     return with_guess(document) if guess and isinstance(document, dict) else document
+
+
+def with_declared(document: Any, named: Mapping[str, str | None]) -> Any:
+    """The document with the names of the options --parameters, --functions, --coordinates and --time."""
+    given = {key: text for key, text in named.items() if text is not None}
+    if not given or not isinstance(document, dict):
+        return document
+    found = document | given
+    if "functions" in given:
+        calls = re.findall(r"([^\s(),;]+)\s*\(([^()]*)\)", given["functions"])
+        found["functions"] = {**document.get("functions", {}), **dict(calls)}
+    if "parameters" in given:
+        words = [word for word in re.split(r"[,;\s]+", re.sub(r"\s*=\s*", "=", given["parameters"])) if word]
+        values = {name: value or None for name, _, value in (word.partition("=") for word in words)}
+        before = document.get("parameters") or ()
+        earlier = before if isinstance(before, dict) else dict.fromkeys([AND_GUESS] if before == GUESS else before)
+        found["parameters"] = {**values, **earlier}
+    return found
 
 
 def with_guess(document: dict[str, Any]) -> dict[str, Any]:

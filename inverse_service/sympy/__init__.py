@@ -70,7 +70,9 @@ def asked(
     keys = {"coordinates": coordinates, "velocities": velocities, "time": time, **questions}
     given = {key: value for key, value in keys.items() if value is not None}
     if isinstance(system, str):
-        return _of_text(system) | given, None
+        plain = _of_text(system)
+        guesses = plain.keys() == {"equations"} and "parameters" not in given
+        return plain | given | ({"parameters": "guess"} if guesses else {}), None
     if isinstance(system, Mapping) and all(isinstance(key, str) for key in system):
         texts = all(isinstance(value, str | int) and not isinstance(value, bool) for value in system.values())
         return ({"equations": system} if texts and system and not _KEYS & system.keys() else dict(system)) | given, None

@@ -177,7 +177,7 @@ def test_a_file_of_another_kind_is_exit_2_at_once(files: tuple[Path, Path]) -> N
     for text, words in (
         (json.dumps([SPRING, SWIRL]), "a JSON array"),
         (json.dumps(SPRING, indent=2), "several lines"),
-        ("id,equations\n" * 11, "The first 10 lines are all error lines"),
+        ("id,equations\n" * 11, "All 12 lines are error lines"),
     ):
         output.unlink(missing_ok=True)
         source.write_text(text)

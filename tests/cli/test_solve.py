@@ -243,9 +243,25 @@ def test_equations_are_an_argument_and_what_was_guessed_is_said(call: Any) -> No
 
 
 def test_a_suspect_name_is_asked_back_on_the_command_line(call: Any) -> None:
-    found = call("solve", "x'' = -kx")
+    found = call("solve", "x'' = -xm")
     assert (found.code, found.out) == (2, "")
-    assert "did you mean k*x?" in found.err
+    assert "did you mean x*m?" in found.err
+
+
+def test_a_run_of_letters_with_one_reading_is_read_and_said(call: Any) -> None:
+    found = call("solve", "mx'' = -kx")
+    assert json.loads(found.out)["readings"] == [{"text": "mx", "as": "m*x"}, {"text": "kx", "as": "k*x"}]
+    assert "kx as k*x" in found.err
+    assert call("solve", "x'' = -kx", "--no-guess").code == 2
+
+
+@pytest.mark.slow
+def test_options_declare_names_for_a_text(call: Any) -> None:
+    found = json.loads(call("solve", "x'' = -q*B(y) + w; y'' = -y", "--parameters", "q=2,w", "--functions", "B(y)").out)
+    assert found["system"]["equations"]["x"] == "-2*B(y) + w"
+    assert (found["system"]["parameters"], found["guessed"]) == (["w"], [])
+    found = json.loads(call("solve", "y'' = -k*y/s", "--time", "s", "--coordinates", "y").out)
+    assert (found["system"]["time"], found["guessed"]) == ("s", ["k"])
 
 
 @pytest.mark.slow

@@ -21,6 +21,7 @@ from inverse_service.reading.document_names import Declared, parameter_values, w
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import placed_at, read_formula, without_accelerations
 from inverse_service.service.documents.plain_data import escape
+from inverse_service.service.documents.preparing import near_key
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
@@ -164,7 +165,9 @@ def validated(document: Any, schema: type[Read], wording: Wording | None = None)
     try:
         return schema.model_validate(document)
     except ValidationError as error:
-        found = error.errors(include_url=False, include_input=False)[:MAX_PLACES]
+        found = error.errors(include_url=False, include_input=False)
+        found.sort(key=lambda fault: fault["type"] != "extra_forbidden" or not near_key(str(fault["loc"][0])))
+        found = found[:MAX_PLACES]
         raise DocumentRefused(tuple(_place(fault, wording or _of_systems(schema)) for fault in found)) from None
 
 
@@ -191,6 +194,8 @@ def _of_systems(schema: type[Document]) -> Wording:
     def unknown(steps: Steps, where: str) -> str:
         if steps[0] in BESIDE and "constraints" in schema.model_fields:
             return BESIDE[str(steps[0])]
+        if len(steps) == 1 and (meant := near_key(str(steps[0]))):
+            return f"The key {where} is not known here: did you mean '{meant}'?"
         keys = ", ".join((*schema.model_fields, *ALSO))
         return f"The key {where} is not known here; a {TITLES.get(schema.__name__, 'system')} has the keys {keys}."
 

@@ -51,6 +51,32 @@ _MOVING = re.compile(rf"{_FIRST}(?:\s*['\u2032\u2033]|_?d?dot\b)")
 _BARE = re.compile(rf"{_FIRST}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_FIRST}_?ddot\b")
 
 
+# Of documents of every kind.
+KEYS = frozenset((
+    *("name", "coordinates", "parameters", "functions", "where", "equations", "lagrangian", "constraints", "motion"),
+    *("time_dependent_lagrangian", "ansatz", "series_order", "special_cases", "clock", "kinds", "near", "associated"),
+    *("multiples", "time", "id", "options", "metadata", "search", "first_integrals", "catalogue", "format"),
+))  # fmt: skip
+
+
+def near_key(key: str) -> str:
+    """The key that was meant by one with at most two wrong letters, and less than half of them; else nothing."""
+    most = min(2, (len(key) - 1) // 2)
+    return next((known for known in sorted(KEYS) if 0 < _distance(key, known) <= most), "")
+
+
+def _distance(first: str, second: str) -> int:
+    """How many letters are put in, left out or changed (Levenshtein); 3 where it is more than two."""
+    if abs(len(first) - len(second)) > 2:
+        return 3
+    row = list(range(len(second) + 1))
+    for place, letter in enumerate(first, 1):
+        before, row[0] = row[0], place
+        for column, other in enumerate(second, 1):
+            before, row[column] = row[column], min(row[column] + 1, row[column - 1] + 1, before + (letter != other))
+    return row[-1]
+
+
 def is_motion(document: Any) -> bool:
     """Whether a document gives a motion on constraints as it is."""
     return isinstance(document, dict) and "motion" in document
@@ -141,7 +167,11 @@ def prepared(document: Any) -> Prepared:
     plain = _with_lagrangian(plain)
     if is_forward(plain):
         plain.pop("constraints", None)
-    extra = {"id": document["id"]} if "id" in document else {}
+    extra = {key: document[key] for key in ("id", "metadata") if key in document}
+    plain.pop("metadata", None)
+    if ignored := [key for key in plain if isinstance(key, str) and key not in KEYS and not near_key(key)]:
+        extra["ignored"] = ignored
+        plain = {key: value for key, value in plain.items() if key not in ignored}
     plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
     time = _time_name(plain)
     free = "" if time != "t" else _free_variable(plain)

@@ -28,7 +28,7 @@ from inverse_service.service.jobs.workers import Executor, Workers
 # Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
 AHEAD = 8
 # So many error lines at the beginning, and nothing else, are a file of another kind.
-FIRST = 10
+UNUSABLE = 10  # error lines, where there are no others
 # What `again` names, as answers are counted.
 AGAIN = {"errors": ("error", "fault"), "undetermined": ("undetermined",)}
 
@@ -88,26 +88,26 @@ def run_batch(plan: BatchPlan, summary: Summary, report: Callable[[Line], None] 
                 for line, answer in engine.answers(itertools.chain((first,), lines)):
                     run.count(line, output.add(answer))
                 summary.duplicates = engine.duplicates
+                run.refuse_all_bad()
         summary.replaced = output.superseded
 
 
 class _Run:
-    """Which lines are open, and what became of the first ten."""
+    """Which lines are open, and whether any of them could be read."""
 
     def __init__(self, again: frozenset[str], output: Output, summary: Summary, report: Callable[[Line], None]) -> None:
         self._again = frozenset(label for name in again for label in AGAIN[name])
         self._output, self._summary, self._report = output, summary, report
         self._earlier = dict(output.known)
-        self._first: list[int] = []
-        self._bad: set[int] = set()
+        self._begun = False
+        self._bad = self._good = 0
 
     def open_lines(self, lines: Iterator[Line]) -> Iterator[Line]:
         """The lines without an answer that counts: of this very question, and not one to be asked again."""
         for line in lines:
-            if not self._first:
+            if not self._begun:
                 _refuse_other_layouts(line)
-            if len(self._first) < FIRST:
-                self._first.append(line.number)
+            self._begun = True
             answer = self._earlier.get(key_of(line))
             if answer is None or answer.digest != line.digest or answer.label in self._again:
                 yield line
@@ -116,16 +116,16 @@ class _Run:
                 self.count(line, answer)
 
     def count(self, line: Line, answer: Known) -> None:
-        """A line is answered; raises InputError where it is the last of ten bad ones that begin the input."""
+        """A line is answered."""
         self._summary.count(answer)
         self._report(line)
-        if answer.label == "error" and line.number in self._first:
-            self._bad.add(line.number)
-            if len(self._bad) == FIRST:
-                raise InputError(
-                    f"The first {FIRST} lines are all error lines, so the batch stops; the first says: "
-                    f"{self._summary.first['error']}"
-                )
+        self._bad += answer.label == "error"
+        self._good += answer.label != "error"
+
+    def refuse_all_bad(self) -> None:
+        """InputError where ten lines or more are error lines, and all are: the input has another layout."""
+        if self._bad >= UNUSABLE and not self._good:
+            raise InputError(f"All {self._bad} lines are error lines; the first says: {self._summary.first['error']}")
 
 
 def _refuse_other_layouts(line: Line) -> None:
