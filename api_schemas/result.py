@@ -39,11 +39,15 @@ class ExplanationStep(Document):
 
 
 class LagrangianPart(Formula):
-    """A Lagrangian, the set where it is defined, at which points of that it is regular, and where it comes from."""
+    """A Lagrangian, the set where it is defined, at which points of that it is regular, and where it comes from.
+
+    `reason` says why one of `other_lagrangians` is shown: "shorter", "positive definite" or "of another kind".
+    """
 
     domain: list[str] = Field(default_factory=list)
     family: str = ""
     regular: str = ""
+    reason: str = ""
 
 
 class HamiltonianPart(Formula):
@@ -157,7 +161,10 @@ class SpecialCasesPart(Document):
 
 
 class OtherAnswer(Document):
-    """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result."""
+    """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result.
+
+    `explanation` are the steps that convince, `details` those that say how it was found and what else proves it.
+    """
 
     verdict: Verdict
     lagrangian: LagrangianPart | None = None
@@ -168,6 +175,7 @@ class OtherAnswer(Document):
     solution_space: SolutionSpacePart | None = None
     certificate: dict[str, Any] | None = None
     explanation: list[ExplanationStep] = Field(default_factory=list)
+    details: list[ExplanationStep] = Field(default_factory=list)
     checked: Checked | None = None
     reason: str = ""
     domain: list[str] = Field(default_factory=list)

@@ -7,7 +7,9 @@ The theory's notation is a small one of our own, written as people type it: "g_i
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from html import escape
 
@@ -107,8 +109,26 @@ def partial_derivative(of: Formula, by: Expression) -> Formula:
     )
 
 
+# What the multiplier is called: g, unless the system has that name.
+MULTIPLIER: ContextVar[str] = ContextVar("multiplier", default="g")
+_LETTER_G = re.compile(r"(?<![A-Za-z])g(?![A-Za-z])|(?<=\bd)g(?=_)")
+
+
+@contextmanager
+def multiplier_beside(names: Collection[str]) -> Iterator[None]:
+    """Inside, the multiplier has a letter that is none of these names."""
+    letter = next((one for one in ("g", "h", "m") if not any(n.partition("_")[0] == one for n in names)), "g")
+    token = MULTIPLIER.set(letter)
+    try:
+        yield
+    finally:
+        MULTIPLIER.reset(token)
+
+
 def theory(text: str) -> Formula:
     """A formula of the theory from its text."""
+    if MULTIPLIER.get() != "g":
+        text = _LETTER_G.sub(MULTIPLIER.get(), text)
     latex, mathml, uses, letters = [], [], [], []
     for match in _TOKEN.finditer(text):
         if match["rate"]:

@@ -14,15 +14,13 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
 from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.explanation.finding import (
-    energy_step,
     hamiltonian_of,
     legendre_steps,
     verification_steps,
 )
-from inverse_service.inverse_problem.search.further import is_multiple, with_squared_energies
+from inverse_service.inverse_problem.search.further import is_multiple, why_shown
 from inverse_service.inverse_problem.search.protocol import Found, SearchOutcome, describe
-from inverse_service.inverse_problem.search.tidy import tidied
-from inverse_service.inverse_problem.solutions import Answer, Solution, Step
+from inverse_service.inverse_problem.solutions import Answer, Lagrangian, Solution, Step
 
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.analysis import Analysis
@@ -31,8 +29,6 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
-# The family of Lagrangians that hold squares of energies.
-OF_ENERGIES = "functions of energies"
 # Work that takes longer tells what is confirmed meanwhile, s.
 _AT_ONCE = 0.05
 NOT_YET = "This is not settled yet."
@@ -165,22 +161,20 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     work.progress("Hamiltonian")
     names = work.analysis.system.coordinates
     hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
-    steps = (*answer.explanation, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
+    steps = (*answer.details, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
-    tell(work, replace(answer, hamiltonian=hamiltonian, explanation=steps), with_time)
-    raised = None if work.analysis.system.is_unsolved else with_squared_energies(answer.lagrangian.expression, names)
-    families = {} if others is None else dict.fromkeys(others.lagrangians, others.family)
-    if raised is not None:
-        system = work.analysis.system
-        taken = {*names[1:], *system.parameters, *dict(system.functions)}
-        families, steps = {**families, tidied(raised, system): OF_ENERGIES}, (*steps, energy_step(taken))
-    valid: list[Expression] = []
-    for other in families:
-        known = (answer.lagrangian.expression, *valid)
-        if not any(is_multiple(one, other, names, work.analysis.real_point) for one in known):
-            valid += [other] if is_confirmed(work, other, with_time) else []
-    described = tuple(describe(work.analysis, other, families[other]) for other in valid)
-    return replace(answer, hamiltonian=hamiltonian, other_lagrangians=described, explanation=steps)
+    answer = replace(answer, hamiltonian=hamiltonian, details=steps)
+    tell(work, answer, with_time)
+    assert answer.lagrangian is not None
+    described: list[Lagrangian] = []
+    for other in () if others is None else others.lagrangians:
+        known = [answer.lagrangian, *described]
+        if any(is_multiple(one.expression, other, names, work.analysis.real_point) for one in known):
+            continue
+        why = why_shown(answer.lagrangian.expression, other, names, work.analysis.real_point)
+        if why and all(why != one.reason for one in described) and is_confirmed(work, other, with_time):
+            described.append(replace(describe(work.analysis, other, others.family if others else ""), reason=why))
+    return replace(answer, other_lagrangians=tuple(described))
 
 
 def check(work: Work, certificate: Mapping[str, Any]) -> CheckResult:

@@ -57,7 +57,7 @@ class SolutionSpace:
 class Lagrangian:
     """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family.
 
-    Where all trees of `positive` are > 0 it is a Lagrangian of the system.
+    Where all trees of `positive` are > 0 it is a Lagrangian of the system. `reason`: why it is shown beside another.
     """
 
     expression: Expression
@@ -65,6 +65,7 @@ class Lagrangian:
     nonzero: tuple[Expression, ...]
     family: str
     positive: tuple[Expression, ...] = ()
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +121,8 @@ class Step:
 class Answer:
     """The answer to one question: is there L(q, q'), or is there L(t, q, q')?
 
+    `explanation` proves it, `details` say how it was found and what else proves it.
+
     It holds, at generic points, where all trees of `positive` are > 0 and none of `nonzero` is 0; if `one_side`, on the
     part of that set that is connected with the point of the certificate. Its proof rests on the signs of `sides`.
     """
@@ -133,6 +136,7 @@ class Answer:
     certificate: Mapping[str, Any] | None = None
     checked: Literal["valid", "incomplete", "invalid"] | None = None
     explanation: tuple[Step, ...] = ()
+    details: tuple[Step, ...] = ()
     positive: tuple[Expression, ...] = ()
     nonzero: tuple[Expression, ...] = ()
     sides: tuple[Expression, ...] = ()

@@ -15,6 +15,7 @@ from inverse_service.certificate.formulas import MAX_TEXT
 from inverse_service.deadline import OutOfTime, left, now, until
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.notation import multiplier_beside
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, holds, node_count, walk
 from inverse_service.inverse_problem import cells
@@ -151,6 +152,11 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
 
     Raises CertificateRefused where our own checker finds our certificate invalid: a fault of ours.
     """
+    with multiplier_beside({*system.coordinates, *system.parameters, *dict(system.functions)}):
+        return _solve(system, options, progress)
+
+
+def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
     began = now()
     system = branches_of(system)[0]
     if max(len(to_text(tree)) for tree in system.accelerations) > MAX_TEXT:
@@ -403,10 +409,9 @@ def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
 
 def _by_existence(work: Work, decision: Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
-    tried = not_found(work.outcome) if work.outcome is not None else ()
     series = series_steps(work.analysis, decision, work.options.series_order)
-    steps = (*existence_steps(decision), *tried, *series)
-    return Answer("variational", space=decision.space, certificate=certificate, explanation=steps)
+    steps, known = (not_found(decision.space), *series), existence_steps(decision)
+    return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 
 def _by_lagrangian(work: Work, decision: Decision, highest: float = math.inf) -> Answer | None:

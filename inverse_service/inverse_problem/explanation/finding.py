@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,9 +15,8 @@ from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.explanation.verification import euler_lagrange_steps, explain_positive
 from inverse_service.inverse_problem.explanation.wording import Piece, said, separated
 from inverse_service.inverse_problem.search.protocol import SearchOutcome, describe
-from inverse_service.inverse_problem.solutions import Answer, Hamiltonian, Lagrangian, Step
+from inverse_service.inverse_problem.solutions import Answer, Hamiltonian, Lagrangian, SolutionSpace, Step
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.legendre.velocity_forms import in_velocity_forms
 
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.analysis import Analysis
@@ -53,23 +52,13 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
     )
 
 
-def not_found(outcome: SearchOutcome) -> tuple[Step, ...]:
-    """The families that were tried without success."""
-    from inverse_service.inverse_problem.search.rungs import REASONS
-
-    families = [(name, count) for name, count in dict(outcome.tried).items() if name not in REASONS]
-    tried = "; ".join(f"{name} ({terms(count)})" for name, count in families if count) or "none fits f"
-    others = {
-        "Families without a candidate": [name for name, count in families if not count],
-        "Methods tried": [name for name, _ in outcome.tried if name in REASONS],
-    }
-    also = "".join(f" {title}: {'; '.join(names)}." for title, names in others.items() if names)
-    return (said(f"No closed form was found. Families tried: {tried}.{also}".replace("`", "'")),)
-
-
-def terms(count: int) -> str:
-    """The number with its noun."""
-    return "1 term" if count == 1 else f"{count} terms"
+def not_found(space: SolutionSpace | None) -> Step:
+    """What is known without a closed form, and what to try."""
+    known = "" if space is None else f": {space.statement}"
+    return said(
+        f"There is a Lagrangian, and no closed form of one was found{known}. Give the search more time, or terms that "
+        "you expect in it, as `ansatz`."
+    )
 
 
 def _written(formula: Formula, given: str) -> Piece:
@@ -109,7 +98,8 @@ def of_lagrangian(
         lagrangian=describe(analysis, tree, family),
         space=None if decision is None else decision.space,
         certificate=certify.of_lagrangian(analysis, tree, with_time),
-        explanation=(*euler_lagrange_steps(analysis.system, tree), *how, *others),
+        explanation=euler_lagrange_steps(analysis.system, tree),
+        details=(*how, *others),
     )
 
 
@@ -142,31 +132,18 @@ def as_given_steps(tree: Expression) -> tuple[Step, ...]:
     return (step,)
 
 
-def energy_step(taken: Collection[str]) -> Step:
-    """How free L is where a coordinate has an energy of its own; in letters that the system leaves free."""
-    letters = ("xyzuwq", "heEWn", "FGKUWN")
-    x, h, f = (next((letter for letter in some if letter not in taken), some[0]) for some in letters)
-    return said(
-        f"A coordinate `{x}` that `L` couples with no other, in a part without `t`, has an energy of its own, "
-        f"`{h} = {x}' dL/d{x}' - L` of that part. More generally, `{x}' int {f}({h})/{x}'^2 d {x}'` may stand for the "
-        f"part with every function `{f}` that keeps the Hessian regular; `{f} = {h}` gives it back, and "
-        f"`{f} = {h}^2` the last of the other Lagrangians.",
-        about=("regular",),
-    )
-
-
 def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
     """The family or the method that found L, and the constants it may have."""
     from inverse_service.inverse_problem.search.rungs import REASONS
 
     assert outcome.found is not None
-    name, count = outcome.tried[-1]
+    name, _ = outcome.tried[-1]
     reason = (
         f"{REASONS[name]} This gives "
         if name in REASONS
         else (
-            f"In the family '{name}' ({count} candidate {'term' if count == 1 else 'terms'}) the Euler-Lagrange "
-            "equations along the motion are linear in the coefficients; solved, they leave "
+            f"In the family '{name}' the Euler-Lagrange equations along the motion are linear in the coefficients; "
+            "solved, they leave "
         )
     )
     first = said(reason, _written(row("L = ", tree), "the `L` given above"), ".")
@@ -195,8 +172,6 @@ def hamiltonian_of(
         transform = legendre(lagrangian, names, positive=positive)
     except InputError:
         return None
-    if transform.implicit:
-        transform = in_velocity_forms(lagrangian, transform, names)
     return Hamiltonian.of(transform)
 
 

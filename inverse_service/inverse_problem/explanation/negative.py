@@ -9,7 +9,7 @@ from inverse_service import bounds
 from inverse_service.algebra.exact_ring import ExactRing, factor_trees, quotient_tree
 from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.deadline import now
-from inverse_service.expressions.notation import matrix, row
+from inverse_service.expressions.notation import MULTIPLIER, matrix, row
 from inverse_service.expressions.tree import Expression, Symbol, add, node_count, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
 from inverse_service.inverse_problem.explanation.differential_numbers import differential_numbers
@@ -188,7 +188,7 @@ def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, Symbol]:
     used = {node.name for f in system.accelerations for node in walk(f) if isinstance(node, Symbol)}
     used |= set(system.coordinates) | set(system.parameters)
     pairs = unknowns(len(system.coordinates))
-    for letter in ("g", "h", "m", "multiplier"):
+    for letter in (MULTIPLIER.get(), "g", "h", "m", "multiplier"):
         names = {(i, j): f"{letter}_{i + 1}{j + 1}" for i, j in pairs}
         if used.isdisjoint(names.values()):
             return {pair: Symbol(name) for pair, name in names.items()}

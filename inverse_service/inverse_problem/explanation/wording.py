@@ -90,7 +90,7 @@ _MEANING = {
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     """The answer, its explanation begun with what each letter that has two meanings is in the sentences."""
     names = {*system.coordinates, *system.parameters, *dict(system.functions)}
-    parts = [part for step in answer.explanation for part in step.parts]
+    parts = [part for step in (*answer.explanation, *answer.details) for part in step.parts]
     words = {word for part in parts for word in (*part.letters, *({"R"} & {*part.uses}))}
     shared = [name for name in _MEANING if name in names & words]
     if not shared:

@@ -20,7 +20,6 @@ from inverse_service.expressions.collecting_trees import merge_powers, minus_ins
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     ZERO,
-    Apply,
     Arbitrary,
     Expression,
     Symbol,
@@ -62,8 +61,6 @@ from inverse_service.mechanics.writing import joined
 
 _MANY, _FEW = 16, 4
 TIME_LIMIT = 3.0
-# For the reason why there is no closed form.
-_REASON_LIMIT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,11 +128,7 @@ def legendre(
     found = _of_blocks(parts.blocks, lambda block: _best(block, points, reach, few))
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
-        # Loaded where it is needed only.
-        from inverse_service.mechanics.legendre.no_inverse import equation_of
-
-        equation = equation_of([block for block in parts.blocks if block.names in missing], _REASON_LIMIT)
-        return _noted(implicit, _implicit(equation.reason if equation else _no_closed_form(missing, functions)))
+        return _noted(implicit, _implicit(_no_closed_form(missing)))
     branches = [chosen for chosen in found.values() if chosen]
     closed = _closed(implicit, names, parts, branches)
     table = _shifts(implicit, names, parts)
@@ -289,24 +282,8 @@ def _noted(transform: LegendreTransform, note: str) -> LegendreTransform:
     return replace(transform, note=" ".join(part for part in (transform.note, note) if part))
 
 
-def _no_closed_form(groups: Sequence[Sequence[str]], momenta: Sequence[Expression] = ()) -> str:
-    named, rates = "; ".join(map(", ".join, groups)), [name for group in groups for name in group]
-    reason = (
-        "No closed form of the velocities was found that passes the check: p = dL/dv could not be solved for "
-        f"the velocities of {named}."
-    )
-    inner = {node: velocities_in(node, rates) for p in momenta for node in walk(p) if isinstance(node, Apply)}
-    found = {name: node.function for name in rates for node, held in inner.items() if name in held}
-    plain = [substitute(p, {node: ZERO for node, held in inner.items() if held}) for p in momenta]
-    both = [name for name in found if any(velocities_in(p, [name]) for p in plain)]
-    if len(both) < 2:
-        return reason
-    functions = ", ".join(dict.fromkeys(found[name] for name in both))
-    listed = ", ".join(f"{name}'" for name in both)
-    return (
-        f"{reason} Of {listed} each stands in a function ({functions}) and outside of it, and no step is known that "
-        "leaves one of them alone; that there is no closed form is not proven."
-    )
+def _no_closed_form(groups: Sequence[Sequence[str]]) -> str:
+    return f"No closed form of p = dL/dv was found for the velocities of {'; '.join(map(', '.join, groups))}."
 
 
 def _implicit(reason: str) -> str:

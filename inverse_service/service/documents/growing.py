@@ -28,7 +28,7 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "reduced": ("reduced",),
     "clock": ("with_clock",),
     "kinds": ("kinds", "instead"),
-    "explanation": ("explanation",),
+    "explanation": ("explanation", "details"),
 }
 # Where the time of a stage counts; one that is not named goes on with the part before.
 _STAGES: Final = {

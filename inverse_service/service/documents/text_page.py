@@ -18,6 +18,7 @@ from inverse_service.service.documents.nonholonomic_text import (
 )
 
 LONG = 300
+MOST_OF_CONDITIONS = 5_000
 QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
 SENTENCES = {
     "variational": "Variational{where}: a regular Lagrangian {question} exists.",
@@ -264,6 +265,8 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool) -> Iterat
         yield f"  {answer['solution_space']['statement']}"
     if explain:
         yield from _steps(answer["explanation"])
+        if answer.get("details"):
+            yield "  (How it was found, and what else proves it: `details` of --format json.)"
 
 
 def regular_where(lagrangian: Mapping[str, Any]) -> list[str]:
@@ -307,13 +310,17 @@ def _conditions(conditions: dict[str, Any] | None) -> Iterator[str]:
     if conditions is None:
         return
     yield "Conditions: g Phi and g nabla_Phi must be symmetric, and the cyclic sums of g R must vanish. Entries not 0:"
+    left = MOST_OF_CONDITIONS
     for name in ("Phi", "nabla_Phi", "R"):
         found = [(place, text) for place, text in _entries(conditions[name], ()) if text != "0"]
+        size = sum(len(text) for _, text in found)
         if not found:
             yield f"  {name} = 0"
-        for place, text in found:
-            shown = text if len(text) <= LONG else f"({len(text)} characters; see --format json)"
-            yield f"  {name}[{', '.join(map(str, place))}] = {shown}"
+        elif size > left:
+            yield f"  {name}: {size} characters, in `conditions` of --format json"
+        else:
+            left -= size
+            yield from (f"  {name}[{', '.join(map(str, place))}] = {text}" for place, text in found)
 
 
 def _entries(part: Any, place: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...], str]]:

@@ -226,6 +226,7 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
+        "details": [step_part(step) for step in answer.details],
         "checked": answer.checked,
         "reason": answer.reason,
         "domain": _domain(answer.nonzero, answer.positive),
@@ -249,7 +250,9 @@ def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
     domain = _domain(lagrangian.nonzero, lagrangian.positive)
     regular = "everywhere" if _is_regular_everywhere(lagrangian) else "at generic points, where det g is not 0"
     written = formula_fields(lagrangian.expression)
-    return schemas.LagrangianPart(**written, domain=domain, family=lagrangian.family, regular=regular)
+    return schemas.LagrangianPart(
+        **written, domain=domain, family=lagrangian.family, regular=regular, reason=lagrangian.reason
+    )
 
 
 def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
