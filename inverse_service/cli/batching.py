@@ -33,8 +33,16 @@ def batch_file(
     time_limit: float | None,
     cluster: str | None = None,
     again: str = "",
+    expected: Path | None = None,
+    junit: Path | None = None,
 ) -> ExitCode:
-    """Answer every line; how it ended is the exit code of the contract."""
+    """Answer every line; how it ended is the exit code of the contract.
+
+    `expected`: answers that these lines should have; those that differ are printed, and the code is 1. `junit`: a file
+    for the report.
+    """
+    if (expected or junit) and str(output) == "-":
+        raise InputError("--expect and --junit read the output again: give a file with --output.")
     settings = read_settings()
     options = JobOptions(time_limit_or(settings.time_limit, time_limit), settings.memory_limit)
     kinds = _kinds(again)
@@ -51,7 +59,22 @@ def batch_file(
         print(f"{_how_far(summary, total)}; the same command goes on where it was.", file=sys.stderr)
         return ExitCode.INTERRUPTED
     _show(summary, plan, time.monotonic() - began)
-    return ExitCode.FAULT if summary.labels["fault"] else ExitCode(min(1, summary.labels["error"]))
+    code = ExitCode.FAULT if summary.labels["fault"] else ExitCode(min(1, summary.labels["error"]))
+    return code if expected is None and junit is None else _compared(output, expected, junit, code)
+
+
+def _compared(output: Path, expected: Path | None, junit: Path | None, code: ExitCode) -> ExitCode:
+    from inverse_service.cli.expecting import judged, write_junit
+
+    lines = list(judged(output, expected))
+    if junit is not None:
+        write_junit(junit, lines)
+    differ = [line for line in lines if line.differences]
+    write("".join(f"{line.name}: {difference}\n" for line in differ for difference in line.differences))
+    if expected is None:
+        return code
+    errors = any(line.error for line in lines)
+    return ExitCode.FAULT if code is ExitCode.FAULT else ExitCode(int(bool(differ) or errors))
 
 
 def _kinds(again: str) -> frozenset[str]:

@@ -173,14 +173,29 @@ def batch(
     time_limit: Seconds = None,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")] = None,
     again: Annotated[str, typer.Option(help="Also ask again: errors,undetermined of an earlier run.")] = "",
+    expect: Annotated[
+        Path | None, typer.Option("--expect", help="NDJSON of ids and what their answers should say, such as verdict.")
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", help="A report in JUnit's XML, one test case a line.")
+    ] = None,
 ) -> None:
     """Many systems, one a line; started again it goes on where it was.
 
-    Exit 0 all answered, 1 some error lines, 2 bad files or nothing but errors, 3 our fault, 130 interrupted.
+    Exit 0 all answered (and as expected), 1 some error lines or other answers than expected, 2 bad files or nothing
+    but errors, 3 our fault, 130 interrupted.
     """
     from inverse_service.cli.batching import batch_file
 
-    sys.exit(batch_file(file, output, workers, time_limit, cluster, again))
+    sys.exit(batch_file(file, output, workers, time_limit, cluster, again, expect, junit))
+
+
+@application.command()
+def mcp() -> None:
+    """Tools for assistants by the Model Context Protocol, on standard input and output (extra `mcp`)."""
+    from inverse_service.cli.mcp_command import serve_assistants
+
+    sys.exit(serve_assistants())
 
 
 @application.command()

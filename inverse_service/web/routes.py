@@ -112,6 +112,27 @@ PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
 RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 
 
+LLMS = """# inverse-service
+
+> Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks.
+
+- POST /v1/solve with {"equations": "x'' = -x - c*x'", "parameters": "guess"} answers verdict, lagrangian, hamiltonian.
+- POST /v1/parse with the same body says in milliseconds what is understood, or what to write instead.
+- Constraints: {"coordinates": [...], "lagrangian": "...", "constraints": ["z' = y*x'"]}; the answer is any_associated.
+- Slow questions answer 202 with Location: GET it until it is 200; its progress.so_far is what is finished already.
+- POST /v1/batches takes NDJSON, one document a line with an id; GET its /results streams the answers.
+- POST /v1/check takes a result, or {"system": {...}, "lagrangian": "..."}, and says what is proven.
+- Errors are RFC 9457 problems: errors[].pointer and errors[].instead say what to write.
+- [OpenAPI](/openapi.json), [limits](/v1/limits), [manual](/learn); `inverse-service mcp` has the same as tools.
+"""
+
+
+@open_router.get("/llms.txt", response_class=PlainTextResponse)
+async def llms() -> PlainTextResponse:
+    """In ten lines how a program asks, for assistants that read llms.txt."""
+    return PlainTextResponse(LLMS)
+
+
 @open_router.get("/livez")
 async def livez() -> dict[str, str]:
     """The process answers."""

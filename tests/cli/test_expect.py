@@ -1,0 +1,51 @@
+"""A batch that was expected to answer so and so: differences, exit codes, and the report of JUnit."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+LINES = [
+    {"id": "oscillator", "equations": "x'' = -x"},
+    {"id": "none", "equations": {"x": "y", "y": "-x*x'"}},
+    {"id": "bad\u0001", "equations": {"x": "omega"}},
+]
+YES, NO = "variational", "not_variational"
+
+
+def run(folder: Path, expected: list[dict[str, Any]] | None, *more: str) -> subprocess.CompletedProcess[str]:
+    source, wanted = folder / "in.ndjson", folder / "expected.ndjson"
+    source.write_text("".join(json.dumps(line) + "\n" for line in LINES))
+    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(folder / "out.ndjson")]
+    if expected is not None:
+        wanted.write_text("".join(json.dumps(line) + "\n" for line in expected))
+        command += ["--expect", str(wanted)]
+    return subprocess.run([*command, *more], capture_output=True, text=True, timeout=300, check=False)
+
+
+def test_differences_are_printed_and_reported(tmp_path: Path) -> None:
+    report = tmp_path / "report.xml"
+    right = [{"id": "oscillator", "verdict": YES, "verdict_with_time": YES}, {"id": "none", "verdict": NO}]
+    found = run(tmp_path, [*right, {"id": "bad\u0001", "verdict": None}], "--junit", str(report))
+    assert (found.returncode, found.stdout) == (1, ""), "an error line that was not expected as one"
+    suite = ElementTree.parse(report).getroot()
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("3", "0", "1")
+    wrong = [{"id": "oscillator", "verdict": NO}, {"id": "none", "verdict": NO}, {"id": "absent", "verdict": YES}]
+    found = run(tmp_path, wrong, "--junit", str(report))
+    assert found.returncode == 1
+    assert found.stdout.splitlines() == [
+        f'oscillator: verdict is "{YES}", expected "{NO}"',
+        "absent: no answer",
+    ]
+    suite = ElementTree.parse(report).getroot()
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("4", "2", "1")
+
+
+def test_files_that_cannot_be_used_say_so(tmp_path: Path) -> None:
+    assert run(tmp_path, [{"verdict": YES}]).returncode == 2
+    found = run(tmp_path, None, "--junit", str(tmp_path / "absent" / "report.xml"))
+    assert (found.returncode, "report" in found.stderr) == (2, True)

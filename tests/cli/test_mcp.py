@@ -1,0 +1,53 @@
+"""The tools for assistants, asked as an assistant asks: over standard input and output of the command."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from typing import Any
+
+import pytest
+
+mcp = pytest.importorskip("mcp")
+
+from mcp.client.stdio import stdio_client  # noqa: E402
+
+COMMAND = mcp.StdioServerParameters(command=sys.executable, args=["-m", "inverse_service", "mcp"])
+
+
+async def _ask(calls: list[tuple[str, dict[str, Any]]]) -> list[Any]:
+    async with mcp.Client(stdio_client(COMMAND)) as client:
+        tools = (await client.list_tools()).tools
+        assert {tool.name for tool in tools} == {"solve", "check", "parse", "simulate"}
+        assert all(tool.output_schema and tool.description for tool in tools)
+        found: list[Any] = []
+        for name, arguments in calls:
+            if arguments.get("result") == "the last":
+                arguments = {"result": found[-1].structured_content["resource"]}
+            found.append(await client.call_tool(name, arguments))
+        resource = next(one.structured_content["resource"] for one in found if not one.is_error)
+        whole = await client.read_resource(resource)
+        return [*found, json.loads(whole.contents[0].text)]
+
+
+def test_an_assistant_solves_checks_parses_and_hears_what_is_wrong() -> None:
+    calls: list[tuple[str, dict[str, Any]]] = [
+        ("solve", {"system": "x'' = -k*x", "time_limit": 30}),
+        ("check", {"result": "the last"}),
+        ("check", {"system": "x'' = -x", "lagrangian": "x'^2/2 - x^2"}),
+        ("parse", {"system": {"equations": {"x": "-x*y", "y": "x"}}}),
+        ("parse", {"system": "x'' = -k*x*"}),
+        ("check", {}),
+    ]
+    solved, checked, wrong, parsed, refused, empty, whole = asyncio.run(_ask(calls))
+    answer = solved.structured_content
+    assert (answer["verdict"], answer["checked"], answer["incomplete"]) == ("variational", "valid", [])
+    assert answer["lagrangian"] == whole["lagrangian"]["text"]
+    assert len(json.dumps(answer)) < len(json.dumps(whole)) / 2
+    assert checked.structured_content["verdict"] == "valid"
+    assert wrong.structured_content["verdict"] in ("invalid", "differs")
+    assert parsed.structured_content["equations"] == {"x": "-x*y", "y": "x"}
+    assert (refused.is_error, empty.is_error) == (True, True)
+    assert "k*x*" not in refused.content[0].text
+    assert len(refused.content[0].text) > 20
