@@ -8,7 +8,9 @@ from __future__ import annotations
 import base64
 import binascii
 import datetime
+import functools
 import hmac
+import ipaddress
 import logging
 import os
 import threading
@@ -142,7 +144,21 @@ def client_of(request: Request) -> str:
 
 def address_of(request: Request) -> str:
     """Where the request comes from."""
-    return request.client.host if request.client else ""
+    return place_of(request.client.host) if request.client else ""
+
+
+@functools.lru_cache(maxsize=4096)
+def place_of(address: str) -> str:
+    """An IPv4 address, or the network /64 of an IPv6 address: all of it is one host's, who may take any in it."""
+    try:
+        found = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if isinstance(found, ipaddress.IPv4Address):
+        return str(found)
+    if found.ipv4_mapped is not None:
+        return str(found.ipv4_mapped)
+    return str(ipaddress.ip_network((found, 64), strict=False))
 
 
 def cookie_of_key(key: str) -> str:

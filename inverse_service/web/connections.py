@@ -15,6 +15,7 @@ import h11
 from starlette.responses import Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from inverse_service.web.clients import place_of
 from inverse_service.web.middleware import MOST_HEADERS, headers_too_large, not_http, too_many_connections
 
 # The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
@@ -104,10 +105,11 @@ class Connections:
 
     def _is_proxy(self, address: str) -> bool:
         try:
-            found = ipaddress.ip_address(address)
+            found = ipaddress.ip_network(address)
         except ValueError:
             return False
-        return any(found in ipaddress.ip_network(proxy) for proxy in self.proxies)
+        proxies = map(ipaddress.ip_network, self.proxies)
+        return any(found.version == proxy.version and found.overlaps(proxy) for proxy in proxies)
 
     def _make_room(self) -> bool:
         silent = [connection for connection in self._open if connection.is_waiting]
@@ -147,7 +149,7 @@ class Connection(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self.address = self.client[0] if self.client else ""
+        self.address = place_of(self.client[0]) if self.client else ""
         if not self._all.admit(self):
             self._write(too_many_connections())
             transport.close()
@@ -169,7 +171,7 @@ class Connection(H11Protocol):
 
     def take_some(self) -> bool:
         """Take some of what came and waits; whether there is more."""
-        if self.transport.is_closing():
+        if self._is_refused or self.transport.is_closing():
             self._rest.clear()
             return False
         most = _most_of(self._rest)

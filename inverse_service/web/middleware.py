@@ -175,7 +175,7 @@ def host_of(scope: Scope) -> str:
 def name_of(address: str) -> str:
     """A host name in small letters and without its port."""
     name, _, port = address.lower().rpartition(":")
-    return name if name and port.isdigit() else address.lower()
+    return (name if name and port.isdigit() else address.lower()).removesuffix(".")
 
 
 def headers_too_large() -> Response:

@@ -1,0 +1,38 @@
+"""Which addresses are one client, and which names are this service."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.web.clients import place_of
+from inverse_service.web.connections import Connections
+from inverse_service.web.middleware import name_of
+
+
+@pytest.mark.parametrize(
+    ("address", "place"),
+    [
+        ("127.0.0.1", "127.0.0.1"),
+        ("2001:db8:1:2:aaaa::1", "2001:db8:1:2::/64"),
+        ("2001:db8:1:2:ffff:ffff:ffff:ffff", "2001:db8:1:2::/64"),
+        ("2001:db8:1:3::1", "2001:db8:1:3::/64"),
+        ("::ffff:192.0.2.7", "192.0.2.7"),
+        ("fe80::1%eth0", "fe80::/64"),
+        ("testclient", "testclient"),
+        ("", ""),
+    ],
+)
+def test_all_addresses_of_a_network_of_one_host_are_one_client(address: str, place: str) -> None:
+    assert place_of(address) == place
+
+
+def test_a_proxy_is_known_by_its_network() -> None:
+    connections = Connections(10, 1, ("127.0.0.1/32", "2001:db8::/32"))
+    assert connections._is_proxy(place_of("127.0.0.1"))
+    assert connections._is_proxy(place_of("2001:db8:1::5"))
+    assert not connections._is_proxy(place_of("192.0.2.1"))
+    assert not connections._is_proxy(place_of("2001:db9::1"))
+
+
+def test_a_name_with_the_dot_of_the_root_is_the_same_host() -> None:
+    assert [name_of(host) for host in ("Localhost:8000", "localhost.", "localhost.:80")] == ["localhost"] * 3
