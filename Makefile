@@ -4,13 +4,15 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: docs install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation font reference
+.PHONY: help docs install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation font reference
+
+help: ## this list
+	@sed -n 's/^\([a-z-]*\):[^#]*## /\1: /p' Makefile
 
 # What the service and the command line need; what tests and development need besides.
-service: $(SERVICE)
+service: $(SERVICE) ## the environment of `make run`
 install: $(STAMP)
-develop: install
-
+develop: install ## the environment of developers, .venv
 # The first interpreter that is new enough; `make PYTHON=/path/to/python` overrules the search.
 $(SERVICE): pyproject.toml constraints.txt
 	@set -e; \
@@ -33,45 +35,45 @@ $(STAMP): $(SERVICE)
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $(STAMP)
 
-run: service
+run: service ## serve the pages and HTTP on 127.0.0.1:8000 (PORT=, HOST=)
 	.venv/bin/inverse-service serve --host $(HOST) --port $(PORT)
 
-test: install
+test: install ## the tests
 	.venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
-nightly: install
+nightly: install ## the long tests
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,manifests]'
 	.venv/bin/python -m pytest -m 'slow or nightly'
 	.venv/bin/python -m pytest -m 'not slow and not nightly' tests/attacks
 
-lint: install
+lint: install ## ruff and mypy
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 
 # docs/paper.md and its figures: every statement of the paper computed anew.
-paper: install
+paper: install ## docs/paper.md and its figures
 	.venv/bin/python -m paper --output docs
 
 # The decision, the peers that are installed, the search, the integrators; docs/records/benchmarks.md has a run.
-bench: install
+bench: install ## benchmarks of decision, search and integrators
 	.venv/bin/python -m benchmarks --limit 10 --random 2 --largest 7 --output build/bench
 	.venv/bin/python -m benchmarks lagrangians --count 60 --seed 1
 	.venv/bin/python -m benchmarks simulation
 
 # The service under load, pool and cluster, the stores; the tables of docs/reliability.md and docs/scaling.md are written anew.
-bench-service: install
+bench-service: install ## the service under load
 	.venv/bin/python -m benchmarks service --page docs/reliability.md
 	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 --page docs/scaling.md
 	.venv/bin/python -m tests.store.measure_store docs/scaling.md
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.
-soundness: install
+soundness: install ## 26,000 cases with the checker; goes on where it was
 	.venv/bin/python -m tests.soundness --output build/soundness --report docs/records/soundness.md
 
 # Branch coverage of the heart, by the tests of its own rooms, children included; methods are data, which simulation runs.
 HEART := algebra mechanics inverse_problem certificate integrators
-coverage: install
+coverage: install ## branch coverage of the heart
 	rm -f build/coverage build/coverage.*
 	@# The table is printed where a test fails too; the failure is that of the target.
 	.venv/bin/python -m coverage run -m pytest -n logical --dist loadfile --no-loadscope-reorder \
@@ -80,7 +82,7 @@ coverage: install
 	.venv/bin/python -m coverage combine --quiet && .venv/bin/python -m coverage report && exit $$status
 
 # Small changes to checker and decision, each of which a test has to notice.
-mutation: install
+mutation: install ## small changes that tests must notice
 	.venv/bin/python -m tests.mutation --output build/mutation
 
 # The mathematics font of the pages: the characters that our MathML uses, out of a pinned package. Needs npm.
@@ -88,7 +90,7 @@ FONT := inverse_service/web/static/stix-two-math
 BASIC := U+20-7E,U+A0,U+A8,U+AF,U+B1-B3,U+B7,U+D7,U+F7,U+2D9,U+2DC,U+391-3A9,U+3B1-3C9,U+3D1,U+3D5,U+3F1,U+3F5
 SIGNS := U+300-308,U+2026,U+2032-2034,U+2061-2064,U+2190,U+2192,U+21D2,U+2202,U+2207,U+2208,U+2211,U+2212,U+221A,U+221E,U+222B,U+2260,U+2264,U+2265,U+22C5
 ITALIC := U+210E,U+1D434-1D467,U+1D6E2-1D71B
-font: install
+font: install ## the mathematics font of the pages
 	mkdir -p build/font
 	npm pack --silent --pack-destination build/font @fontsource/stix-two-math@5.3.0
 	tar xzf build/font/fontsource-stix-two-math-5.3.0.tgz -C build/font
@@ -98,9 +100,9 @@ font: install
 	cp build/font/package/LICENSE $(FONT).LICENSE
 
 # docs/fields.md from the program; a test says when it is old.
-reference: install
+reference: install ## docs/fields.md from the program
 	.venv/bin/python -m tests.docs.reference
 
 # The documentation as a site in build/site; a warning is an error.
-docs: install
+docs: install ## the documentation as a site, build/site
 	.venv/bin/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs build/site
