@@ -96,6 +96,7 @@ def test_first_integrals_of_equations(name: str) -> None:
     assert all(abs(rate) < 1e-25 for rate in rates(result, result["system"]["equations"], {}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOTIONS)
 def test_first_integrals_along_constraints(name: str) -> None:
     document, names = MOTIONS[name]
