@@ -1,7 +1,8 @@
 """The atlas: every named system of the catalogue and of the lists of the tests, with its computed answers.
 
 `python -m benchmarks.atlas` solves all of them and writes inverse_service/catalogue/entries/atlas.ndjson;
-`--only NAME` solves one and prints its line, `--check N` compares N lines of the file with what is computed now.
+`--only NAME` solves one and prints its line, `--check N` compares N lines of the file with what is computed now, and
+`--resume` keeps the lines whose documents are unchanged. A system that `--time-limit` leaves open is left out.
 """
 
 from __future__ import annotations
@@ -102,14 +103,16 @@ def citation(source: str) -> str:
     return "; ".join(part for part in parts if part and not OWN.search(part))
 
 
-def entry_of(row: Mapping[str, Any]) -> dict[str, Any]:
+def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str, Any]:
     """The line of the atlas for a system: its answers to both questions as computed now."""
     try:
-        result = solve(dict(row["document"]), time_limit=TIME_LIMIT)
+        result = solve(dict(row["document"]), time_limit=time_limit)
     except InputError as error:
         return {**row, "refused": str(error)}
     if "verdict" not in result:
         return {**row, "refused": "It is a Lagrangian, not equations."}
+    if sheets.verdict_of(result) == sheets.OPEN and time_limit < TIME_LIMIT:
+        return {**row, "refused": "It was not settled in this time."}
     sheet, system = sheets.sheet_of(result, brief=True), result["system"] or {}
     formulas = {f.letter: f.text for case in sheet.cases[:1] for f in case.formulas}
     constrained = sheets.is_constrained(result)
@@ -164,6 +167,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="")
     parser.add_argument("--check", type=int, default=0)
+    parser.add_argument("--time-limit", type=float, default=TIME_LIMIT)
+    parser.add_argument("--resume", action="store_true")
     options = parser.parse_args()
     rows = list(documents())
     if options.only:
@@ -171,30 +176,38 @@ def main() -> int:
         return 0
     if options.check:
         return _compared(rows, options.check)
-    return _written(rows)
+    return _written(rows, options.time_limit, options.resume)
 
 
-def _written(rows: list[dict[str, Any]]) -> int:
-    taken: set[str] = set()
+def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool) -> int:
+    known = {entry["name"]: entry for entry in _lines()} if resume else {}
+    count = 0
     with FILE.with_suffix(".part").open("w", encoding="utf-8") as part:
         for k, row in enumerate(rows, 1):
-            entry = entry_of(row)
-            if "refused" in entry or entry["name"] in taken:
-                print(f"{row['name']}: {entry.get('refused', 'twice')}", file=sys.stderr)
+            entry = known.get(row["name"])
+            if entry is None or entry["document"] != row["document"]:
+                entry = entry_of(row, time_limit)
+            if "refused" in entry:
+                print(f"{row['name']}: {entry['refused']}", file=sys.stderr)
                 continue
-            taken.add(entry["name"])
+            count += 1
+            entry |= {key: row[key] for key in ("title", "source")}
             part.write(json.dumps(entry, ensure_ascii=False, separators=(",", ":")) + "\n")
             part.flush()
             if k % 50 == 0:
                 print(f"{k} of {len(rows)}", file=sys.stderr)
     FILE.with_suffix(".part").replace(FILE)
-    print(f"{len(taken)} systems", file=sys.stderr)
+    print(f"{count} systems", file=sys.stderr)
     return 0
+
+
+def _lines() -> list[dict[str, Any]]:
+    return [json.loads(line) for line in FILE.read_text(encoding="utf-8").splitlines()] if FILE.exists() else []
 
 
 def _compared(rows: list[dict[str, Any]], count: int) -> int:
     """1 where a verdict of the file is not the computed one."""
-    known = {entry["name"]: entry for entry in map(json.loads, FILE.read_text(encoding="utf-8").splitlines())}
+    known = {entry["name"]: entry for entry in _lines()}
     chosen = random.Random(0).sample([row for row in rows if row["name"] in known], count)
     differ = [row["name"] for row in chosen if entry_of(row).get("verdict") != known[row["name"]]["verdict"]]
     print("\n".join(differ) or "as in the file")
