@@ -11,6 +11,7 @@ import argparse
 import json
 import random
 import re
+import signal
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -24,6 +25,7 @@ from inverse_service.web.pages import sheets
 ROOT = Path(__file__).parents[1]
 FILE = ROOT / "inverse_service" / "catalogue" / "entries" / "atlas.ndjson"
 TIME_LIMIT = 20.0  # s of processor time for a system
+HARD = 2  # times that: a system is ended in any case
 LONGEST = 1_500  # characters of a formula that the atlas keeps
 # Lists of the tests whose documents are systems that somebody asked about, and the tag of each.
 LISTS = {"literature": "literature", "kamke": "Kamke", "textbook": "textbook", "constrained": "constraints"}
@@ -105,10 +107,14 @@ def citation(source: str) -> str:
 
 def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str, Any]:
     """The line of the atlas for a system: its answers to both questions as computed now."""
+    signal.signal(signal.SIGVTALRM, _overrun)
+    signal.setitimer(signal.ITIMER_VIRTUAL, HARD * time_limit)
     try:
         result = solve(dict(row["document"]), time_limit=time_limit)
-    except InputError as error:
-        return {**row, "refused": str(error)}
+    except (InputError, TimeoutError) as error:
+        return {**row, "refused": str(error) or "It took too long."}
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
     if "verdict" not in result:
         return {**row, "refused": "It is a Lagrangian, not equations."}
     if sheets.verdict_of(result) == sheets.OPEN and time_limit < TIME_LIMIT:
@@ -134,6 +140,11 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
         "form": form_of(system) if system and not constrained else "",
         "version": result["provenance"]["version"],
     }
+
+
+def _overrun(*_: Any) -> None:
+    """Ends a system whose stages do not look at the clock."""
+    raise TimeoutError
 
 
 def _shown(result: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -63,6 +63,7 @@ class ShownPlace:
     marked: str = ""
     after: str = ""
     choices: tuple[tuple[str, str], ...] = ()
+    pointer: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +180,7 @@ def _place(error: Place, fields: Mapping[str, str]) -> ShownPlace:
     name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
     text = _text_at(steps, fields)
     if column is None or text is None or column > len(text) + 1:
-        return ShownPlace(sentence(error, fields), name)
+        return ShownPlace(sentence(error, fields), name, pointer=error.pointer)
     start = text.rfind("\n", 0, column - 1) + 1
     end = text.find("\n", start)
     line = text[start : end if end >= 0 else len(text)]

@@ -123,6 +123,15 @@ async def figure_file(request: Request, identifier: str, file: str) -> Response:
     return await _file(request, identifier, simulations.PICTURES[ending], file, result_tasks.picture_task, name, ending)
 
 
+@router.get("/results/{identifier}/prices.csv")
+async def prices(request: Request, identifier: str) -> Response:
+    """The prices of a work-precision measurement."""
+    answer = await successful(request, identifier)
+    if answer is None or answer.value["kind"] != "work-precision":
+        return missing()
+    return await _file(request, identifier, "text/csv", "prices", result_tasks.prices_task)
+
+
 @router.get("/results/{identifier}/data/{file:path}")
 async def data_file(request: Request, identifier: str, file: str) -> Response:
     """The columns of one method as CSV or NPZ."""

@@ -152,6 +152,11 @@ def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
     return figures.picture(_result(store, id), name, ending)
 
 
+def prices_task(store: str, id: str) -> bytes:
+    """The prices of a work-precision measurement as CSV."""
+    return simulations.prices_csv(_result(store, id)).encode()
+
+
 def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
     """The picture of a solved system as a file; None where nothing can be drawn."""
     from inverse_service.web.pages.pictures import picture_of

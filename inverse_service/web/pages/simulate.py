@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 
 from inverse_service import catalogue
-from inverse_service.errors import InputError
+from inverse_service.errors import DocumentRefused, InputError, Place
 from inverse_service.reading.reader import equation_line, has_acceleration
 from inverse_service.service.documents.text_page import answers_of
 from inverse_service.web.clients import client_of
@@ -45,6 +45,9 @@ async def form(request: Request) -> HTMLResponse:
     if "scene" in query:
         return simulate_page((await _form_of_scene(request, query["scene"]))[0])
     found, _ = await _empty_form(request, query.get("system", FIRST_SYSTEM), query.get("job", ""))
+    if "step" in query:  # a scene in the address, before it is run
+        fields = {name: tuple(query.getlist(name)) for name in query}
+        found = scenes.with_sent(found, Form(fields))
     return simulate_page(found)
 
 
@@ -55,6 +58,7 @@ async def run(request: Request) -> Response:
     filled, base = await _sent_form(request, sent)
     try:
         scene = scenes.changed_scene(base, scenes.scene_document(filled, base["system"]))
+        await _refuse_unreadable(request, scene)
     except InputError as error:
         return simulate_page(filled, reading_back.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
@@ -62,6 +66,31 @@ async def run(request: Request) -> Response:
     if answer.is_problem:
         return simulate_page(filled, reading_back.problem_of(answer.value, {}), answer.status)
     return RedirectResponse(result_address(answer), 303)
+
+
+async def _refuse_unreadable(request: Request, scene: dict[str, Any]) -> None:
+    """InputError where a value of the form cannot be read: it is told beside its field, and no job is made."""
+    engine: Engine = request.app.state.engine
+    outcome = await engine.run_quick(client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
+    if outcome.places:
+        raise DocumentRefused(tuple(outcome.places))
+
+
+# Where a document says it, and the field of the form that is about it.
+FIELDS = (
+    ("/parameters/", "parameter."),
+    ("/functions/", "function."),
+    ("/initial/positions/", "position."),
+    ("/initial/velocities/", "velocity."),
+)
+
+
+def field_of(pointer: str) -> str:
+    """The name of the field of the form that a pointer into a scene is about; empty where there is none."""
+    for start, name in FIELDS:
+        if pointer.startswith(start):
+            return name + pointer.removeprefix(start)
+    return pointer[1:] if pointer in ("/step", "/steps") else ""
 
 
 @router.post("/simulate/preview")
@@ -73,10 +102,16 @@ async def preview(request: Request) -> Response:
     try:
         scene = scenes.changed_scene(base, scenes.scene_document(form, base["system"]))
         outcome = await engine.run_quick(client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
-        found = outcome.value if outcome.status == "done" else {"reason": " ".join(p.detail for p in outcome.places)}
+        found = outcome.value if outcome.status == "done" else _told(outcome.places)
     except InputError as error:
-        found = {"reason": error.detail}
+        found = _told(error.places)
     return JSONResponse(found)
+
+
+def _told(places: Sequence[Place]) -> dict[str, Any]:
+    """What is wrong, and beside which fields it is said."""
+    faults = {field_of(place.pointer): reading_back.sentence(place) for place in places}
+    return {"reason": " ".join(faults.values()), "faults": {name: said for name, said in faults.items() if name}}
 
 
 async def _sent_form(request: Request, sent: Form) -> tuple[scenes.SceneForm, dict[str, Any]]:
@@ -104,6 +139,7 @@ def simulate_page(
         methods=scenes.METHODS,
         observables=scenes.OBSERVABLES,
         problem=problem,
+        faults={field_of(place.pointer): place.detail for place in problem.places} if problem else {},
     )
 
 

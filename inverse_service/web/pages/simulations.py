@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
@@ -56,18 +57,75 @@ def start_of(result: Mapping[str, Any]) -> dict[str, float]:
     return {**result["system"]["parameters"], **initial["positions"], **velocities}
 
 
+@dataclass(frozen=True, slots=True)
+class Price:
+    """What an error costs by a method: the time, the ratio to the best, the step; a dash where it is not reached."""
+
+    time: str
+    how: str
+    is_best: bool = False
+
+
 def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
-    """The page of a job of kind "work-precision"."""
+    """The page of a job of kind "work-precision": the picture, two sentences, the prices."""
     result = job["result"]
+    ranked = methods_of(result)
     return page(
         "precision.html",
         active="/simulate",
         job=job,
         result=result,
         figures=figures.figure_names(result),
+        methods=ranked,
+        prices=[
+            (short_number(target["error"]), prices_of(target, [one["label"] for one in ranked]))
+            for target in result["targets"]
+        ],
         missing=[(method["label"], reason) for method in result["methods"] if (reason := _why_missing(method))],
         scene=document,
     )
+
+
+def methods_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """{label, order} of the methods that reach an error, those that reach most first, of these the fastest."""
+    ranks: dict[str, tuple[int, float]] = {}
+    orders: dict[str, Any] = {}
+    for target in result["targets"]:
+        for row in target["rows"]:
+            reached = ranks.get(row["method"], (0, 0.0))[0]
+            if row["seconds"] is not None:
+                ranks[row["method"]] = (reached - 1, row["seconds"])
+                orders[row["method"]] = row["order"]
+    return [{"label": label, "order": orders[label]} for label in sorted(ranks, key=ranks.__getitem__)]
+
+
+def prices_of(target: Mapping[str, Any], labels: list[str]) -> list[Price]:
+    """The row of the table for an error."""
+    rows = {row["method"]: row for row in target["rows"] if row["seconds"] is not None}
+    best = min((row["seconds"] for row in rows.values()), default=None)
+    found = []
+    for label in labels:
+        row = rows.get(label)
+        if row is None:
+            found.append(Price("\u2013", "not reached"))
+            continue
+        setting = f"step {short_number(row['step'])}" if row["step"] else f"tolerance {short_number(row['tolerance'])}"
+        is_best = row["seconds"] == best
+        ratio = "best" if is_best else f"{short_number(row['ratio'])} \u00d7"
+        found.append(Price(duration(row["seconds"]), f"{ratio}, {setting}", is_best))
+    return found
+
+
+def prices_csv(result: Mapping[str, Any]) -> str:
+    """The prices as CSV: one line for an error and a method."""
+    keys = ("method", "order", "step", "tolerance", "seconds", "ratio", "evaluations")
+    lines = [",".join(("error", *keys))]
+    for target in result["targets"]:
+        for row in target["rows"]:
+            lines.append(
+                ",".join("" if value is None else str(value) for value in (target["error"], *map(row.get, keys)))
+            )
+    return "\n".join(lines) + "\n"
 
 
 def _why_missing(method: Mapping[str, Any]) -> str:

@@ -109,13 +109,22 @@ const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
 const inked = (name) => (name in LIFTED ? color(LIFTED[name]) : name);
 const DASHES = { solid: [], dash: [7, 4], dot: [2, 4], dashdot: [9, 3, 2, 3], longdash: [13, 5], longdashdot: [13, 4, 2, 4] };
 
-// From below: the true motion as a broad pale band, then the methods.
-function layers(lines) {
+// From below: the true motion as a broad pale band, then the methods; curves of errors have one width.
+function layers(lines, isError = false) {
   const count = lines.filter((line) => line.color !== "ink").length;
   let k = 0;
   const dressed = lines.map((line, place) => ({ ...line, place, color: inked(line.color), dash: DASHES[line.dash],
-    ...(line.color === "ink" && count ? { width: breadth(0, count) + 5, alpha: 0.3 } : { width: breadth(line.color === "ink" ? 0 : k++, count || 1) }) }));
+    ...(isError ? { width: 2 } : line.color === "ink" && count ? { width: breadth(0, count) + 5, alpha: 0.3 } : { width: breadth(line.color === "ink" ? 0 : k++, count || 1) }) }));
   return dressed.sort((a, b) => b.width - a.width);
+}
+
+// A line of the legend as it is drawn.
+function swatch(line) {
+  const name = document.createElement("span");
+  const width = Math.min(line.width, 8);
+  name.innerHTML = `<svg width="36" height="10" viewBox="0 0 36 10" aria-hidden="true"><path d="M1 5H35" fill="none" stroke="${line.color}" stroke-width="${width}" stroke-opacity="${line.alpha ?? 1}" stroke-dasharray="${line.dash.join(" ")}"/></svg> `;
+  name.append(line.label);
+  return name;
 }
 
 // The same numbers to be read or heard: so many rows, evenly spaced. Times are told once.
@@ -156,14 +165,10 @@ class Figure {
   draw() {
     const view = this.views[Number(this.choice.value) || 0];
     if (!view) return;
-    const lines = layers(view.lines);
+    const lines = layers(view.lines, view.lines.some((line) => line.markers));
     chart(this.canvas, { ...view, lines, start: false });
     tabulate(this.table, view);
-    this.legend.replaceChildren(...[...lines].sort((a, b) => a.place - b.place).map((line) => {
-      const name = Object.assign(document.createElement("span"), { textContent: line.label });
-      name.style.borderBottom = `3px ${line.dash.length ? (line.dash[0] < 3 ? "dotted" : "dashed") : "solid"} ${line.color}`;
-      return name;
-    }));
+    this.legend.replaceChildren(...[...lines].sort((a, b) => a.place - b.place).map(swatch));
   }
 }
 

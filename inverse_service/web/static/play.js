@@ -17,6 +17,7 @@ class Play {
         clearTimeout(this.timer);
         this.timer = setTimeout(() => this.load(), REDRAW_PAUSE);
       } else this.read();
+      this.remember();
     });
     for (const name of ["kind", "coordinate", "compare"]) this.part[name].addEventListener("change", () => this.chart());
     this.part.picture.addEventListener("change", () => { this.motion.name = this.part.picture.value; this.motion.update(true); });
@@ -28,6 +29,25 @@ class Play {
 
   numbers(kind, names) { return names.map((name) => value(this.box(kind, name)?.value ?? "")); }
 
+  // What is wrong is said beside its field.
+  faults(told) {
+    for (const box of this.form.querySelectorAll(".field input[name]")) {
+      box.parentElement.querySelector(".fault")?.remove();
+      box.toggleAttribute("aria-invalid", false);
+      if (!(box.name in told)) continue;
+      const fault = Object.assign(document.createElement("p"), { className: "fault", id: `${box.id}-fault`, textContent: told[box.name] });
+      box.setAttribute("aria-invalid", "true");
+      box.setAttribute("aria-describedby", fault.id);
+      box.after(fault);
+    }
+  }
+
+  // The address is the scene, before it is run.
+  remember() {
+    const fields = new URLSearchParams([...new FormData(this.form)].filter(([name, text]) => text || /^(position|velocity)/.test(name)));
+    history.replaceState(null, "", `${location.pathname}?${fields}`);
+  }
+
   get span() { return value(this.form.elements.step.value) * Number(this.form.elements.steps.value); }
 
   async load() {
@@ -35,6 +55,7 @@ class Play {
     const told = answer.ok ? await answer.json() : { reason: "The service does not answer at the moment." };
     this.panel.hidden = false;
     this.part.told.textContent = told.reason ?? "";
+    this.faults(told.faults ?? {});
     if (told.reason !== undefined) return;
     const { coordinates } = told;
     const given = Object.fromEntries(Object.keys(told.values).map((name) => [name, value(this.box("parameter", name)?.value ?? "")]).filter(([, number]) => !Number.isNaN(number)));
@@ -60,6 +81,10 @@ class Play {
   read() {
     if (!this.motion) return;
     const { coordinates } = this.motion.told;
+    const wrong = [...this.form.querySelectorAll("[name^='parameter.'], [name^='position.'], [name^='velocity.'], [name='step'], [name='steps']")]
+      .filter((box) => box.value.trim() && Number.isNaN(value(box.value)));
+    if (wrong.length) { this.faults(Object.fromEntries(wrong.map((box) => [box.name, `${box.value} is not a number.`]))); return; }
+    this.faults({});
     for (const name of Object.keys(this.motion.values)) {
       const given = value(this.box("parameter", name)?.value ?? "");
       if (!Number.isNaN(given)) this.motion.values[name] = given;
@@ -78,7 +103,7 @@ class Play {
     const put = (kind, name, number) => { const box = this.box(kind, name); if (box && (box.value.trim() || kind !== "velocity") && value(box.value) !== number) box.value = short(number); };
     for (const [name, number] of Object.entries(this.motion.values)) put("parameter", name, number);
     coordinates.forEach((name, k) => { put("position", name, this.motion.q[k]); put("velocity", name, this.motion.v[k]); });
-    this.form.dispatchEvent(new Event("change"));
+    this.remember();
     this.chart();
   }
 

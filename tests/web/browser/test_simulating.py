@@ -164,18 +164,35 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     page.get_by_label("Steps").fill("20")
     page.get_by_role("button", name="Measure error against time").click()
     expect(page.locator("[data-plot=work-precision] .legend span").first).to_be_visible(timeout=60_000)
-    assert page.locator("tbody tr").count() >= 4
+    assert page.locator("table.prices tbody tr").count() == 4
+    assert page.locator("table.prices .best").count() >= 1
+    picture, table = (page.locator(place).bounding_box() for place in ("[data-plot]", "table.prices"))
+    assert picture is not None
+    assert table is not None
+    assert picture["y"] < table["y"]
+    csv = page.request.get(page.url + "/prices.csv").text().splitlines()
+    assert csv[0].startswith("error,method")
     page.close()
 
 
 @pytest.mark.slow
-def test_what_is_wrong_with_a_scene_is_told_on_the_form(visit: Visit) -> None:
-    visit.go("/simulate")
-    visit.page.get_by_label("Steps").fill("many")
-    visit.page.get_by_role("button", name="Run").click()
-    expect(visit.page.locator(".problem")).to_contain_text("integer")
-    expect(visit.page.get_by_label("Steps")).to_have_value("many")
-    visit.page.get_by_label("Steps").fill("10")
-    visit.page.get_by_label("Step h").fill("0.1*@")
-    visit.page.get_by_role("button", name="Run").click()
-    expect(visit.page.locator(".problem")).to_be_visible()
+@pytest.mark.parametrize("scripts", [True, False])
+def test_what_is_wrong_with_a_scene_is_told_beside_its_field(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/simulate?system=sho")
+    at.page.get_by_label("x", exact=True).fill("abc")
+    at.page.get_by_role("button", name="Run").click()
+    field = at.page.locator(".field", has=at.page.locator("[name='position.x']"))
+    expect(field.locator(".fault")).to_contain_text("not a number")
+    expect(at.page.locator("[name='position.x']")).to_have_attribute("aria-invalid", "true")
+    expect(at.page.get_by_label("x", exact=True)).to_have_value("abc")
+    assert "/results/" not in at.page.url
+
+
+def test_the_address_is_the_scene_before_it_is_run(visit: Visit) -> None:
+    visit.go("/simulate?system=sho")
+    expect(visit.page.locator("[data-play-motion] [data-all]")).to_have_attribute("d", re.compile("M"))
+    visit.page.get_by_label("x", exact=True).fill("0.75")
+    expect(visit.page).to_have_url(re.compile("position.x=0.75"))
+    visit.page.reload()
+    expect(visit.page.get_by_label("x", exact=True)).to_have_value("0.75")
