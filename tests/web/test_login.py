@@ -29,7 +29,7 @@ def ask(*calls: tuple[str, str, dict[str, Any]], keys: bool = True) -> list[http
     return asyncio.run(all_of_them())
 
 
-def login(key: str = KEY, place: str = "/gallery", **headers: str) -> tuple[str, str, dict[str, Any]]:
+def login(key: str = KEY, place: str = "/atlas", **headers: str) -> tuple[str, str, dict[str, Any]]:
     return "POST", "/login", {"data": {"key": key, "next": place}, "headers": headers}
 
 
@@ -38,10 +38,10 @@ def get(path: str, **headers: str) -> tuple[str, str, dict[str, Any]]:
 
 
 def test_a_page_without_a_key_leads_to_the_form_and_back() -> None:
-    page, form, entered, shown = ask(get("/gallery?a=b"), get("/login?next=/gallery%3Fa%3Db"), login(), get("/gallery"))
-    assert (page.status_code, page.headers["location"]) == (303, "/login?next=/gallery%3Fa%3Db")
-    assert 'name="next" value="/gallery?a=b"' in form.text
-    assert (entered.status_code, entered.headers["location"]) == (303, "/gallery")
+    page, form, entered, shown = ask(get("/atlas?a=b"), get("/login?next=/atlas%3Fa%3Db"), login(), get("/atlas"))
+    assert (page.status_code, page.headers["location"]) == (303, "/login?next=/atlas%3Fa%3Db")
+    assert 'name="next" value="/atlas?a=b"' in form.text
+    assert (entered.status_code, entered.headers["location"]) == (303, "/atlas")
     assert shown.status_code == 200
     assert "Log out" in shown.text
 
@@ -65,7 +65,7 @@ def test_the_cookie_counts_like_the_header_until_it_is_taken_back() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("key", ["", "wrong", hash_of_key(KEY), KEY + "x", "x" * (LARGEST_KEY + 1)])
 def test_another_key_is_refused_and_sets_no_cookie(key: str) -> None:
-    entered, page = ask(login(key), get("/gallery"))
+    entered, page = ask(login(key), get("/atlas"))
     assert entered.status_code == 401
     assert "set-cookie" not in entered.headers
     assert 'role="alert"' in entered.text
@@ -121,7 +121,7 @@ def test_a_script_of_the_page_is_told_instead_of_led_away() -> None:
 
 
 def test_without_keys_there_is_nothing_to_log_in_to() -> None:
-    page, form = ask(get("/gallery"), get("/login"), keys=False)
+    page, form = ask(get("/atlas"), get("/login"), keys=False)
     assert page.status_code == 200
     assert "Log out" not in page.text
     assert form.headers["location"] == "/"

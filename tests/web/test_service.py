@@ -175,7 +175,7 @@ def test_of_a_longer_wait_twenty_seconds_are_applied(client: httpx.Client, wait:
     assert response.headers["preference-applied"].endswith("wait=20")
 
 
-@pytest.mark.parametrize("path", ["/", "/livez", "/v1/catalogue", "/gallery", "/openapi.json"])
+@pytest.mark.parametrize("path", ["/", "/livez", "/v1/catalogue", "/atlas", "/openapi.json"])
 def test_head_is_get_without_the_body(client: httpx.Client, path: str) -> None:
     head, whole = client.head(path), client.get(path)
     assert head.status_code == whole.status_code == 200
@@ -214,7 +214,7 @@ def test_openapi_resolves_within_itself(client: httpx.Client) -> None:
     assert references <= set(description["components"]["schemas"])
 
 
-@pytest.mark.parametrize("page", ["/", "/docs", "/gallery", "/learn", "/batch"])
+@pytest.mark.parametrize("page", ["/", "/docs", "/atlas", "/learn", "/batch"])
 def test_pages_load_nothing_from_elsewhere(client: httpx.Client, page: str) -> None:
     response = client.get(page)
     assert response.status_code == 200
@@ -228,7 +228,7 @@ def test_the_form_answers_without_scripts_under_a_permanent_link(client: httpx.C
     response = client.post("/", data={"equations": "x'' = -x"}, follow_redirects=True)
     assert response.status_code == 200
     assert re.search(r"/results/[0-9a-f]{40}$", str(response.url))
-    assert "come from a regular Lagrangian" in response.text
+    assert "this equation comes from a Lagrangian" in response.text
     assert client.get(str(response.url)).text == response.text
 
 
@@ -268,8 +268,8 @@ def test_a_lagrangian_alone_has_a_page_of_its_equations(client: httpx.Client) ->
     fields = {"kind": "nonholonomic", "lagrangian": "m*x'^2/2 - k*x^2/2", "constraints": ""}
     page = client.post("/", data=fields, follow_redirects=True)
     assert page.status_code == 200
-    assert "The equations of motion" in page.text
-    assert "not declared, taken as" in page.text
+    assert "equations of motion" in page.text
+    assert "with constants" in page.text
 
 
 @pytest.mark.parametrize(
@@ -322,10 +322,8 @@ def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
     [
         ("x'' = -k/m x", "8+5", "(k/m)*x", "x'' = -(k/m)*x"),
         ("x'' = -k/m x", "8+5", "k/(m*x)", "x'' = -k/(m*x)"),
-        ("theta'' = -g/l sin(theta) - c", "12+14", "(g/l)*sin(theta)", "theta'' = -(g/l)*sin(theta) - c"),
         ("x'' = -0,5 x", "8+3", "0.5", "x'' = -0.5 x"),
         ("x'' = -1,000 x", "8+5", "1000", "x'' = -1000 x"),
-        ("x'' = -k(x-1)", "9+1", "*(", "x'' = -k*(x-1)"),
         ('x" = -x', "2+1", "''", "x'' = -x"),
         ("xdd = -x", "1+3", "x''", "x'' = -x"),
         ("x(t)'' = -x(t)", "1+6", "x''(t)", "x''(t) = -x(t)"),
@@ -335,7 +333,6 @@ def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
         ("x'' = -sin x/2 + t", "12+3", "(x)/2", "x'' = -sin (x)/2 + t"),
         ("x'' = -sin 2 x", "12+3", "(2*x)", "x'' = -sin (2*x)"),
         ("x'' = -2sin^-1 x", "9+8", " asin(x)", "x'' = -2 asin(x)"),
-        (r"\ddot x = \cos\omega t", "15+8", r"(\omega*t)", r"\ddot x = \cos(\omega*t)"),
         (
             r"\ddot x = \sin x\left(1 - x\right) \label{a}",
             "16+19",
@@ -370,31 +367,9 @@ def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> Non
     assert "x&#39;&#39;(t)" in refused.text
 
 
-@pytest.mark.parametrize(
-    ("kind", "shown"),
-    [
-        ("first", "z&#39;&#39; = -x&#39;*y&#39;/(x^2 + 1)"),
-        ("second", "z&#39;&#39; = x&#39;*z&#39;/(x*(x^2 + 1))"),
-        ("third", "y&#39;&#39; = x&#39;*z&#39;/(x^2 + 1)"),
-    ],
-)
-def test_the_associated_system_that_is_decided_is_shown(client: httpx.Client, kind: str, shown: str) -> None:
-    fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": "z' + x*y'"}
-    page = understood(client, {**fields, "associated": kind}).text
-    after = page.partition(f"The {kind} associated system, which is decided")[2]
-    assert shown in after
-    assert "which is decided" not in understood(client, {**fields, "associated": "any"}).text
-
-
-def test_an_associated_system_that_is_not_defined_says_why(client: httpx.Client) -> None:
-    fields = {"kind": "nonholonomic", "lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2", "constraints": "z' - y*x'"}
-    page = understood(client, {**fields, "associated": "third"}).text
-    assert "the constraints leave 3" in page
-
-
 def test_a_refusal_names_the_fields_that_the_form_has(client: httpx.Client) -> None:
     page = understood(client, {"kind": "equations", "equations": "x'' = -kx"}).text
-    assert "“Parameters” under “Names and" in page
+    assert "\u201cParameters\u201d, in" in page
 
 
 @pytest.mark.slow

@@ -42,7 +42,6 @@ ASKED = {
 }
 # Codes hold for as long as this process runs, unless the operator sets a secret.
 SECRET = secrets.token_bytes(32)
-OWN_NAMES = ("title", "ask", "hints", "answer", "own", "student", "code")
 LATE = "Judging this takes longer than a page may. Try a shorter formula."
 
 

@@ -15,7 +15,6 @@ TRUE = ("exact", "reference")
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS = 2001
-MOST_CORNERS = 200  # of a line in a small picture
 DIGITS = 7
 ROUNDING = 1e-13
 SERIES = {

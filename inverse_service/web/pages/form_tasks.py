@@ -9,14 +9,12 @@ from typing import Any
 from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.inverse_problem.solutions import SolveOptions
-from inverse_service.reading.names import Names
-from inverse_service.service.jobs.model import split_options, write_json
-from inverse_service.service.jobs.tasks import check_task, solve_task, understand_task
+from inverse_service.service.jobs.model import split_options
+from inverse_service.service.jobs.tasks import solve_task
 from inverse_service.web.pages import reading_back, sheets
-from inverse_service.web.pages.form_documents import document_of, document_of_fields, fields_from, fields_of, right_side
+from inverse_service.web.pages.form_documents import document_of, document_of_fields, fields_from, fields_of
 from inverse_service.web.pages.forms import Form, form_of
 from inverse_service.web.pages.preview import motion_of_result
-from inverse_service.web.pages.typesetting import names_of
 
 Fields = dict[str, str]
 # How long a person waits for an answer next to a form that they are still filling in, s.
@@ -31,18 +29,6 @@ class Sent:
     shown: Fields
     document: dict[str, Any] | None = None
     problem: reading_back.Problem | None = None
-
-
-def own_task(fields: Fields, text: str) -> sheets.Judged:
-    """The fields of the solve form and an L of the visitor to what is said of that L."""
-    try:
-        document = split_options(document_of_fields(fields))[0]
-        found = check_task(write_json({"system": document, "lagrangian": right_side(text)}))
-        names = names_of(understand_task(document))
-    except InputError as error:
-        reasons = [reading_back.sentence(one) for one in error.places]
-        return sheets.judged_of({"verdict": "unread", "lagrangian": text, "reasons": reasons}, Names())
-    return sheets.judged_of({**found, "lagrangian": text}, names)
 
 
 def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:

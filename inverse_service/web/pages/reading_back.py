@@ -160,7 +160,7 @@ def sentence(place: Place, fields: Collection[str] = (), is_marked: bool = False
     if place.plain and place.column is not None and not is_marked:
         said = f"At column {place.column}: {said}"
     if place.declare and place.declare in fields:
-        where = f"\u201c{FIELD_NAMES[place.declare]}\u201d under \u201cNames and questions\u201d"
+        where = f"\u201c{FIELD_NAMES[place.declare]}\u201d, in \u201cAsk in detail\u201d"
         said += f" A name can be declared in {where}."
     return said[:1].upper() + said[1:] if said.startswith(("the ", "a ", "an ", "this ", "what ", "where ")) else said
 

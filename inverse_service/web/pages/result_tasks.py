@@ -28,11 +28,8 @@ from inverse_service.web.pages.preview import motion_of_result
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
 
 T = TypeVar("T")
-OFFER_TERMS = (
-    "Offer terms that L may contain: \u201cChange the system\u201d, then \u201cTerms to try first in L\u201d under "
-    "\u201cNames and questions\u201d, for example {}."
-)
-ONE_QUESTION = "Ask one question instead of two: under \u201cNames and questions\u201d, L(q, q\u2032) alone."
+OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
+ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L(q, q\u2032) alone."
 # Of a time limit; what comes after the search takes the rest.
 MUCH_OF = 0.8
 LONG_RUN = "inverse-service solve --time-limit 3600 system.json"

@@ -300,22 +300,6 @@ function remembering() {
   list.querySelector("[data-forget]").addEventListener("click", () => { localStorage.removeItem(HISTORY); list.hidden = true; });
 }
 
-function searching(form) {
-  const entries = [...document.querySelectorAll("[data-text]")].map((node) => [node, `${node.dataset.text} ${node.textContent}`.toLowerCase()]);
-  const groups = [...document.querySelectorAll("main details")];
-  const others = [...form.parentElement.children].filter((part) => part !== form && !part.hidden && !part.matches(".lead"));
-  form.addEventListener("submit", (event) => event.preventDefault());
-  form.addEventListener("input", () => {
-    const words = form.elements.search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    for (const [node, text] of entries) node.hidden = !words.every((word) => text.includes(word));
-    for (const group of groups) group.open = Boolean(words.length && group.querySelector("[data-text]:not([hidden])"));
-    // While one searches, what holds no system that was found gives way.
-    for (const part of others) part.hidden = Boolean(words.length) && !part.querySelector("[data-text]:not([hidden])");
-    const found = entries.filter(([node]) => !node.hidden).length;
-    form.querySelector("[data-found]").textContent = words.length ? `${found} system${found === 1 ? "" : "s"}` : "";
-  });
-}
-
 function progressText(progress) {
   if (!progress) return "";
   if (typeof progress === "string") return progress;
@@ -406,7 +390,6 @@ unfolding();
 for (const form of document.querySelectorAll("[data-try]")) trying(form);
 remembering();
 sharing();
-for (const form of document.querySelectorAll("[data-search]")) searching(form);
 focusWide(document);
 addEventListener("resize", () => focusWide(document));
 for (const details of document.querySelectorAll("details")) details.addEventListener("toggle", () => focusWide(details));
