@@ -25,6 +25,9 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 _LONGEST_STEPS = 12_000
 
 
+_LONGEST_CHECK = 60.0  # s, of a Lagrangian that was confirmed before
+
+
 @dataclass(frozen=True, slots=True)
 class Known:
     """A Lagrangian L(q, v) with its Legendre transform, the constraints' images, and where it comes from."""
@@ -72,6 +75,7 @@ def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: So
 def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> Answer:
     chosen, *others = known
     lagrangian = describe(analysis, chosen.lagrangian, chosen.source)
+    where = certify.where_proved(analysis, chosen.lagrangian, _LONGEST_CHECK)
     hamiltonian = Hamiltonian.of(chosen.transform, chosen.images)
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (
@@ -89,7 +93,10 @@ def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> A
         certificate=certify.of_lagrangian(analysis, chosen.lagrangian, with_time=False),
         checked="valid",
         explanation=steps,
-        positive=lagrangian.positive,
+        positive=where.positive,
+        nonzero=where.nonzero,
+        sides=where.sides,
+        one_side=where.one_side,
     )
 
 

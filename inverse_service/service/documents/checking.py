@@ -543,10 +543,9 @@ class Examination:
                 self.unsettled(proof.reasons[0])
                 return
             self.reasons.extend(proof.reasons)
-            self.with_document(certificate)
-        texts = [
-            text for one in certificates for key in ("equations", "velocities") for text in one["system"][key].values()
-        ]
+            self.with_document(certificate, moving=True)
+        parts = [one["system"].get(key) or {} for one in certificates for key in ("equations", "velocities")]
+        texts = [text for formulas in parts for text in formulas.values()]
         timed = timed or any("t" in _tokens(text) for text in texts)
         same = all(one["system"] == certificates[0]["system"] for one in certificates)
         self.agree(at + "/certificate_with_time/system", same, "", "It is about two motions.")
