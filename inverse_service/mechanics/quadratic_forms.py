@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from fractions import Fraction
-from itertools import permutations
+from itertools import islice, permutations
 
 from flint import fmpq, fmpq_mpoly_ctx
 
@@ -41,8 +41,8 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
     quadratic = {key: value for key, value in parts.pop(2, {}).items() if value}
     higher = [_as_power([(key, value) for key, value in part.items() if value]) for part in parts.values()]
     groups = list(_by_exponentials(quadratic).values())
-    orders = list(permutations([v for v in letters if any(v in dict(key) for key in quadratic)]))
-    for order in orders[:_MOST_ORDERS] or [()]:
+    own = [v for v in letters if any(v in dict(key) for key in quadratic)]
+    for order in islice(permutations(own), _MOST_ORDERS):
         squares = [square for group in groups for square in _squares(group, order)]
         yield ex.add(*squares, *higher, *rest)
 
