@@ -47,6 +47,7 @@ class StoppedPart(Document):
     quantity: str | None
     value: float | None
     remedy: str | None
+    sentence: str = ""
 
 
 class PointsPart(Document):

@@ -209,10 +209,7 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
         if method.get("reason"):
             lines.append(f"{method['label']}: {method['reason']}")
         elif stopped:
-            where = f"at step {stopped['step']}, t = {_number(stopped['time'])}"
-            value = "" if stopped["value"] is None else f" = {_number(stopped['value'])}"
-            what = f"{stopped['quantity']}{value}" if stopped["quantity"] else "the run ended"
-            lines.append(f"{method['label']}: {what} {where}; {stopped['remedy'] or ''}".rstrip("; "))
+            lines.append(f"{method['label']}: {stopped['sentence']}")
         lines += [f"{method['label']}: {method[key]}" for key in ("note", "doubt") if method.get(key)]
         lines += [f"{method['label']}: {note}" for note in notes_of_formulas(method)]
     return lines

@@ -8,6 +8,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+# What the kind of an outcome means.
+WORDS = {
+    "singular": "a quantity that the method divides by vanishes",
+    "guard": "the step is too long for its equation",
+    "unresolved": "the step is too long for the motion",
+    "no_convergence": "the equation of the step was not solved",
+    "not_finite": "a number is too large",
+    "off_domain": "a formula ends",
+    "zeno": "the events come ever faster",
+    "cancelled": "the time was over",
+}
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_] | NDArray[np.int64] | slice
 
@@ -36,6 +47,16 @@ class Outcome:
     @property
     def completed(self) -> bool:
         return self.kind == "completed"
+
+    @property
+    def sentence(self) -> str:
+        """What happened, when, and what to do: Stopped at t = 2.4: the step is too long (...). Take a smaller step."""
+        what = WORDS.get(self.kind, self.kind.replace("_", " "))
+        if self.quantity:
+            value = "" if self.value is None or self.value != self.value else f" = {self.value:.3g}"
+            what += f" ({self.quantity}{value})"
+        remedy = f" {self.remedy[:1].upper()}{self.remedy[1:]}." if self.remedy else ""
+        return f"Stopped at t = {self.time or 0.0:.6g}: {what}.{remedy}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,17 +25,11 @@ from inverse_service.simulation.watches import SMALLEST
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
-VARIES = (
-    "The energy, a constant of the motion, changes by up to {:.3g}, {:.2g} times the mean kinetic energy; at the start "
-    "its size is {:.3g}."
-)
+VARIES = "The energy, a constant, changes by {:.3g}, {:.2g} times the mean kinetic energy (at the start it is {:.3g})."
 HALF = "half the step"
 STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
 AGAIN, TRUE = "With {} the method", "The true motion"
-ELSEWHERE = (
-    "{} leads elsewhere: from t = {:.6g} on {} is off by more than a tenth of its range, at most by about {:.3g}. "
-    "Where the motion itself is wanted, take a smaller step or tolerance."
-)
+ELSEWHERE = "{} leads elsewhere: from t = {:.6g} on {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
 ENDS_EARLY = "With {} the run ends at t = {:.6g}, {}."
 

@@ -36,12 +36,10 @@ _FIRST_PIECE = 4096
 _FIRST_OWN = 8  # of a method that takes any number of steps between two points
 _SECONDS_PER_PIECE = 0.1
 _REMEDY = "take a smaller step"
-_UNDEFINED = "a formula of the scene ends there: begin elsewhere, stop before, or leave the quantity out of observe"
-_NO_VALUE = (
-    "take a smaller step; where a formula or its derivative has no value none helps: begin elsewhere or stop before"
-)
-_ENDS = "the motion, or a formula of it or its derivative, has a singular point there: stop before, or begin elsewhere"
-_FASTER = "take a smaller step or a larger tolerance; where something decays fast, the method stiff"
+_UNDEFINED = "begin elsewhere, stop before, or leave the quantity out of observe"
+_NO_VALUE = "take a smaller step; where a formula has no value, stop before"
+_ENDS = "stop before: the motion or a formula ends there"
+_FASTER = "take a smaller step or a larger tolerance; where something decays fast, `stiff`"
 _BENT = "the third difference of the path compared with its steps, squared: fewer than five steps in a turn"
 _KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
@@ -165,7 +163,7 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
     if code == NO_START:
         return Stopped("off_domain", 0, "the state at the start, which has no finite value", value, _UNDEFINED)
     if code == UNRESOLVED:
-        return Stopped("unresolved", step, _BENT, value, f"{_REMEDY}, or go on with guard = false, unchecked")
+        return Stopped("unresolved", step, _BENT, value, f"{_REMEDY}; guard = false continues unchecked")
     if code == TOO_MANY:
         quantity = f"a step of its own: {MOST_TRIES} such steps do not reach the next point"
         return Stopped("unresolved", step, quantity, value, _FASTER)

@@ -258,7 +258,7 @@ def _outcome(ended: Ended) -> Outcome:
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
         excess = math.sqrt(halt.value) if halt.quantity.startswith("1 - det") else abs(halt.value)
-        remedy += f"; |step| below {abs(grid.step) / excess:.3g} passes here; or go on with guard = false, unchecked"
+        remedy += f"; |step| below {abs(grid.step) / excess:.3g} passes here; guard = false continues unchecked"
     return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, remedy)
 
 

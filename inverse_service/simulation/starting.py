@@ -30,7 +30,7 @@ NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
 FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
 LATER = 1e-3
 BY_SLOPES = ("stiff",)
-BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time where the force depends on t"
+BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time"
 
 
 @dataclass(frozen=True, slots=True)

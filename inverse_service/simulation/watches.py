@@ -19,23 +19,14 @@ from inverse_service.integrators.variational import between
 from inverse_service.simulation.callables import MOMENT, Denominator, Formulas
 
 SMALLER_STEP = "take a smaller step"
-GUARD_REMEDY = "take a smaller step or smaller free constants of the free Lagrangian"
-OTHER_LAGRANGIAN = (
-    "the free Lagrangian ends there: give another free_lagrangian, or use the method reference or runge-kutta"
-)
-OTHER_MOTION = (
-    "behind it the free Lagrangian has another motion than the system: give the one that holds there and begin there "
-    "again, or use the method reference or runge-kutta"
-)
+GUARD_REMEDY = "take a smaller step, or smaller free constants"
+OTHER_LAGRANGIAN = "give another free_lagrangian, or use `adaptive`"
+OTHER_MOTION = "use `adaptive`, or begin there again with the free_lagrangian that holds there"
 RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
-RANK_REMEDY = "divide the constraints by what vanishes there, begin elsewhere, or take a smaller step"
+RANK_REMEDY = "begin elsewhere, or divide the constraints by what vanishes"
 MAP_LIMIT = 1e-12
-RESOLVE = f"{SMALLER_STEP}, or go on with guard = false, unchecked"
-REGULAR_MOTION = (
-    "the equations of motion have a pole, an end or a kink there: where the motion itself stays away from it, take a "
-    "smaller step; else stop before, use coordinates in which they are regular, or the method adaptive, which passes "
-    "kinks"
-)
+RESOLVE = f"{SMALLER_STEP} or `adaptive`; guard = false continues unchecked"
+REGULAR_MOTION = "take a smaller step or `adaptive`; where the forces have a pole, stop before"
 RESOLUTION = "the error of a step compared with its change of the velocity, squared"
 # The ratio squared; that of a force which acts in the last stage alone is a tenth.
 RESOLVED = 0.05

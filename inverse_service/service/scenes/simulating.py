@@ -278,7 +278,8 @@ def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
     note = {name: text for name in ("note", "doubt") if (text := getattr(outcome, name))}
     if outcome.completed:
         return {"outcome": outcome.kind, "steps": scene.grid.steps if outcome.step is None else outcome.step, **note}
-    parts = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}
+    parts: dict[str, Any] = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}
+    parts["sentence"] = outcome.sentence
     return {"outcome": outcome.kind, "steps": outcome.step or 0, "stopped": parts, **note}
 
 
