@@ -45,13 +45,7 @@ from inverse_service.simulation.initial import ended_at_start
 from inverse_service.simulation.methods import run
 from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
 from inverse_service.simulation.quantities import Observed, observed_quantities
-from inverse_service.simulation.resolution import (
-    UNSEEN,
-    changes_unseen,
-    jump_of_energy,
-    lost_to_time,
-    other_motion,
-)
+from inverse_service.simulation.resolution import apart_from, has_functions_of_time, jump_of_energy, other_motion
 from inverse_service.simulation.scene_data import (
     EXACT,
     FreeLagrangian,
@@ -68,8 +62,8 @@ from inverse_service.simulation.scene_data import (
     Unavailable,
 )
 from inverse_service.simulation.truth import exact_trajectory, true_motion
-from inverse_service.simulation.watches import RESOLVE
 
+OTHER = Requested("adaptive", "adaptive", None, MethodChoice("adaptive", tolerance=1e-10))
 LATE = "The time was over before its turn; take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed by a fault of the program ({}): please report the scene."
 
@@ -139,7 +133,6 @@ def run_scene(
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
-    runs = _without_unseen(scene, derived, runs, truth, compared_until or stop)
     exponent = None
     begins = not isinstance(with_accelerations(scene, derived), Unavailable)
     if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple) and begins:
@@ -147,24 +140,6 @@ def run_scene(
         exponent = largest_exponent(scene, derived.accelerations, stop)
     means = Means(_no_run, observed_problem, find or _no_free, stop or (lambda: False))
     return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent, effects_of(scene, derived, means))
-
-
-def _without_unseen(
-    scene: Scene, derived: Derived, runs: list[MethodRun], truth: Truth | Unavailable | None, stop: Stop | None
-) -> list[MethodRun]:
-    """The runs; those whose steps do not see how fast a force changes with t, and end far from the true motion, are
-    `unresolved`. Only for them the true motion is found where nothing observed asked for it."""
-    found = []
-    for run_ in runs:
-        error = None
-        if run_.outcome.completed and run_.observed is not None and changes_unseen(run_.observed):
-            truth = truth if isinstance(truth, Truth) else true_motion(scene, derived_for_truth(scene, derived), stop)
-            assert run_.trajectory is not None
-            error = lost_to_time(truth, run_.trajectory) if isinstance(truth, Truth) else None
-        last = run_.outcome
-        bad = last if error is None else Outcome("unresolved", last.step, last.time, UNSEEN, error, RESOLVE)
-        found.append(replace(run_, outcome=bad))
-    return found
 
 
 def run_method(
@@ -184,7 +159,12 @@ def run_method(
     if outcome.completed:
         with timed(seconds, "half the step"):
             numbers |= estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
-        outcome = replace(outcome, doubt=numbers.pop("doubt"))
+        doubt = numbers.pop("doubt")
+        if not doubt and has_functions_of_time(run_.observed):
+            with timed(seconds, "adaptive"):
+                other = observed_run(replace(scene, observe=()), OTHER, derived_for_truth(scene, derived), None, stop)
+            doubt = "" if other.trajectory is None else apart_from(run_.observed, other.trajectory)
+        outcome = replace(outcome, doubt=doubt)
     if COST in scene.observe:
         with timed(seconds, COST):
             numbers[COST] = _costs(scene, requested, derived, run_.free, stop, find)
