@@ -223,7 +223,7 @@ def document_names(
     }
     bounded(list(declared.functions), "/functions", "functions", LIMITS.names)
     defined = tuple(declared_name(name, f"/where/{escaped(name)}") for name in declared.where)
-    names = with_products(Names((), (*parameters, *defined), functions), declared, texts)
+    names = with_products(Names((), (*parameters, *defined), functions), declared, texts, order)
     names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
     if declared.guesses:
         names = with_guessed(texts, names)
@@ -233,12 +233,12 @@ def document_names(
     return replace(names, functions=_checked_functions(names, texts))
 
 
-def with_products(names: Names, declared: Declared, texts: Mapping[str, str]) -> Names:
+def with_products(names: Names, declared: Declared, texts: Mapping[str, str], order: int = 2) -> Names:
     """The names, with m and x'' in mx'' where undeclared names may be guessed."""
     if not declared.guesses:
         return names
     names = replace(names, guesses=True)
-    return replace(names, splits=moving_products(texts, names))
+    return replace(names, splits=moving_products(texts, names, order))
 
 
 def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:

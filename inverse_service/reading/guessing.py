@@ -30,6 +30,7 @@ from inverse_service.reading.names import (
     readings,
     reason_against,
     refused,
+    split_before_argument,
     undeclared,
 )
 from inverse_service.reading.reader import read_tokens, remark
@@ -49,6 +50,7 @@ FUNCTION_LETTERS = frozenset("fFhHUVW")
 CALLED_LETTERS = FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
 # Of t these are impulses and steps to most.
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
+_PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 
 
@@ -92,7 +94,10 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     A text that cannot be read adds nothing: its fault is reported where it is read. InputError, with what may
     have been meant, for a suspect name.
     """
-    lines = {pointer: _tokens(text, declared) for pointer, text in texts.items()}
+    lines = {
+        pointer: _tokens(text, replace(declared, forms=pointer.startswith("/constraints")))
+        for pointer, text in texts.items()
+    }
     coordinates = declared.coordinates
     found_functions: dict[str, tuple[str, ...]] = {}
     found_parameters: dict[str, tuple[str, Token]] = {}
@@ -100,6 +105,10 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     splits: dict[str, tuple[str, ...]] = {}
     slopes = _slopes(lines.values(), declared)
     known = {*coordinates, *declared.declared(), *NEVER_GUESSED}
+    powers = {
+        line[place].text for line in lines.values() for place in range(len(line) - 1) if line[place + 1].text == "^"
+    }
+    known -= {"E"} - powers  # a field, and no number where it is never raised
     calls = {
         (token.text, arguments)
         for line in lines.values()
@@ -121,6 +130,9 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
                 arguments = found_functions.get(token.text, arguments)
             if len(arguments) == 1 and _is_apart(line, place):
                 raise _product_or_function(line, place, arguments[0], texts[pointer]).at(pointer)
+            if _takes_argument(line, place) and (parts := split_before_argument(token.text, declared)):
+                splits[token.text] = parts
+                continue
             if arguments and "_" in token.text:
                 called.setdefault(token.text, (pointer, token))
             if arguments and not _looks_like_a_function(token.text):
@@ -169,6 +181,14 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
     numbered = re.fullmatch("([A-Za-z]+)_?([1-9][0-9]*)", name)
     stems = {re.sub("_?[0-9]+$", "", coordinate) for coordinate in coordinates}
     return numbered is not None and numbered[1] in stems and looks_like_a_coordinate(numbered[1])
+
+
+def _takes_argument(line: Sequence[Token], place: int) -> bool:
+    """Whether a bracket, a name or a number follows at once: Rcos(x), Rcos x of Rcos and a Greek letter."""
+    after = line[place + 1] if place + 1 < len(line) else None
+    return after is not None and (
+        after.is_operator("(") or (after.kind in ("name", "number") and not after.space_before)
+    )
 
 
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are two components to most
@@ -344,7 +364,7 @@ def _looks_like_a_function(name: str) -> bool:
 
 def _may_depend_on_time(name: str) -> bool:
     """Not x(t), a coordinate without an equation, nor delta(t), nor words."""
-    moves = looks_like_a_coordinate(name) and name not in ("q", "r", "s")
+    moves = looks_like_a_coordinate(name) and name not in ("q", "r", "s", "tau")
     return not (moves or name in _IMPULSES or _looks_like_a_function(name))
 
 

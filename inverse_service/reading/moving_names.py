@@ -23,14 +23,14 @@ from inverse_service.reading.tokens import Token, closing, split_at_commas
 _LONGEST_ARGUMENTS = 400
 
 
-def moving_products(texts: Mapping[str, str], declared: Names) -> dict[str, tuple[str, ...]]:
+def moving_products(texts: Mapping[str, str], declared: Names, order: int = 2) -> dict[str, tuple[str, ...]]:
     """The runs of letters with primes that are products, mx'' of m and x'', y y'' and L I'' typed without a space."""
     lines = [line for text in texts.values() if (line := _tokens_or_none(text, declared))]
     words = [(line[k].text, is_primed(line, k)) for line in lines for k in range(len(line)) if line[k].kind == "name"]
     alone, primed = ({word for word, moves in words if moves is which} for which in (False, True))
     found: dict[str, tuple[str, ...]] = {}
     for line in lines:
-        for name, _ in ((name, order) for name, order in _motions(line) if order == 2):
+        for name in moving_names(line, order):
             if name in alone | GREEK_NAMES or declared.role(declared.spelling(name)) or not name.isalnum():
                 continue
             for cut in range(1, len(name)):
@@ -39,11 +39,21 @@ def moving_products(texts: Mapping[str, str], declared: Names) -> dict[str, tupl
                 elsewhere = moving in alone | primed
                 mechanical = _FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES
                 named = (looks_like_a_coordinate(moving) or moving in GREEK_NAMES) and mechanical
-                plain = mechanical or (len(factor) == 1 and factor not in "dDeEij")
-                if single and moving != "t" and plain and (elsewhere or named):
+                plain = mechanical or (len(factor) < 3 and factor.isalpha() and not {*factor} & {*"dDeij"})
+                bending = len(factor) == 2 and factor.isupper() and looks_like_a_coordinate(moving)  # E I y
+                if single and moving != "t" and plain and (bending or elsewhere or named):
                     factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
                     found.setdefault(name, (*factors, moving))
     return found
+
+
+def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, ...]]) -> None:
+    """InputError for mx'', which is m*x'' to its writer."""
+    for place, token in enumerate(tokens):
+        if token.text in products and is_primed(tokens, place):
+            meant, primes = "*".join(products[token.text]), "'" * _primes(tokens[place + 1 :])[0]
+            instead = f"did you mean {meant}{primes}?"
+            raise refusal(f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates")
 
 
 def _tokens_or_none(text: str, declared: Names) -> list[Token]:
@@ -62,8 +72,8 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
     for pointer, text in texts.items():
         with placed_at(pointer):
             tokens = read_tokens(text, declared)
-            if order == 2:
-                _refuse_products(tokens, declared)
+            if not declared.guesses:
+                _refuse_products(tokens, moving_products({pointer: text}, declared, order))
         names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
         found.update(dict.fromkeys(declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
@@ -71,25 +81,6 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
 
 # What stands before an acceleration without a sign: m, ml, I, r.
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckgh][0-9]?){1,3}")
-
-
-def _refuse_products(tokens: Sequence[Token], declared: Names) -> None:
-    """InputError for mx'', which is m*x'' to its writer; not where mx stands alone elsewhere and so is a name."""
-    places = [place for place, token in enumerate(tokens) if token.kind == "name"]
-    accelerated = {place for place in places if _primes(tokens[place + 1 :])[0] == 2}
-    alone = {tokens[place].text for place in places if not is_primed(tokens, place)}
-    for place in sorted(accelerated):
-        name, column = tokens[place].text, tokens[place].column
-        if name in alone | GREEK_NAMES or declared.role(declared.spelling(name)):
-            continue
-        for cut in range(1, len(name)):
-            factor, moving = name[:cut], name[cut:]
-            named = looks_like_a_coordinate(moving) or moving in GREEK_NAMES
-            if named and (_FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES):
-                factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
-                meant = "*".join((*factors, moving))
-                instead = f"did you mean {meant}''?"
-                raise refusal(f"{name}'' occurs", column, instead, (meant,), declare="coordinates")
 
 
 def key_coordinate(key: str, names: Names, pointer: str) -> str:

@@ -173,6 +173,7 @@ class Names:
     `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared. `definitions`
     are the formulas for which some of the parameters stand: their derivatives are those of the formulas.
     `guesses`: what is not declared may be a name all the same. `splits`: runs of letters that are products, as kx.
+    `forms`: dz is the velocity of z, as in dz - y dx = 0.
     """
 
     coordinates: tuple[str, ...] = ()
@@ -182,6 +183,7 @@ class Names:
     definitions: Mapping[Expression, Expression] = field(default_factory=dict)
     guesses: bool = False
     splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    forms: bool = False
 
     def role(self, name: str) -> Role | None:
         """What the name was declared as, None if it was not."""
@@ -304,6 +306,18 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     return (*motion, written_product(cut, names))
 
 
+_BEFORE = re.compile("(?![dDaA])(?:[A-Za-z]{1,2}|[A-Za-z]_?[0-9]+)")
+
+
+def split_before_argument(name: str, names: Names) -> tuple[str, ...]:
+    """R and cos for Rcos, which an argument follows; nothing where no function ends the run."""
+    for function in ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "exp", "log", "ln"):
+        before = name.removesuffix(function)
+        if before != name and _BEFORE.fullmatch(before):
+            return (*(only_split(before, names) or (before,)), function)
+    return ()
+
+
 _OF_NUMBERS = ("sqrt", "cbrt", "ln", "log")
 
 
@@ -342,7 +356,7 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
     moving = {*names.coordinates, *_moving(names), "t"}
     doubtful = (
         name[0] == "d"
-        or {*letters} & {"e", "E", "i", "j", "d", "D"}
+        or {*letters} & {"e", "i", "j", "d", "D"}
         or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in FUNCTIONS)
         or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in moving)
         or any(part[:1] == "a" and part[1:] in FUNCTIONS for part in cut)
@@ -388,7 +402,8 @@ def written_product(parts: Sequence[str], names: Names) -> str:
     """The parts as a product, a function with what follows as its argument."""
     for place, part in enumerate(parts):
         if part in FUNCTIONS and names.role(part) is None:
-            return "*".join([*parts[:place], f"{part}({written_product(parts[place + 1 :], names)})"])
+            inner = written_product(parts[place + 1 :], names)
+            return "*".join([*parts[:place], f"{part}{f'({inner})' if inner else ''}"])
     return "*".join(parts)
 
 

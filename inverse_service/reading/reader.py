@@ -20,7 +20,7 @@ from inverse_service.reading.differentials import with_derivatives
 from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.notations import in_our_words
 from inverse_service.reading.parser import check_depth, parse_tokens
-from inverse_service.reading.tokens import COMPARED, Kind, Token, refuse_decimal_commas, tokenize
+from inverse_service.reading.tokens import COMPARED, TOTAL, Kind, Token, refuse_decimal_commas, tokenize
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -100,7 +100,33 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     else:
         tokens = in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
     refuse_decimal_commas(tokens)
+    tokens = _with_forms(tokens, names) if names.forms else tokens
     return _without_remarks(tokens, formula, names)
+
+
+def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
+    """The tokens with z' for dz and 1 for dt: a form of Pfaff divided by dt."""
+    found: list[Token] = []
+    place = 0
+    while place < len(tokens):
+        token, following = tokens[place], tokens[place + 1] if place + 1 < len(tokens) else None
+        name, length = "", 1
+        if token.kind == "name" and token.text[:1] == "d" and names.role(token.text) is None:
+            name = token.text[1:]
+        if (token.text == "d" and not name and names.role("d") is None) or token.is_operator(TOTAL):
+            name, length = (following.text, 2) if following is not None and following.kind == "name" else ("", 1)
+        if name == "t" and found and (found[-1].kind in ("name", "prime", "number") or found[-1].is_operator(")")):
+            pass  # x dt is x
+        elif name == "t":
+            found.append(Token("number", "1", token.column, True, Fraction(1)))
+        elif names.role(names.spelling(name)) == "coordinate":
+            prime = Token("prime", "'", token.column, False, Fraction(1))
+            found += [Token("name", name, token.column, True), prime]
+        else:
+            found.append(token)
+            length = 1
+        place += length
+    return found
 
 
 def undifferentiated(formula: str) -> list[Token]:

@@ -309,6 +309,8 @@ def _next(text: str, place: int, space: bool, known: Container[str]) -> tuple[li
         return [Token("prime", character, place + 1, space, Fraction(PRIMES[character]))], place + 1
     if character in SUPERSCRIPTS or character == SUPERSCRIPT_MINUS:
         return _superscript(text, place)
+    if character == "\u207f":
+        return [Token("operator", "^", place + 1), Token("name", "n", place + 1)], place + 1
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import differentiate
@@ -108,7 +109,7 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
     found: list[Expression] = []
     for pointer, text in _by_pointer(constraints).items():
         with placed_at(pointer):
-            pairs = read_equations(text, names)
+            pairs = read_equations(text, replace(names, forms=True))
         for left, right in pairs:
             tree = substitute(left - right, dict(names.definitions))
             found.append(_smooth(without_accelerations(tree, f"constraint {len(found) + 1}", pointer), pointer))

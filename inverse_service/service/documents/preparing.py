@@ -165,6 +165,8 @@ def prepared(document: Any) -> Prepared:
         raise InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
     plain = _with_lagrangian(plain)
+    if isinstance(plain.get("lagrangian"), str) and (named := _NAMES_L.match(plain["lagrangian"])):
+        plain["lagrangian"] = " " * named.end() + plain["lagrangian"][named.end() :]
     if is_forward(plain):
         plain.pop("constraints", None)
     extra = {key: document[key] for key in ("id", "metadata") if key in document}
@@ -272,12 +274,16 @@ def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any
         return dict(plain), {}
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
     moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
+    products = moving_products(texts, Names(guesses=True))
+    moving = (moving - products.keys()) | {parts[-1] for parts in products.values()}
     known = Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
-    found: dict[str, str] = {}
+    found = {name: "*".join(parts) for name, parts in products.items() if time in parts}
     for pointer, text in texts.items():
         for word in _PLAIN_WORD.finditer("" if "\\" in text else text):
             name, column = word[0], word.start() + 1
-            plain_name = name not in FUNCTIONS and not known.role(name) and name[0] != "d" and time in name
+            plain_name = (
+                name not in FUNCTIONS and name not in found and not known.role(name) and name[0] != "d" and time in name
+            )
             if not plain_name:
                 continue
             if parts := only_split(name, known):
