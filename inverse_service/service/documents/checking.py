@@ -154,6 +154,7 @@ class Examination:
     claimed: set[str] = field(default_factory=set)
     contradictions: list[dict[str, Any]] = field(default_factory=list)
     open: list[str] = field(default_factory=list)
+    open_places: list[str] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
     proofs: dict[str, CheckResult] = field(default_factory=dict)
     compared: dict[str, CheckResult] = field(default_factory=dict)
@@ -186,6 +187,7 @@ class Examination:
         verdict = "invalid" if self.contradictions else "incomplete" if self.open else "valid"
         wrong = [f"{one['field'] or 'the result'}: {one['proven'] or one['says']}" for one in self.contradictions]
         listed = [place for place in unclaimed(self.result, "", self.claimed) if place]
+        listed += [place for place in self.open_places if place not in listed]
         reasons = [*wrong, *self.open] if verdict != "valid" else [*dict.fromkeys(self.reasons)]
         told = [f"Not checked: {', '.join(listed)}."] if listed and verdict == "valid" else []
         return _answer(
@@ -403,8 +405,8 @@ class Examination:
             self.claim(f"{at}/text", f"{at}/momenta", f"{at}/implicit")
             if found.whole:
                 self.claim(f"{at}/domain")
-            else:
-                self.unsettled(f"{at}/domain lacks a condition that the Hamiltonian needs.")
+            else:  # also an empty one, which says "everywhere"
+                self.open_places.append(f"{at}/domain")
             self.latex(at, energy, certificate, shown.system)
 
     def with_document(self, certificate: dict[str, Any], moving: bool = False) -> None:
