@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *ROOT.glob("docs/**/*.md"),
-                ROOT / "inverse_service" / "certificate" / "FORMAT.md"])  # fmt: skip
+                *ROOT.glob("inverse_service/certificate/*.md")])  # fmt: skip
 PROGRAMS = ("sh", "bash", "python")
 DOCUMENTS = ("json", "yaml")
 # What begins with a brace is for the site alone (`make docs`).
