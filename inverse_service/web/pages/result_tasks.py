@@ -156,8 +156,10 @@ def prices_task(store: str, id: str) -> bytes:
 
 def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
     """The picture of a solved system as a file; None where nothing can be drawn."""
-    from inverse_service.web.pages.pictures import picture_of
-
+    try:
+        from inverse_service.web.pages.pictures import picture_of
+    except ModuleNotFoundError:  # the extras "simulation" and "figures" are not installed
+        return None
     found = _result(store, id)
     words = re.sub(r"<[^>]+>", "", str(sheets.sheet_of(found, brief=True).sentence))
     return picture_of(found, ending, "\n".join(textwrap.wrap(words, 28)))
