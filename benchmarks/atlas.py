@@ -85,7 +85,7 @@ def _rows() -> Iterator[dict[str, Any]]:
 
 def _row(name: Any, title: Any, source: Any, document: Any, tags: Any) -> dict[str, Any]:
     slug = re.sub(r"[^a-z0-9]+", "-", str(name).lower().replace("kamke_", "kamke-")).strip("-")
-    words = slug.replace("-", " ")
+    words = re.sub(r"^(textbook|asked|clock|any|constrained) ", "", slug.replace("-", " "))
     return {
         "name": slug,
         "title": title or re.sub(r"^kamke (\d) (\d+)$", r"Kamke \1.\2", words[:1].upper() + words[1:]),

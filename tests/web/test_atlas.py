@@ -10,13 +10,14 @@ import pytest
 from benchmarks import atlas as builder
 from inverse_service.catalogue import atlas
 
-LEAST = 100  # grows with the file
+LEAST = 600
 NOTES = ("own test", "random search", "(test only)", "regression")
 
 
 def test_the_atlas_is_large_and_says_nothing_of_the_test_bench() -> None:
     found = atlas.entries()
     assert len(found) >= LEAST
+    assert "tilting-disk" in found
     assert len({json.dumps(entry["document"], sort_keys=True) for entry in found.values()}) == len(found)
     text = json.dumps(list(found.values()))
     assert [note for note in NOTES if note in text] == []
@@ -34,6 +35,8 @@ def test_some_lines_are_as_computed_now() -> None:
     ("query", "name"),
     [
         ({"q": "kepler polar"}, "kepler-polar"),
+        ({"tag": "constraints", "q": "tilt"}, "tilting-disk"),
+        ({"equations": "m*u'' + c*u' + k*u = 0"}, "textbook-damped-c"),
         # Other names, another order, other constants.
         ({"equations": "b'' = -2*R'*b'/R; R'' = R*b'^2 - 7/R^2"}, "kepler-polar"),
     ],

@@ -47,11 +47,10 @@ BODIES = (
     ("oscillator", "spring"), ("sho", "spring"), ("duffing", "spring"), ("van-der-pol", "spring"),
 )  # fmt: skip
 PICTURES = (
-    "sho", "damped-oscillator", "duffing", "van-der-pol", "pendulum", "damped-pendulum", "double-pendulum",
-    "damped-double-pendulum", "elastic-pendulum", "pendulum-on-viscous-cart", "kepler-polar", "magnetic-field-b-x",
-    "damped-henon-heiles", "toda-3", "sphere-geodesics", "vertically-rolling-disk", "tilting-disk", "knife-edge",
-    "inclined-knife-edge", "nonholonomic-particle", "mobile-robot", "two-wheeled-carriage",
-    "wind-drag-position-dependent", "poynting-robertson", "ballistics", "two-body", "charged-particle",
+    "sho", "duffing", "van-der-pol", "damped-pendulum", "double-pendulum", "damped-double-pendulum", "elastic-pendulum",
+    "pendulum-on-viscous-cart", "kepler-polar", "magnetic-field-b-x", "damped-henon-heiles", "sphere-geodesics",
+    "vertically-rolling-disk", "tilting-disk", "knife-edge", "inclined-knife-edge", "nonholonomic-particle",
+    "mobile-robot", "two-wheeled-carriage", "wind-drag-position-dependent", "poynting-robertson",
 )  # fmt: skip
 MOST_PICTURES = 20
 
