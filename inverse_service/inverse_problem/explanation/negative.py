@@ -12,7 +12,6 @@ from inverse_service.deadline import now
 from inverse_service.expressions.notation import MULTIPLIER, matrix, row
 from inverse_service.expressions.tree import Expression, Symbol, add, node_count, walk
 from inverse_service.inverse_problem.decision.analysis import Analysis
-from inverse_service.inverse_problem.explanation.differential_numbers import differential_numbers
 from inverse_service.inverse_problem.explanation.differential_obstruction import contradiction, direction_matrix
 from inverse_service.inverse_problem.explanation.elimination import (
     Elimination,
@@ -37,7 +36,7 @@ from inverse_service.inverse_problem.explanation.hierarchy import (
     unknowns,
 )
 from inverse_service.inverse_problem.explanation.numbers_at_a_point import numbers_at_a_point
-from inverse_service.inverse_problem.explanation.point_explanation import steps_in_derivatives, steps_in_numbers
+from inverse_service.inverse_problem.explanation.point_explanation import steps_in_numbers
 from inverse_service.inverse_problem.explanation.wording import (
     SINGULAR,
     Explanation,
@@ -89,7 +88,7 @@ def explain_negative(
         pass
     if found is not None and _length(found.steps) <= LONGEST_SHOWN:
         return found
-    steps = _in_numbers(analysis, chosen, with_time, seed) if len(system.coordinates) <= LARGEST_N else None
+    steps = _in_numbers(analysis, chosen) if chosen is not None and len(system.coordinates) <= LARGEST_N else None
     if steps is None or (found is not None and _length(found.steps) <= _length(steps)):
         return found or Explanation(summary, complete=False)
     return Explanation(steps)
@@ -100,17 +99,9 @@ def _length(steps: Sequence[Step]) -> int:
     return max(len(step.text) for step in steps)
 
 
-def _in_numbers(
-    analysis: Analysis, chosen: SufficientSet | None, with_time: bool, seed: int
-) -> tuple[Step, ...] | None:
+def _in_numbers(analysis: Analysis, chosen: SufficientSet) -> tuple[Step, ...] | None:
     """The argument at one point; None where none was met in time."""
-    deadline = now() + NUMBERS_LIMIT
-    if chosen is None:
-        derivatives = differential_numbers(analysis, with_time, seed, deadline)
-        if derivatives is None:
-            return None
-        return steps_in_derivatives(analysis, entry_symbols(analysis.system), derivatives)
-    numbers = numbers_at_a_point(analysis, chosen, deadline)
+    numbers = numbers_at_a_point(analysis, chosen, now() + NUMBERS_LIMIT)
     if numbers is None:
         return None
     return steps_in_numbers(analysis.system, chosen, entry_symbols(analysis.system), numbers)

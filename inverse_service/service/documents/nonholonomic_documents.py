@@ -260,7 +260,7 @@ def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: Answer | None) ->
         return answer
     expression = answer.lagrangian.expression
     images = next((each.found.images for each in main.reports if each.found.lagrangian == expression), None)
-    if images is None:
+    if images is None or answer.hamiltonian.implicit:  # without momenta there is no image in phase space
         return answer
     return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=images))
 

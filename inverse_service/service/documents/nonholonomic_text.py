@@ -28,9 +28,7 @@ def any_associated_lines(part: dict[str, Any], explain: bool) -> list[str]:
     if part["freedom"]:
         lines.append(f"  up to total derivatives, L along the constraints depends on {part['freedom']}")
     if explain:
-        for k, step in enumerate(part["explanation"], 1):
-            shown = (one for one in step["parts"] if one["kind"] == "display")
-            lines += [f"  {k}. {step['text']}", *(f"     {one['text']}" for one in shown)]
+        lines += [f"  {k}. {step['text']}" for k, step in enumerate(part["explanation"], 1)]
     return [*lines, ""]
 
 
@@ -107,7 +105,9 @@ def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
 
 def _with_domain(letter: str, part: dict[str, Any]) -> list[str]:
     where = (f"      where {condition}" for condition in part.get("domain", ()))
-    return [f"  {letter} = {_short(part['text'])}", *where]
+    # H without momenta is the energy.
+    name = "energy in the velocities" if part.get("implicit") else letter
+    return [f"  {name} = {_short(part['text'])}", *where]
 
 
 def _short(text: str) -> str:

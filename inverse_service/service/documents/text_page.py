@@ -288,9 +288,10 @@ def _integrals(integrals: dict[str, Any]) -> Iterator[str]:
 
 def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[str]:
     if hamiltonian["implicit"] and len(hamiltonian["text"]) > LONGEST_IMPLICIT:
-        yield "  H = p v - L in the velocities"
+        yield "  energy in the velocities: p v - L"
     else:
-        yield f"  H = {hamiltonian['text']}"
+        name = "energy in the velocities" if hamiltonian["implicit"] else "H"
+        yield f"  {name} = {hamiltonian['text']}"
         yield from (f"      where {condition}" for condition in hamiltonian.get("domain", ()))
     if hamiltonian.get("reason"):
         yield f"      {hamiltonian['reason']}"

@@ -151,7 +151,7 @@ def to_any_associated(answer: MotionAnswer) -> schemas.AnyAssociatedPart:
         lagrangian=None if found is None else _motion_lagrangian(found),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
-        image=[] if report is None else [formula(tree) for tree in report.images],
+        image=[] if report is None else [formula(tree) for tree in _images(report)],
         certificate=certificates[0] if certificates else None,
         certificate_with_time=certificates[1] if len(certificates) > 1 else None,
         explanation=[translate.step_part(step) for step in answer.explanation],
@@ -277,7 +277,7 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
         label=report.label,
         lagrangian=formula(found.lagrangian),
         hamiltonian=_hamiltonian(found),
-        constraints=[formula(tree) for tree in found.images],
+        constraints=[formula(tree) for tree in _images(found)],
         checked=report.checked,
         statements=[
             schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text")) for each in found.statements
@@ -287,9 +287,14 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
     )
 
 
+def _images(found: Hamiltonisation) -> tuple[Expression, ...]:
+    """The constraints in phase space; none where the energy is given in the velocities."""
+    return () if found.transform is not None and found.transform.implicit else found.images
+
+
 def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
     return (
-        None if found.transform is None else translate.hamiltonian_part(Hamiltonian.of(found.transform, found.images))
+        None if found.transform is None else translate.hamiltonian_part(Hamiltonian.of(found.transform, _images(found)))
     )
 
 
