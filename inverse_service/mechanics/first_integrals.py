@@ -97,10 +97,10 @@ def first_integrals(
     `lagrangian` is that of the motion, or of the system with constraints; those `proposed` come after the linear ones,
     and are taken if they are conserved.
     """
-    try:
-        return tuple(_Integrals(motion, lagrangian, tuple(positive), seed, now() + time_limit).found(proposed))
-    except (*_NO_RING, OutOfTime, ValueError, ps.SingularPoint):
-        return ()
+    work = _Integrals(motion, lagrangian, tuple(positive), seed, now() + time_limit)
+    with suppress(*_NO_RING, OutOfTime, ValueError, ps.SingularPoint):
+        work.find(proposed)
+    return tuple(work.kept)
 
 
 def energy_of(lagrangian: Expression, coordinates: Sequence[str]) -> Expression:
@@ -145,7 +145,8 @@ class _Integrals:
         self.trees = held
         self.units = _Units(self)
 
-    def found(self, proposed: Sequence[FirstIntegral]) -> list[FirstIntegral]:
+    def find(self, proposed: Sequence[FirstIntegral]) -> None:
+        """All of them, into `kept`."""
         self._evident()
         if len(self.names) <= _MOST_COORDINATES:
             frames = list(self._frames())
@@ -160,7 +161,6 @@ class _Integrals:
                     if self._is_complete(moving) or (moving and (self.moves or len(forms) > 4 - degree)):
                         break
                     self._search(forms, degree, moving)
-        return self.kept
 
     def _is_complete(self, moving: bool) -> bool:
         """Whether there are as many as there can be: all solutions are known then."""
@@ -187,9 +187,11 @@ class _Integrals:
     def _propose(self, candidates: Iterable[FirstIntegral]) -> None:
         for one in candidates:
             tree = self._on_constraints(one.expression)
+            # Integral signs have derivatives as trees only.
+            rate = self.motion.rate(tree)
             try:
-                ring, along = self._ring([tree])
-                conserved = along(ring.value(tree)).is_zero
+                ring, _ = self._ring([rate])
+                conserved = ring.value(rate).is_zero
             except _NO_RING:
                 continue
             if conserved:
