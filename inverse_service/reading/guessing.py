@@ -42,7 +42,7 @@ NEVER_GUESSED = (
     | FUNCTIONS
     | REFUSED.keys()
     | {"e", "E", "Pi"}
-    | (REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta"})
+    | (REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", "sn", "cn", "dn"})
 )
 # Bessel's, Airy's and the integral functions; as constants these names are as good as any.
 _SPECIAL = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li"))
@@ -105,10 +105,9 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     splits: dict[str, tuple[str, ...]] = {}
     slopes = _slopes(lines.values(), declared)
     known = {*coordinates, *declared.declared(), *NEVER_GUESSED}
-    powers = {
-        line[place].text for line in lines.values() for place in range(len(line) - 1) if line[place + 1].text == "^"
-    }
-    known -= {"E"} - powers  # a field, and no number where it is never raised
+    raised = {a.text for line in lines.values() for a, b in itertools.pairwise(line) if b.is_operator("^")}
+    if "E" not in raised and not any(_PROGRAMS.search(text) for text in texts.values()):
+        known -= {"E"}  # a field
     calls = {
         (token.text, arguments)
         for line in lines.values()

@@ -45,6 +45,13 @@ FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE | {STEP}
 _KINK = "is not differentiable everywhere"
 _SPECIAL = "is not an elementary function"
 _COMMAND = ("is a command of another program", "write the equations alone")
+_SPECIAL_FUNCTIONS = (
+    "erf", "erfc", "besselj", "bessely", "besseli", "besselk", "sn", "cn", "dn", "airyai", "airybi", "LambertW",
+    "lambertw", "ellipk", "ellipe",
+)  # fmt: skip
+_HOW_TO_DECLARE = (
+    'declare it as an arbitrary function of its argument, "functions": {"cn": ["u"]}, for which the answer then holds'
+)
 _VECTORS = ("belongs to vectors", "write an equation for each component")
 _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", "given", "equation", "equations",
           "model", "system", "when", "const", "constant", "begin", "end", "is", "the", "and", "or", "not", "xor",
@@ -65,8 +72,6 @@ REFUSED: dict[str, Reason] = {
     "Min": (_KINK, "write the smaller one for the region that you study"),
     "DiracDelta": ("is not a function", "leave it out and study the motion between the impulses"),
     "atan2": ("has a jump", "write atan(y/x) on the branch that you study"),
-    "erf": (_SPECIAL, "", "functions"),
-    "besselj": (_SPECIAL, "", "functions"),
     "factorial": (_SPECIAL, "write the number", "functions"),
     "integrate": ("is not carried out here", "write the integral itself", "functions"),
     "Integral": ("is not carried out here", "write the integral itself", "functions"),
@@ -78,6 +83,7 @@ REFUSED: dict[str, Reason] = {
 }  # fmt: skip
 # These may be declared as names of one's own; undeclared they are refused with a better reason than "unknown".
 REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
+    **dict.fromkeys(_SPECIAL_FUNCTIONS, (_SPECIAL, _HOW_TO_DECLARE)),
     "i": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
     "I": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
     "gamma": (_SPECIAL + " and not a declared name", "give a function of your own another name", "parameters"),
