@@ -375,11 +375,13 @@ class Question:
         def claims(ring: Expansion) -> Claims:
             lagrangian = Reader(ring, formula).value
             found = self.residuals(ring, lagrangian)
-            zeros = [(ring.settle(v), text) for v, text in (self.against(ring, found) if self.unsolved else found)]
+            zeros = [(ring.settle(v), t) for v, t in (self.against(ring, found, factors) if self.unsolved else found)]
             singular = f"The Hessian of the Lagrangian is singular{self.where}."
             return Claims(zeros, [(ring.hessian(lagrangian), singular)])
 
-        self.prepare(lambda ring: [Reader(ring, text).value for text in (formula, *self.unsolved)], [tokens])
+        factors = self.read_factors(document)
+        lines = [text for pair in zip(factors, self.unsolved, strict=True) for text in pair]
+        self.prepare(lambda ring: [Reader(ring, text).value for text in (formula, *lines)], [tokens, *factors])
         self.settle(self.jet, claims, 3 if self.rational else 2)
         there = self.where and " there"
         return f"The Euler-Lagrange equations of the Lagrangian hold{self.where} and its Hessian is regular{there}."
@@ -391,10 +393,23 @@ class Question:
                 sentence = f"The Euler-Lagrange equation of {name} does not hold{self.where}."
                 yield ring.value(ring.terms(kind, i), lagrangian), sentence
 
-    def against(self, ring: Expansion, residuals: Iterable[tuple[Series, str]]) -> Iterator[tuple[Series, str]]:
-        """Where the equations are not solved: what is zero if the residual is E or -E, for all q''."""
-        for (residual, sentence), equation in zip(residuals, self.unsolved, strict=True):
-            own = {0: Reader(ring, equation).value.get(0, 0)}
+    def read_factors(self, document: dict[str, Any]) -> list[tuple[str, ...]]:
+        """c_i(t, q, q') for each equation that is not solved, 1 where none are given."""
+        listed = document.get("factors", ["1"] * len(self.unsolved))
+        check_shape(listed, [TEXT, len(self.unsolved)], "certificate.factors")
+        require(len(listed) == len(self.unsolved), "There has to be a factor for each equation that is not solved.")
+        found = [read_tokens(text, "certificate.factors") for text in listed]
+        require(all(map(self.letters.isdisjoint, found)), "A factor contains accelerations.")
+        require(self.timed or not any("t" in text for text in found), "A factor contains t, but the question does not.")
+        return found
+
+    def against(
+        self, ring: Expansion, residuals: Iterable[tuple[Series, str]], factors: list[tuple[str, ...]]
+    ) -> Iterator[tuple[Series, str]]:
+        """Where the equations are not solved: what is zero if the residual is c E or -c E, for all q''."""
+        for (residual, sentence), factor, equation in zip(residuals, factors, self.unsolved, strict=True):
+            value = {0: Reader(ring, factor).value.get(0, 0)}
+            own = ring.multiply(value, {0: Reader(ring, equation).value.get(0, 0)}, 0)
             yield ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0), sentence
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:

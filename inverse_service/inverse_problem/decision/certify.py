@@ -13,6 +13,8 @@ import mpmath
 
 from inverse_service import bounds
 from inverse_service.algebra.elementary import is_even_root, to_kernels
+from inverse_service.algebra.exact_atoms import factored
+from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.algebra.real_point import (
     RealTable,
     are_positive,
@@ -32,6 +34,7 @@ from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
+    ONE,
     PI,
     TIME,
     ZERO,
@@ -50,6 +53,8 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.inverse_problem.decision.analysis import Analysis, is_irrational, variables_of
+from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 
@@ -74,7 +79,23 @@ def of_lagrangian(
     """L itself is the proof, also that there is one of a kind; as it was `proved`, if it was."""
     head = _head(analysis, point_of(analysis, lagrangian), with_time, "variational", "lagrangian")
     found = head | _among(kind) | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
+    if analysis.system.is_unsolved:
+        found |= _factors_of_lines(analysis, lagrangian)
     return analysis.proofs.get(json.dumps(found), (found,))[0]
+
+
+def _factors_of_lines(analysis: Analysis, lagrangian: Expression) -> dict[str, Any]:
+    """{"factors": c_i with d2L/dv_i dv_j = c_i dE_i/dq''_j} where they are not all 1."""
+    system = analysis.system
+    lines = [linear_equation(equation).coefficients for equation in system.given]
+    quotients = []
+    for line, row in zip(lines, hessian(lagrangian, system.coordinates), strict=True):
+        entry, below = next((g, line[q]) for q, g in zip(system.coordinates, row, strict=True) if q in line)
+        quotients.append(entry / below)
+    with suppress(TooLarge, ZeroDivisionError, KeyError):
+        factors = factored(quotients, variables_of(system)[: 1 + 2 * len(system.coordinates)], Budget.long())
+        return {} if all(c == ONE for c in factors) else {"factors": [to_text(c) for c in factors]}
+    return {}
 
 
 def _among(kind: LagrangianKind | None) -> dict[str, Any]:
