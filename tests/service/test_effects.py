@@ -1,0 +1,99 @@
+"""What is left out of a scene leaves no symbol: in the equations, the kernel and the answer."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from inverse_service.codegen.compiled import kernel_text
+from inverse_service.expressions.tree import Symbol, walk
+from inverse_service.service.scenes.scene_reading import read_scene
+from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.service.scenes.simulating import simulate
+from inverse_service.simulation.callables import Formulas
+from inverse_service.simulation.derivation import derive, problem_of
+from inverse_service.simulation.running import observed_problem
+from inverse_service.simulation.scene_data import Problem, Unavailable
+from inverse_service.simulation.schemes import program_of
+
+EFFECTS: dict[str, Any] = {
+    "system": {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 + y'^2/2 - alpha*cos(x*y) + beta*(x*y' - y*x')",
+               "constraints": ["y' - gamma*x'*x"], "parameters": ["alpha", "beta", "gamma"]},
+    "parameters": {"alpha": 1, "beta": "1/2", "gamma": 2, "delta": 3, "epsilon": 4, "zeta": 5},
+    "terms": {"spring": "-delta*x^2/2"}, "forces": {"x": "-epsilon*x'"}, "rayleigh": "zeta*y'^2/2",
+    "initial": {"positions": {"x": 0, "y": 1}, "velocities": {"x": 1, "y": 0}}, "step": 0.01, "steps": 20,
+}  # fmt: skip
+NAMES = {"constraints": "gamma", "potential": "alpha", "magnetic": "beta", "spring": "delta", "forces": "epsilon",
+         "rayleigh": "zeta"}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["nonholonomic", "runge-kutta", "reference", "stiff", "adaptive"])
+@pytest.mark.parametrize("left_out", NAMES)
+def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str) -> None:
+    """Not in the equations, not in the kernel, not in the answer: each effect has a parameter of its own."""
+    acting = [name for name in NAMES if name != left_out]
+    scene, _ = read_scene(scene_schema(EFFECTS | {"effects": acting, "methods": [method], "observe": ["energy"]}))
+    for name, parameter in NAMES.items():
+        derived = derive(scene, lambda *_: Unavailable(""))
+        problem = problem_of(scene, scene.methods[0], derived)
+        assert isinstance(problem, Problem)
+        problem, observation = observed_problem(scene, problem)
+        is_there = name != left_out
+        trees = [problem.lagrangian, *(problem.accelerations or ()), *problem.constraints, *problem.forces]
+        assert any(Symbol(parameter) in set(walk(tree)) for tree in trees if tree is not None) == is_there, name
+        assert (parameter in problem.parameters) == is_there, name
+        program = program_of(Formulas(problem), scene.methods[0].choice, observation)
+        place = problem.parameters.index(parameter) if is_there else len(problem.parameters)
+        assert (f"c{place}" in program.arguments) == is_there
+    # The very kernel of a system that never had it.
+    kernel = kernel_text(program)
+    bare, _ = read_scene(scene_schema(without(left_out) | {"methods": [method], "observe": ["energy"]}))
+    own = observed_problem(bare, problem_of(bare, bare.methods[0], derive(bare, lambda *_: Unavailable(""))))
+    assert kernel_text(program_of(Formulas(own[0]), bare.methods[0].choice, own[1])) == kernel
+    result = simulate(EFFECTS | {"effects": acting, "methods": [method], "observe": ["trajectory", "constraints"]})
+    texts = [result["system"]["lagrangian"], *result["system"]["constraints"]]
+    if left_out in ("potential", "magnetic", "constraints", "spring"):
+        assert not any(NAMES[left_out] in text for text in texts)
+    columns = result["methods"][0]["points"]["columns"]
+    assert ("constraint_1" in columns) == (left_out != "constraints")
+    assert [part["name"] for part in result["effects"]["left_out"]] == [left_out]
+    assert {part["name"] for part in result["effects"]["acting"]} == set(acting)
+    assert all(part["operations"] > 0 for part in result["effects"]["acting"] if part["name"] != "constraints")
+    assert result["effects"]["left_out"][0]["operations"] > 0
+
+
+def without(effect: str) -> dict[str, Any]:
+    """The scene whose system never had the effect."""
+    scene: dict[str, Any] = json.loads(json.dumps(EFFECTS))
+    system, parameter = scene["system"], NAMES[effect]
+    del scene["parameters"][parameter]
+    if parameter in system["parameters"]:
+        system["parameters"].remove(parameter)
+    if effect == "constraints":
+        del system["constraints"]
+    elif effect in ("potential", "magnetic"):
+        term = {"potential": " - alpha*cos(x*y)", "magnetic": " + beta*(x*y' - y*x')"}[effect]
+        system["lagrangian"] = system["lagrangian"].replace(term, "")
+    else:
+        scene.pop({"spring": "terms"}.get(effect, effect))
+    return scene
+
+
+@pytest.mark.parametrize("observed", ["energy", "constraints", "momenta", "velocities"])
+def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None:
+    """Neither a column nor an instruction."""
+    every = ["energy", "constraints", "momenta", "velocities"]
+    kernels, columns = [], []
+    for names in (every, [name for name in every if name != observed]):
+        document = EFFECTS | {"methods": ["nonholonomic"], "observe": names}
+        scene, _ = read_scene(scene_schema(document))
+        problem = problem_of(scene, scene.methods[0], derive(scene, lambda *_: Unavailable("")))
+        own = observed_problem(scene, problem)
+        kernels.append(kernel_text(program_of(Formulas(own[0]), scene.methods[0].choice, own[1])))
+        columns.append(set(simulate(document)["methods"][0]["points"]["columns"]))
+    gone = columns[0] - columns[1]
+    assert gone >= {"energy": {"energy"}, "constraints": {"constraint_1"}, "momenta": {"p_x", "p_y"},
+                    "velocities": {"v_x", "v_y"}}[observed]  # fmt: skip
+    assert (len(kernels[1]) < len(kernels[0])) == (observed != "momenta")  # momenta are the state itself
