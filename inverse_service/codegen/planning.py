@@ -2,18 +2,23 @@
 
 Unknowns whose equation has a constant pivot are eliminated symbolically; the rest is put into block triangular
 form (matching, then strongly connected components, Tarjan 1972), so that only what is truly coupled is iterated.
+
+The block triangular form of a square pattern: which unknowns must be solved for together.
+
+A matching gives each unknown an equation of its own; the blocks are the strongly connected components of "the
+equation of u contains v" (R. Tarjan, SIAM J. Comput. 1 (1972) 146), each after all that it depends on.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import TypeVar
 
 import symengine
 
 from inverse_service.codegen.program import Assign, Solve, Statement
 from inverse_service.codegen.symengine_trees import STEP, ZERO, Formula, contains, free_names, slope, symbol
-from inverse_service.codegen.triangular_form import components, matching
 from inverse_service.errors import InputError
 
 _LARGEST_GUARDED = 4
@@ -181,3 +186,52 @@ def used_only(statements: Sequence[Statement], formulas: Sequence[Formula]) -> t
             needed |= {name for part in statement.formulas for name in free_names(part)}
         kept.append(statement)
     return tuple(reversed(kept))
+
+
+Name = TypeVar("Name", int, str)
+
+
+def matching(pattern: Sequence[Collection[Name]]) -> dict[Name, int]:
+    """A row of its own for as many of the names that occur in the rows as there can be (augmenting paths)."""
+    row_of: dict[Name, int] = {}
+
+    def assign(row: int, seen: set[Name]) -> bool:
+        for name in pattern[row]:
+            if name in seen:
+                continue
+            seen.add(name)
+            if name not in row_of or assign(row_of[name], seen):
+                row_of[name] = row
+                return True
+        return False
+
+    for row in range(len(pattern)):
+        assign(row, set())
+    return row_of
+
+
+def components(graph: Mapping[Name, Collection[Name]]) -> list[list[Name]]:
+    """Strongly connected components, each after all that it depends on, with its members in the order of the graph."""
+    index: dict[Name, int] = {}
+    low: dict[Name, int] = {}
+    stack: list[Name] = []
+    found: list[list[Name]] = []
+
+    def visit(node: Name) -> None:
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for other in graph[node]:
+            if other not in index:
+                visit(other)
+                low[node] = min(low[node], low[other])
+            elif other in stack:
+                low[node] = min(low[node], index[other])
+        if low[node] == index[node]:
+            cut = stack.index(node)
+            found.append(sorted(stack[cut:], key=list(graph).index))
+            del stack[cut:]
+
+    for node in graph:
+        if node not in index:
+            visit(node)
+    return found

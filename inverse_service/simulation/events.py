@@ -24,8 +24,7 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.initial import angles
-from inverse_service.simulation.observing import point_velocities
-from inverse_service.simulation.quantities import Observed, velocities_at_points
+from inverse_service.simulation.observing import Observed, point_velocities, velocities_at_points
 from inverse_service.simulation.scene_data import Event, Grid, MethodChoice, Problem, Unavailable
 
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)

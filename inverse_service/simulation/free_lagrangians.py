@@ -43,9 +43,9 @@ from inverse_service.expressions.tree import (
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.derivation import determinant
 from inverse_service.simulation.exact_motion import ExactMotion, turning_table
 from inverse_service.simulation.initial import initial_velocities
-from inverse_service.simulation.regular_motion import determinant
 from inverse_service.simulation.scene_data import Scene
 
 SAMPLES = 32

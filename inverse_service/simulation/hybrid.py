@@ -45,10 +45,10 @@ from inverse_service.integrators.method_table import POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.callables import is_root, is_square, switching_functions
+from inverse_service.simulation.derivation import determinant
 from inverse_service.simulation.events import CONTINUED, ENDED, Found, located
 from inverse_service.simulation.initial import initial_velocities
-from inverse_service.simulation.quantities import Observed, velocities_at_points
-from inverse_service.simulation.regular_motion import determinant
+from inverse_service.simulation.observing import Observed, velocities_at_points
 from inverse_service.simulation.scene_data import (
     Event,
     Grid,

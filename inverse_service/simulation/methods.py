@@ -17,8 +17,7 @@ from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STE
 from inverse_service.integrators.tableaux import ORDERS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation.callables import MOMENT, Formulas, formulas_of
-from inverse_service.simulation.execution import execute, memory_of
-from inverse_service.simulation.outcomes import Ended, failed_start, trajectory_of, weights_of
+from inverse_service.simulation.execution import Ended, execute, failed_start, memory_of, trajectory_of, weights_of
 from inverse_service.simulation.peers import run_heyoka, run_scipy
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
 from inverse_service.simulation.schemes import alpha_of, parts_of, program_of

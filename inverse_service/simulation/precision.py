@@ -26,9 +26,9 @@ from inverse_service.simulation.observing import (
     point_constraints,
     point_energy,
     start_energy,
+    velocities_at_points,
     why_energy_varies,
 )
-from inverse_service.simulation.quantities import velocities_at_points
 from inverse_service.simulation.running import MethodRun, observed_run
 from inverse_service.simulation.scene_data import EXACT, Grid, Progress, Requested, Scene, Truth, Unavailable
 from inverse_service.simulation.truth import true_motion

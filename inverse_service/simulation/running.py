@@ -36,16 +36,27 @@ from inverse_service.simulation.derivation import (
     with_accelerations,
     with_energy,
 )
-from inverse_service.simulation.ensemble_members import EnsembleRun, run_members
-from inverse_service.simulation.estimates import estimated
+from inverse_service.simulation.ensembles import EnsembleRun, run_members
+from inverse_service.simulation.estimates import (
+    apart_from,
+    estimated,
+    has_functions_of_time,
+    jump_of_energy,
+    other_motion,
+)
 from inverse_service.simulation.events import Found, period_of, with_events
 from inverse_service.simulation.exact_motion import ExactMotion
 from inverse_service.simulation.hybrid import Pieces, has_pieces, run_pieces
 from inverse_service.simulation.initial import ended_at_start
 from inverse_service.simulation.methods import run
-from inverse_service.simulation.observing import ENERGY_START, observables, observation_of, start_energy
-from inverse_service.simulation.quantities import Observed, observed_quantities
-from inverse_service.simulation.resolution import apart_from, has_functions_of_time, jump_of_energy, other_motion
+from inverse_service.simulation.observing import (
+    ENERGY_START,
+    Observed,
+    observables,
+    observation_of,
+    observed_quantities,
+    start_energy,
+)
 from inverse_service.simulation.scene_data import (
     EXACT,
     FreeLagrangian,

@@ -35,10 +35,9 @@ from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_methods import number_of
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.callables import switching_functions, walls
-from inverse_service.simulation.derivation import Find
+from inverse_service.simulation.derivation import Find, regular_accelerations
 from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
 from inverse_service.simulation.free_lagrangians import ClassLagrangian, class_lagrangian, keeps_motion, start_momenta
-from inverse_service.simulation.regular_motion import regular_accelerations
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
 
 SOLVE_SECONDS, CONSERVED_SECONDS = 15.0, 3.0  # of processor time
