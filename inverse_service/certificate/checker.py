@@ -496,6 +496,9 @@ class Question:
         check_shape(document, shape, "certificate")
         order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
         require(degree <= order, "degree has to be at most order.")
+        if self.is_one_coordinate(document):
+            self.prepare(lambda ring: None)
+            return "Of one coordinate every equation has a Lagrangian (Sonin 1886, Darboux 1894)."
         idle, degrees = set[Row](), range(degree + 1)
         most = order + 1 + max(depth - own for own, depth, _ in self.kinds_of_rows.values())
         directions: list[list[int]] = []
@@ -536,6 +539,15 @@ class Question:
         require(sizes[1] == sum(k * a for k, a in enumerate(sizes[2:], 1)), "The symbol is not involutive.")
         told = "The projected system is involutive and leaves a regular multiplier g(p)."
         return told if document.get("series") is None else told + self.series(document["series"])
+
+    def is_one_coordinate(self, document: dict[str, Any]) -> bool:
+        """Whether it is x'' = f(t, x, x') with the dimensions of Gamma(g) + g df/dv = 0, which always has solutions."""
+        dimensions, symbol = ([1, 3], [2, 3, 1, 1]) if self.timed else ([1, 2], [1, 1, 1])
+        claimed = document["symbol"]
+        found = [claimed["dimension"], claimed["prolonged"], *claimed["characters"]]
+        alone = len(self.coordinates) == 1 and type(self) is Question and document.get("series") is None
+        return alone and document["dimensions"] == dimensions and found + [0] * (5 - len(found)) == symbol + [0] * (
+            5 - len(symbol))  # fmt: skip
 
     def series(self, series: Any) -> str:
         """The rows of the order that it claims vanish on the given coefficients, and g(p) is regular."""

@@ -47,7 +47,8 @@ def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.Monk
 
 
 def test_a_symbol_of_other_dimensions_at_another_point_settles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert with_sizes(monkeypatch, PENDULUM, [1, 1, 1, 0], [1, 2, 1, 0]).verdict == "incomplete"
+    pair = existence("free-pair", 2, [3, 8], [5, 7, 3, 2])
+    assert with_sizes(monkeypatch, pair, [5, 7, 3, 2, 0, 0], [5, 8, 3, 2, 0, 0]).verdict == "incomplete"
 
 
 @pytest.mark.slow

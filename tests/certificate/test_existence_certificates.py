@@ -8,7 +8,7 @@ import pytest
 from sympy import Expr
 
 from inverse_service.certificate.checker import check_certificate
-from tests.certificate.documents import changed, existence
+from tests.certificate.documents import certificate, changed, existence
 from tests.certificate.reference import Forces, Reference
 
 TIMED = "time_dependent"
@@ -190,3 +190,12 @@ def test_ranks_that_a_hidden_zero_makes_smaller_are_not_proven() -> None:
         equations = {"x": f"-x-2*{factor}*x*y", "y": f"-y-{factor}*(x^2-y^2)"}
         found = check_certificate(right | {"system": {"coordinates": ["x", "y"], "equations": equations}}, seed=1)
         assert found.verdict == verdict, found.reasons
+
+
+@pytest.mark.parametrize("force", ["-x-(x^2-1)*x'", "sin(x*x')*exp(x'^3)+sqrt(1+x^2)", "log(x)*x'^5/(x-x')"])
+def test_of_one_coordinate_existence_is_a_theorem(force: str) -> None:
+    proof = certificate("oscillator", "existence", order=1, degree=1, dimensions=[1, 2],
+                        symbol={"dimension": 1, "prolonged": 1, "characters": [1]})  # fmt: skip
+    proof["system"]["equations"] = {"x": force}
+    found = check_certificate(proof, seed=1)
+    assert (found.verdict, "Sonin" in found.reasons[0]) == ("valid", True)
