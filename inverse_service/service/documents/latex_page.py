@@ -38,7 +38,7 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
     lines += _cases(result)
-    for branch in text_page.branches_of(result):
+    for branch in () if text_page.asks_motion_alone(result) else text_page.branches_of(result):
         for answer, with_time in text_page.answers_of(branch, result):
             lines += _answer(answer, with_time, explain, result["system"])
     if result.get("nonholonomic") is None:

@@ -36,7 +36,7 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     lines += [] if part is None else [*nonholonomic_lines(part), ""]
     lines += [f"  {words}" for words in guessed_words(result)]
     lines += [*_system(result["system"]), *_cases(result)]
-    for place, branch in enumerate(branches_of(result)):
+    for place, branch in enumerate(() if asks_motion_alone(result) else branches_of(result)):
         lines += [""] * (place > 0) + list(_both_answers(branch, result, explain))
     if part is None and result.get("first_integrals"):
         lines += ["", *first_integral_lines(result["first_integrals"])]
@@ -58,6 +58,13 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     if explain:
         lines += ["", *_conditions(result["conditions"])]
     return "\n".join(lines) + "\n"
+
+
+def asks_motion_alone(result: Mapping[str, Any]) -> bool:
+    """Whether only the motion was asked about, so that the main fields leave open what nobody asked."""
+    given = (result.get("system") or {}).get("given") or {}
+    named = given if isinstance(given, dict) else {}
+    return bool(result.get("any_associated")) and ("motion" in named or named.get("associated") == "any")
 
 
 def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
