@@ -38,7 +38,7 @@ QUESTIONS: Final = {"autonomous": "L(q, q')", "time_dependent": "L(t, q, q')"}
 # What the checker reads of a certificate.
 _READ: Final = {
     "format", "system", "question", "claim", "kind", "near", "conditions", "roots", "among", "lagrangian",
-    "dissipation", "integrals", "order", "rows", "degree", "dimensions", "symbol", "bivectors", "along",
+    "dissipation", "integrals", "factors", "order", "rows", "degree", "dimensions", "symbol", "bivectors", "along",
     "orthogonal", "multiplier",
 }  # fmt: skip
 # What a comparison reads of a document.
