@@ -41,8 +41,7 @@ PAGES = (
     ("constraints", "Constraints on velocities", "nonholonomic.md"),
     ("calls", "Calls for programs", "rest.md"),
 )
-# What is written for those who have the source: comments, and commands that are run in its folder.
-_FOR_THE_SOURCE = re.compile(r"<!--.*?-->|```[a-z]*\n[^`]*\.venv/[^`]*```|`[^`\n]*\.venv/[^`\n]*`", re.DOTALL)
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _KNOWN = {file: f"/learn/{name}" for name, _, file in PAGES}
 _LINK = re.compile(r'href="([^":#]+)(#[^"]*)?"')
 _IMAGE = re.compile(r"<img [^>]*>")
@@ -79,7 +78,7 @@ async def manual(name: str) -> HTMLResponse:
 def _body(file: str) -> Markup:
     """The page as HTML; links to other pages of the manual stay on the site, those to files of the source go."""
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
-    html = markdown.render(_FOR_THE_SOURCE.sub("", _text(file)))
+    html = markdown.render(_COMMENT.sub("", _text(file)).replace(".venv/bin/", ""))
     return Markup(_IMAGE.sub("", _LINK.sub(_address, html)))
 
 

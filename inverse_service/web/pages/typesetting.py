@@ -27,7 +27,7 @@ RELATIONS = {"!=": "≠", ">": ">", "<": "<", ">=": "≥", "<=": "≤", "=": "="
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
 # Brackets, and the relations and commas between the sides of a proposition.
 _SIDES = re.compile(r"[()\[\]]| (?:!=|>=|<=|=|>|<) |, ")
-_SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDT])/d([A-Za-z]\w*)('{0,2})")
+_SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDT])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
 _BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
@@ -230,9 +230,10 @@ def _theory(text: str) -> str:
     found, place = [], 0
     for match in _SLOPE.finditer(text):
         found.append(_bare(text[place : match.start()]))
-        dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[3])]}</mo>"
+        dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[4])]}</mo>"
         below = f"<mi>{escape(greek_letter(match[2]) or match[2])}</mi>"
-        below = f'<mover accent="true">{below}{dots}</mover>' if match[3] else below
+        below = f'<mover accent="true">{below}{dots}</mover>' if match[4] else below
+        below = f"<msup>{below}<mi>{match[3]}</mi></msup>" if match[3] else below
         found.append(f"<mfrac><mrow><mi>∂</mi><mi>{match[1]}</mi></mrow><mrow><mi>∂</mi>{below}</mrow></mfrac>")
         place = match.end()
     return f"<mrow>{''.join(found)}{_bare(text[place:])}</mrow>"
