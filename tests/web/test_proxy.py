@@ -107,7 +107,7 @@ def test_the_service_knows_who_asks_and_nobody_is_somebody_else(proxied: Proxied
         sent = {"X-Forwarded-For": "8.8.8.8", "X-Request-Id": "made-up"}
         answer = client.get("/v1/limits", headers=sent)
     id = answer.headers["x-request-id"]
-    assert id != "made-up"
+    assert id == "made-up", "the caller's own, by which it finds the lines of the log"
     end, found = time.monotonic() + 30, list[str]()
     while not found and time.monotonic() < end:  # the line is written after the answer
         lines = [json.loads(line) for line in proxied.service.log.read_text().splitlines()]
