@@ -25,7 +25,7 @@ from inverse_service.inverse_problem.solutions import Answer, Lagrangian, Soluti
 if TYPE_CHECKING:
     from inverse_service.inverse_problem.decision.analysis import Analysis
     from inverse_service.inverse_problem.decision.deciding import Decision
-    from inverse_service.inverse_problem.solutions import Conditions, SolveOptions
+    from inverse_service.inverse_problem.solutions import Conditions, SoFar, SolveOptions
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Progress = Callable[[str], None]
@@ -125,7 +125,7 @@ def named(part: str, with_time: bool) -> str:
     return f"{part}_with_time" if with_time else part
 
 
-def _so_far(work: Work) -> tuple[Solution, ...]:
+def _so_far(work: Work) -> SoFar:
     """What is confirmed; a question that is not settled is undetermined."""
     system, wanted = work.analysis.system, work.options.time_dependent
     depends = system.depends_on_time
@@ -136,7 +136,7 @@ def _so_far(work: Work) -> tuple[Solution, ...]:
             with_time = autonomous
         elif with_time.verdict == "not_variational" and autonomous.verdict == "undetermined":
             autonomous = with_time
-    return (Solution(system, autonomous, with_time, work.printed),)
+    return (Solution(system, autonomous, with_time, work.printed),), ()
 
 
 def is_confirmed(work: Work, tree: Expression, with_time: bool) -> bool:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from inverse_service.expressions.tree import Expression, Symbol
 
 if TYPE_CHECKING:
+    from inverse_service.inverse_problem.cells import Left
     from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.mechanics.legendre.transform import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[Expression, ...], ...]
+
+
+# Solutions on the cells that are answered, and the other cells.
+SoFar: TypeAlias = "tuple[tuple[Solution, ...], tuple[Left, ...]]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +44,9 @@ class SolveOptions:
     series_order: int | None = None
     conditions: bool = True
     first_integrals: bool = False
-    hand_over: Callable[[Sequence[str], Callable[[], tuple[Solution, ...]]], None] | None = None
+    hand_over: Callable[[Sequence[str], Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]], None] | None = (
+        None
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import bounds
@@ -115,8 +114,9 @@ def solve_branches(
         found = solve(branch, replace(chosen, time_limit=max(0.1, share)), progress)
         solutions.append(found)
         if told is not None and not alone:
-            open_ones = [_unreduced(each, options, None, NOT_YET) for each in waiting]
-            told((), partial(tuple, [*solutions, *open_ones]))
+            open_ones = tuple(cells.Left(tuple(map(collect, each.positive)), None, NOT_YET) for each in waiting)
+            known = tuple(solutions)
+            told((), lambda: (known, open_ones))
         return found, sides_of(found)
 
     _, open_cells = cells.answered(branches, answer, end)

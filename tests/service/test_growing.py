@@ -10,6 +10,7 @@ import pytest
 import inverse_service
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.inverse_problem import confirming
+from inverse_service.inverse_problem.decision import certify
 from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents import growing
 from inverse_service.service.documents.checking import check_plain
@@ -110,13 +111,14 @@ def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_
 
 
 def test_what_the_checker_does_not_confirm_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = confirming.check_certificate
+    real = certify.proved
 
-    def doubtful(certificate: Any, **options: Any) -> CheckResult:
+    def doubtful(analysis: Any, certificate: Any, *rest: Any) -> Any:
+        found = real(analysis, certificate, *rest)
         is_existence = certificate.get("kind") == "existence" or "symbol" in certificate
-        return CheckResult("incomplete", ("no time",)) if is_existence else real(certificate, **options)
+        return (found[0], CheckResult("incomplete", ("no time",))) if is_existence else found
 
-    monkeypatch.setattr(confirming, "check_certificate", doubtful)
+    monkeypatch.setattr(certify, "proved", doubtful)
     found = [state for state in states(told(DAMPED)[0]) if state["verdict"] == "variational"]
     assert all(state["lagrangian"] for state in found)
 

@@ -171,3 +171,37 @@ def test_a_store_that_can_be_read_and_not_written_is_not_ready() -> None:
     store = ReadOnly()
     with_store(store, work)
     assert store.written == 1
+
+
+def test_a_stream_over_a_store_of_this_process_alone_waits_to_be_woken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine_module, "LOOK_AGAIN", 0.01)
+
+    class Counting:
+        """A job that runs."""
+
+        exclusive = True
+
+        def __init__(self) -> None:
+            self.looks, self.status = 0, "running"
+
+        def job(self, id: str, with_body: bool = True, client: str = "") -> Any:
+            return Job(id, "solve", "{}", "{}", self.status)  # type: ignore[arg-type]
+
+        def events(self, id: str, after: int = 0, limit: int = 1000) -> list[Event]:
+            self.looks += 1
+            return []
+
+    store = Counting()
+
+    async def work(client: httpx.AsyncClient) -> None:
+        stream = asyncio.ensure_future(client.get("/v1/jobs/a/events"))
+        await asyncio.sleep(0.5)
+        assert store.looks == 1
+        store.status = "successful"
+        engine = client._transport.app.state.engine  # type: ignore[attr-defined]
+        engine.hub.tell("a")
+        answer = await asyncio.wait_for(stream, 10)
+        assert store.looks == 2
+        assert '"status": "successful"' in answer.text
+
+    with_store(store, work)

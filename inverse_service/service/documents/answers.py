@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from api_schemas.result import ResultDocument, UnderstoodSystem
+from api_schemas.result import IncompletePart, ResultDocument, UnderstoodSystem
 from inverse_service import __version__
 from inverse_service.errors import InputError, Place
 from inverse_service.inverse_problem.solutions import SolveOptions
@@ -58,6 +58,7 @@ def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[st
         verdict="undetermined",
         verdict_with_time="undetermined",
         reason=reason,
+        incomplete=[IncompletePart(**growing.entry(part, reason)) for part in ("existence", "existence_with_time")],
         provenance={
             "program": "inverse-service",
             "version": __version__,

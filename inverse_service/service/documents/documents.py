@@ -192,8 +192,12 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     kinds, factor = _kinds(schema, system), _clock(schema, system)
     grow.wanted = _wanted(schema, system, bool(kinds))
 
-    def tell(parts: Sequence[str], make: Callable[[], tuple[Solution, ...]]) -> None:
-        grow.hand_over(parts, lambda: checked(_result(make(), schema), 1.0))
+    def tell(parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]) -> None:
+        def so_far() -> dict[str, Any]:
+            known, open_ones = make()
+            return with_one_verdict(checked(_result(known, schema, open_ones), 1.0))
+
+        grow.hand_over(parts, so_far)
 
     solutions, left = solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}

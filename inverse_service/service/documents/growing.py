@@ -94,7 +94,7 @@ class Growing:
         """The whole result: with the seconds of its parts, and those for which the time was over."""
         self.begin(self._part)
         result["provenance"] = result["provenance"] | {"seconds": self.seconds}
-        result["incomplete"] = [_entry(part, reason) for part, reason in self.cut.items()]
+        result["incomplete"] = [entry(part, reason) for part, reason in self.cut.items()]
         self._untold = [part for part in self.wanted if part not in (*self.cut, *self.finished)] + self._untold
         if self._known:
             self._tell_new(self._outward(result))
@@ -107,7 +107,7 @@ class Growing:
 
     def _send(self, found: dict[str, Any]) -> None:
         missing = [part for part in self.wanted if part not in self.finished and not _is_ruled_out(part, found)]
-        found["incomplete"] = [_entry(part, self.cut.get(part, _TO_COME)) for part in missing]
+        found["incomplete"] = [entry(part, self.cut.get(part, _TO_COME)) for part in missing]
         self._tell_new(self._outward(found))
 
     def _tell_new(self, found: dict[str, Any]) -> None:
@@ -124,7 +124,8 @@ def _is_ruled_out(part: str, found: Mapping[str, Any]) -> bool:
     return "not_variational" in (verdict, found["verdict_with_time"] if part == "lagrangian_with_time" else None)
 
 
-def _entry(part: str, reason: str) -> dict[str, str]:
+def entry(part: str, reason: str) -> dict[str, str]:
+    """What `incomplete` says of a part."""
     return {"part": part, "reason": reason, "more_time": _MORE.get(part, _MORE_OF_OTHERS)}
 
 
@@ -146,8 +147,8 @@ def merged(values: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 def cut_off(so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float], wall: float) -> dict[str, Any]:
     """The result of a run that was ended, with all that was finished; what was to come is named with the reason."""
-    left = [entry | {"reason": reason} for entry in so_far["incomplete"]]
-    names = [entry["part"] for entry in left]
+    left = [one | {"reason": reason} for one in so_far["incomplete"]]
+    names = [one["part"] for one in left]
     taken = dict(seconds)
     if names:
         taken[names[0]] = round(taken.get(names[0], 0.0) + max(0.0, wall - sum(taken.values())), 4)
