@@ -76,7 +76,7 @@ AS_GIVEN = "the equations as given"
 # Coordinates of systems whose conditions are printed and whose freedom is counted beside a known Lagrangian.
 _MOST_COORDINATES = 8
 # First integrals may take so many seconds, and such a share of the time.
-_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.5, 0.1
+_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1
 # Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
 _MOST_FOR_FREEDOM = 30_000
 # Rational functions of the velocities, and what is harder to read (`reading_class`).

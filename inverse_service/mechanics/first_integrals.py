@@ -43,8 +43,9 @@ from inverse_service.mechanics.quotient_matrices import null_vectors
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Expression = ex.Expression
-# Terms of one ansatz: 400 take 0.1 to 0.3 s; with more the degree of the functions of position is lowered.
-_MOST_TERMS = 400
+# Terms of one ansatz, without and with constraints: 400 take 0.3 to 1 s; with more the degree of the functions of
+# position is lowered.
+_MOST_TERMS, _MOST_WITH_CONSTRAINTS = 130, 400
 # So many samples more than unknowns.
 _SPARE = 6
 # Coordinates beyond which only the energy and momenta are looked for.
@@ -154,7 +155,8 @@ class _Integrals:
                 if forms != self.momenta and any(not isinstance(form, ex.Velocity) for form in forms):
                     for degree in (1, 2):
                         self._search(forms, degree, False, plain=True)
-            for degree, moving in ((1, False), (2, False), (1, True), (2, True)):
+            frames = frames if self.constraints else frames[:1]
+            for degree, moving in ((1, False), (2, False), (1, True)):
                 if degree == 2 and not moving:
                     self._propose(proposed)
                 for forms in frames:
@@ -542,6 +544,7 @@ class _Units:
 
     def __init__(self, work: _Integrals) -> None:
         self.names, self.positions, self.work = work.names, work.positions, work
+        self.most = _MOST_WITH_CONSTRAINTS if work.constraints else _MOST_TERMS
         nodes = list(dict.fromkeys(node for tree in work.trees for node in ex.walk(tree)))
         self.single: dict[Expression, dict[Expression, int]] = {q: {} for q in self.positions}
         self.mixed: dict[Expression, int] = {}
@@ -665,7 +668,7 @@ class _Units:
             place = {tree: k for k, tree in enumerate(factors)}
             terms = [(key, place[tree]) for tree in inner for key in keys]
             terms += [((), place[tree]) for tree in outer]
-            if len(terms) <= _MOST_TERMS:
+            if len(terms) <= self.most:
                 order = sorted(range(len(terms)), key=lambda k: (ex.node_count(factors[terms[k][1]]), len(terms[k][0])))
                 return _Ansatz(forms, tuple(factors), tuple(terms[k] for k in order))
         return _Ansatz(forms, (), ())
@@ -678,7 +681,7 @@ class _Units:
             for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
                 powers = dict(ex.powers_of(term))
                 degree = max(degree, *(int(sum(powers.get(q, 0) for q in plain)) + 1, 0))
-        while math.comb(len(plain) + degree, degree) > _MOST_TERMS // 4:
+        while math.comb(len(plain) + degree, degree) > self.most // 4:
             degree -= 1
         return [
             ex.multiply(*chosen)
