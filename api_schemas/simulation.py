@@ -79,8 +79,6 @@ class CirclePart(Document):
     radius_first: float
     radius_last: float
     radius_change: float
-    centre_first: list[float]
-    centre_last: list[float]
     centre_drift: float
     misfit: float
     shape_misfit: float | None
@@ -114,13 +112,10 @@ class SimulatedMethod(Document):
     estimated_until: float | None = None
     energy_start: float | None = None
     max_energy_error: float | None = None
-    final_energy_error: float | None = None
     max_discrete_energy_error: float | None = None
     max_constraint: float | None = None
-    max_constraint_each: list[float | None] | None = None
     max_constraint_at_points: float | None = None
     max_momentum_drift: float | None = None
-    momentum_drift: Numbers | None = None
     max_error: float | None = None
     final_error: float | None = None
     error_each: Numbers | None = None

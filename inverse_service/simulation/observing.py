@@ -200,7 +200,7 @@ def point_constraints(scene: Scene, positions: Array, velocities: Array) -> dict
 def constraint_numbers(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     """The greatest defect of all constraints over all steps, and each one's."""
     each = {f"constraint_{k}": trajectory.maxima[f"constraint_{k}"] for k in range(1, len(scene.constraints) + 1)}
-    return {"max_constraint": max(each.values(), default=None), "max_constraint_each": list(each.values())}
+    return {"max_constraint": max(each.values(), default=None)}
 
 
 def momentum_numbers(trajectory: Trajectory, conserved: Mapping[int, str]) -> dict[str, Any]:
@@ -209,7 +209,7 @@ def momentum_numbers(trajectory: Trajectory, conserved: Mapping[int, str]) -> di
         return {}
     drifts = np.abs(trajectory.momenta - trajectory.momenta[0]).max(axis=0)
     each = {name: float(drifts[k]) for k, name in conserved.items()}
-    return {"max_momentum_drift": max(each.values(), default=None), "momentum_drift": each}
+    return {"max_momentum_drift": max(each.values(), default=None)}
 
 
 def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: float = np.inf) -> dict[str, Any]:
@@ -225,8 +225,6 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
         "radius_first": drift.first.radius,
         "radius_last": drift.last.radius,
         "radius_change": drift.last.radius / drift.first.radius - 1,
-        "centre_first": list(drift.first.center),
-        "centre_last": list(drift.last.center),
         "centre_drift": drift.centre_drift,
         "misfit": drift.first.misfit,
         "shape_misfit": _shape(points),
@@ -524,7 +522,6 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     found: dict[str, Any] = {
         "energy_start": start,
         "max_energy_error": greatest(errors),
-        "final_energy_error": float(errors[-1]),
     }
     found |= {} if start else {"energy_error_is": "absolute, because the energy of the start is 0"}
     return found | numbers, series

@@ -345,7 +345,6 @@ def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
         finite = column[np.isfinite(column)]
         document[name] = float(finite.max()) if len(finite) else None
         document[f"median_{name}"] = float(np.median(finite)) if len(finite) else None
-    document["seconds"]["per_member_step"] = run.seconds["run"] / count / scene.grid.steps
     if count <= MOST_MEMBERS:
         document["members_columns"] = {name: column.tolist() for name, column in member_columns(scene, run).items()}
     return document
