@@ -309,9 +309,10 @@ def integrating_candidates(material: Material) -> list[tuple[int, Terms, Variabl
                 found.append((i, c, q))
         own = any(place == i and variable == motion.coordinates[i] for place, _, variable in found)
         found += [] if own else [(i, c, motion.coordinates[i]) for c in _alone(material, i)]
-        drag = simplified(material, coefficient(f, monomial(v)))
-        if drag and motion.with_time and not any(holds(p, *motion.coordinates) for key in drag for p, _ in key):
-            found.append((i, drag, TIME))
+        drag = simplified(material, coefficient(f, monomial(v))) if motion.with_time else {}
+        still = {key: c for key, c in drag.items() if not any(holds(p, *motion.coordinates) for p, _ in key)}
+        if still and (len(still) == len(drag) or motion.size == 1):
+            found.append((i, still, TIME))
     return found
 
 
