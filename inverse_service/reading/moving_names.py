@@ -31,11 +31,15 @@ def moving_products(texts: Mapping[str, str], declared: Names, order: int = 2) -
     found: dict[str, tuple[str, ...]] = {}
     for line in lines:
         for name in moving_names(line, order):
-            if name in alone | GREEK_NAMES or declared.role(declared.spelling(name)) or not name.isalnum():
+            if (
+                name in alone | GREEK_NAMES
+                or declared.role(declared.spelling(name))
+                or not name.replace("_", "").isalnum()
+            ):
                 continue
             for cut in range(1, len(name)):
                 factor, moving = name[:cut], name[cut:]
-                single = len(moving) == 1 or moving in GREEK_NAMES or re.fullmatch("[A-Za-z][0-9]", moving)
+                single = len(moving) == 1 or moving in GREEK_NAMES or re.fullmatch("[A-Za-z]_?[0-9]", moving)
                 elsewhere = moving in alone | primed
                 mechanical = _FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES
                 named = (looks_like_a_coordinate(moving) or moving in GREEK_NAMES) and mechanical

@@ -347,8 +347,11 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
 
     dx and Dx may be derivatives, xm and rs names with an index, asinx has two functions in it, sinc is one.
     """
-    if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT or "_" in name:
+    if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
+    if "_" in name:
+        ends = (known for known in names.coordinates if "_" in known and name[1:] == known)
+        return next(((name[0], known) for known in ends if name[0] not in "dDeEij"), ())
     called = _CALLED_WITH_A_NUMBER.fullmatch(name)
     if called and called[1] in FUNCTIONS:
         rest = called[3]

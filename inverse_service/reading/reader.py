@@ -179,8 +179,6 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
             group = []
         found += _without_number(group, formula, names) if _has(group, "=") else group
         found += [end] if end is not None and (group or end.kind == "newline") else []
-    while found and found[-1].is_operator(";", ","):
-        found.pop()
     return found
 
 
