@@ -329,7 +329,7 @@ class BatchResults:
         self.done = batch.total == 0
 
     def call(self) -> requests.Call:
-        return requests.Call("GET", self._path)
+        return requests.Call("GET", self._path, headers={"Accept": requests.NDJSON})
 
     def feed(self, line: str) -> decoding.BatchAnswer | None:
         if not line.strip():

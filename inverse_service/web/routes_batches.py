@@ -114,7 +114,7 @@ async def results(request: Request, id: str) -> Response:
     """The answers as NDJSON in the order in which they come, each with the `id` of its line.
 
     The stream stays open until every line has its answer; an empty line each 10 s of silence says that it lives.
-    `Accept: application/json` has them as one JSON array.
+    `Accept: application/json`, and nothing else, has them as one JSON array.
     """
     found = await _known(request, id)
     lines = _stream(engine_of(request), found)
@@ -125,7 +125,8 @@ async def results(request: Request, id: str) -> Response:
 
 def _wants_array(request: Request) -> bool:
     accepted = [part.partition(";")[0].strip() for part in request.headers.get("accept", "").lower().split(",")]
-    return "application/json" in accepted and not NDJSON_TYPES & {*accepted}
+    # Who takes anything besides, as many programs say by default, gets the lines.
+    return "application/json" in accepted and not {"*/*", *NDJSON_TYPES} & {*accepted}
 
 
 async def as_array(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
