@@ -79,14 +79,15 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
         whole, p = Reader(ring, lagrangian).value, {}
         for name, text in momenta.items():
             p[name] = Reader(ring, text).value
+        if isinstance(ring, cell.Letters):
+            before.clear()
+            before.extend([*ring.needs, *(need for value in (whole, *p.values()) for need in ring.needs_of(value))])
         question.held = False
         stated = [ring.add([Reader(ring, side, **p).value for side in pair], [1, -1]) for pair in conditions]
         for value in () if question.rational else stated:
             ring.elementary("log", value)
         question.held = True
         if isinstance(ring, cell.Letters):
-            before.clear()
-            before.extend([*ring.needs, *(need for value in (whole, *p.values()) for need in ring.needs_of(value))])
             ring.needs = {}
         work = [ring.multiply(ring.names[v], x, ring.degree) for v, x in zip(speeds, p.values(), strict=True)]
         return whole, p, ring.add([Reader(ring, energy, **p).value, whole, *work], [1, 1] + [-1] * len(work))
@@ -111,11 +112,15 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
     def read(ring: cell.Letters) -> None:
         question.read_all(ring)
         _, p, difference = parts(ring)
-        known = cell.Knowledge(ring, before)
-        for text in shown.get("domain") or []:
-            for need in cell.needs_of_text(ring, text, p):
-                known.learn(need)
-        notes["whole"] = all(map(known.implies, [*ring.needs, *ring.needs_of(difference), *ring.cut]))
+        moving = {ring.texts.index(v) for v in speeds}
+        held = [need for need in before if not moving & {*ring.holds(need.polynomial)}]  # which L needs of positions
+        needed = [*held, *ring.needs, *ring.needs_of(difference), *ring.cut]
+        stated = [list(cell.needs_of_text(ring, text, p)) for text in shown.get("domain") or []]
+        known = cell.Knowledge(
+            ring, [*(need for need in before if need not in held), *(n for one in stated for n in one)]
+        )
+        follow = cell.Knowledge(ring, [*before, *needed])
+        notes["whole"] = all(map(known.implies, needed)) and all(follow.implies(n) for one in stated for n in one)
 
     if notes["proven"]:
         cell.letters_of(question, read)
