@@ -270,6 +270,9 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: Integrator) 
     rate = _rate(lines, i, j)
     if is_zero(rate):
         return dict(ONE_TERM)
+    zeros = [(i, j) for i in part for j in part if i <= j and not lines.matrix[i][j]]
+    if not all(is_zero(_rate(lines, *pair)) for pair in zeros):
+        return None  # (H2) for an entry that is 0
     slope = _divided(rate, entry, integrator)
     form: list[Terms] = [{} for _ in range(1 + len(lines.rest))]
     places = {v: 1 + k for k, v in enumerate(lines.velocities)}
