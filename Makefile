@@ -61,11 +61,11 @@ bench: install ## benchmarks of decision, search and integrators
 	.venv/bin/python -m benchmarks lagrangians --count 60 --seed 1
 	.venv/bin/python -m benchmarks simulation
 
-# The service under load, pool and cluster, the stores; the tables of docs/reliability.md and docs/scaling.md are written anew.
+# The service under load, pool and cluster, the stores; the tables of docs/records/reliability.md and docs/records/scaling.md are replaced.
 bench-service: install ## the service under load
-	.venv/bin/python -m benchmarks service --page docs/reliability.md
-	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 --page docs/scaling.md
-	.venv/bin/python -m tests.store.measure_store docs/scaling.md
+	.venv/bin/python -m benchmarks service --page docs/records/reliability.md
+	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 --page docs/records/scaling.md
+	.venv/bin/python -m tests.store.measure_store docs/records/scaling.md
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.
 soundness: install ## 26,000 cases with the checker; goes on where it was
@@ -99,8 +99,8 @@ font: install ## the mathematics font of the pages
 	  --output-file=$(FONT).woff2
 	cp build/font/package/LICENSE $(FONT).LICENSE
 
-# docs/fields.md from the program; a test says when it is old.
-reference: install ## docs/fields.md from the program
+# docs/reference/results.md from the program; a test says when it is old.
+reference: install ## docs/reference/results.md from the program
 	.venv/bin/python -m tests.docs.reference
 
 # The documentation as a site in build/site; a warning is an error.

@@ -1,6 +1,6 @@
 """A batch on this machine's own pool and on a Dask cluster on loopback: lines a second, efficiency.
 
-    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR] [--page docs/scaling.md]
+    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR] [--page docs/records/scaling.md]
 
 The pool and the cluster take turns, so that a machine that is busy with other things is so for both.
 """
@@ -161,7 +161,7 @@ def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
 
 
 def markdown(rows: Sequence[ClusterRow]) -> str:
-    """The table of docs/scaling.md."""
+    """The table of docs/records/scaling.md."""
     head = ["load", "where", "workers", "lines", "lines a second", "efficiency", "processor ms a line"]
     return table(head, [_cells(row) for row in rows])
 

@@ -1,4 +1,4 @@
-"""What a kind of Lagrangian costs beside the plain decision: the table in docs/kinds.md.
+"""What a kind of Lagrangian costs beside the plain decision: the table in docs/records/kinds.md.
 
 `python -m benchmarks.kind_costs [--write]`: the systems of the catalogue with at most four coordinates, processor
 time of one thread, one run each; no Lagrangian is handed over, so each kind is decided alone.
@@ -33,7 +33,7 @@ from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOpt
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-PAGE = Path(__file__).parents[1] / "docs" / "kinds.md"
+PAGE = Path(__file__).parents[1] / "docs" / "records" / "kinds.md"
 KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "positive_definite")
 MOST, MOST_SECONDS = 4, 5.0
 
@@ -122,7 +122,7 @@ def _columns(listed: list[tuple[float, float]]) -> tuple[float, float, float]:
 
 if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--write", action="store_true", help="put the table in docs/kinds.md")
+    options.add_argument("--write", action="store_true", help="put the table in docs/records/kinds.md")
     text = measured()
     print(text)
     if options.parse_args().write:

@@ -1,7 +1,7 @@
 """The service under load: many clients at once, the cost of a request, and how busy a batch keeps the cores.
 
     python -m benchmarks service [--clients 200] [--seconds 60] [--lines 1000] [--output DIR]
-                                [--page docs/reliability.md]
+                                [--page docs/records/reliability.md]
 
 Starts a service of its own on loopback with an empty store in a temporary folder.
 """
@@ -226,7 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def markdown(found: dict[str, Any], clients: int, seconds: float) -> str:
-    """The tables of docs/reliability.md."""
+    """The tables of docs/records/reliability.md."""
     asked = [
         [row["sort"], str(row["count"]), f"{row['p50_ms']:.3g}", f"{row['p99_ms']:.3g}",
          ", ".join(f"{count} of {status}" for status, count in row["statuses"].items())]

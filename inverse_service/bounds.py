@@ -1,7 +1,7 @@
 """How much is tried, held and shown: one number for each kind of amount, wherever it is met.
 
 Each was many numbers, one a place. Half and twice as much of each one changed nothing that was measured, so those of
-a kind have one value; what half and twice of the whole kind change is the table in docs/lagrangians.md. A digit of a
+a kind have one value; what half and twice of the whole kind change is the table in docs/records/search.md. A digit of a
 difference, a degree of a theorem or the price of a step is no such amount and stays where it is used.
 """
 

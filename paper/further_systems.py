@@ -97,7 +97,7 @@ def two_constraints() -> Statement:
         finding(good, "correction"),
         "It can be settled: the first and the second system have no regular Lagrangian for arbitrary A, B and V, "
         "nor has that of the mobile robot. Whether another associated system has one is decided too: "
-        "docs/open-questions.md.",
+        "docs/reference/open-questions.md.",
         CODE,
         (Table(("system", "first", "second"), tuple(rows)),),
     )

@@ -5,7 +5,7 @@ and G = g sin(alpha). On y' cos(phi) = x' sin(phi), with w = phi', it is the mot
 
     L = a w^2/2 + b (x y' - (s - G sin(phi)/(2 w))^2/(2 w) - G x/(2 w)) + c (x' sin(phi) - y' cos(phi))^2/2
 
-for any constants a, b, c. This is the L of docs/open-questions.md with s as a smooth function of both velocities in the
+for any constants a, b, c. docs/explanation/constrained-systems.md has this L; here s is a smooth function of both velocities in the
 place of x'/cos(phi), and with a square of the constraint, which makes it regular: nothing is singular at cos(phi) = 0.
 """
 

@@ -1,4 +1,4 @@
-"""What docs/architecture.md says of the house holds: its files exist, and so do the calls of its table."""
+"""What docs/explanation/architecture.md says of the house holds: its files exist, and so do the calls of its table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from tests.test_layering import imported
 
 ROOT = Path(__file__).parent.parent
-ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+ARCHITECTURE = (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
 SOURCES = [path for part in ("inverse_service", "api_schemas") for path in sorted((ROOT / part).rglob("*.py"))]
 ENTRIES = {"inverse_service.__main__", "inverse_service.cli.__main__", "inverse_service.service.jobs.shipping"}
 BY_NAME = re.compile(r"\"(inverse_service(?:\.\w+)+)\"")

@@ -1,4 +1,4 @@
-"""The floors of docs/architecture.md hold: imports point down only."""
+"""The floors of docs/explanation/architecture.md hold: imports point down only."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
     with Client("http://127.0.0.1:8000") as client:
         result = client.solve({"coordinates": ["x"], "equations": {"x": "-x"}})
 
-`Client` and `AsyncClient` have the same methods. docs/rest.md shows each of them at work.
+`Client` and `AsyncClient` have the same methods. docs/how-to/http.md shows each of them at work.
 """
 
 from inverse_service.client.decoding import (

@@ -88,7 +88,7 @@ def connection(motion: Motion[S]) -> Tensor11[S]:
 
 
 def jacobi_endomorphism(motion: Motion[S]) -> Tensor11[S]:
-    """Phi^i_j, shape (n, n); twice the Jacobi endomorphism of the literature, up to sign."""
+    """Phi^i_j, shape (n, n); the Jacobi endomorphism as in MBF, twice -df/dq - N N - Gamma(N)."""
     slopes, span = velocity_slopes(motion), range(motion.size)
 
     def entry(i: int, j: int) -> S:

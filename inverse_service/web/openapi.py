@@ -219,7 +219,7 @@ def _objects(value: Any) -> Iterator[dict[str, Any]]:
 
 @lru_cache(maxsize=1)
 def _descriptions() -> dict[str, str]:
-    """What each field is, by its name, or by Model.name where that means another thing; docs/fields.md has the same."""
+    """What each field is, by its name, or by Model.name where that means another thing."""
     text = resources.files("api_schemas").joinpath("descriptions.json").read_text(encoding="utf-8")
     found: dict[str, str] = json.loads(text)
     return found

@@ -1,4 +1,4 @@
-"""docs/operating.md from a bare Debian on, command by command: TLS, keys, backup, restore, a new key, an upgrade."""
+"""docs/how-to/deploy.md from a bare Debian on: TLS, keys, backup, restore, a new key, an upgrade."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.deploy.bare import ROOT, bare_debian, can_bootstrap, run_in
 from tests.docs.blocks import blocks
 
 pytestmark = [pytest.mark.nightly, pytest.mark.skipif(not can_bootstrap(), reason="needs root and debootstrap")]
-PAGE = ROOT / "docs" / "operating.md"
+PAGE = ROOT / "docs" / "how-to" / "deploy.md"
 INSTALL, *STEPS, UPGRADE = [block.text for block in blocks(PAGE) if block.language == "sh"]
 SOURCES = "/root/inverse-service"
 # What systemd does with a unit as far as the page asks for it, in a root where it does not run.

@@ -45,7 +45,12 @@ class Block:
 
     @property
     def place(self) -> str:
-        return f"{self.page.relative_to(ROOT)}:{self.line}"
+        return f"{name(self.page)}:{self.line}"
+
+
+def name(page: Path) -> str:
+    """The page as it is called in tests: its path in the repository."""
+    return page.relative_to(ROOT).as_posix()
 
 
 @cache

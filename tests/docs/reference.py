@@ -1,8 +1,9 @@
-"""docs/fields.md from the OpenAPI description: `make reference`."""
+"""docs/reference/results.md from the OpenAPI description: `make reference`."""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,25 +11,59 @@ from inverse_service.settings import read_settings
 from inverse_service.web.application import create_application
 from tests.docs.blocks import ROOT
 
-DOCS = ROOT / "docs"
+PAGE = ROOT / "docs" / "reference" / "results.md"
 # What is written by hand stands before and after these marks.
 BEGIN, END = "<!-- fields -->\n\n", "<!-- end of fields -->\n"
 
 
+# What commands and calls answer with; the objects within them follow the first that has them.
+RESULTS = ("ResultDocument", "NonholonomicResult", "ForwardResult", "CheckAnswer", "SimulationResult",
+           "WorkPrecisionResult")  # fmt: skip
+HEAD = "| field | what it is | type |\n| --- | --- | --- |"
+
+
 def fields(description: dict[str, Any]) -> str:
-    """A table of its properties for every model of an answer, the results first."""
+    """Every field once: those that mean the same in several objects first, then the rest by object."""
     schemas = description["components"]["schemas"]
-    answers = [
-        reference
-        for calls in sorted(description["paths"].items(), key=lambda item: item[0] != "/v1/solve")
-        for call in calls[1].values()
-        for answer in call["responses"].values()
-        for reference in _references(answer)
-    ]
-    order = dict.fromkeys(["ResultDocument", "NonholonomicResult", *answers])
-    while more := [name for model in order for name in _references(schemas[model]) if name not in order]:
-        order |= dict.fromkeys(more)
-    return "\n".join(_table(name, schemas[name], schemas["ResultDocument"]) for name in order)
+    groups: dict[str, list[str]] = {}
+    for result in RESULTS:
+        before = {name for group in groups.values() for name in group} | set(RESULTS)
+        groups[result] = [result, *(name for name in _within(result, schemas) if name not in before)]
+    names = [name for group in groups.values() for name in group]
+    count = Counter(row for name in names for row in _rows(schemas[name]))
+    shared = {row for row in count if count[row] > 1}
+    parts = ["## Fields of several objects", "", HEAD, *(row for row in count if row in shared), ""]
+    for result, group in groups.items():
+        parts += [f"## {result}", "", HEAD]
+        for name in group:
+            rows = _rows(schemas[name])
+            also = [key for row, key in rows.items() if row in shared]
+            if name != "ResultDocument" and rows.keys() > _rows(schemas["ResultDocument"]).keys():
+                also = ["the fields of ResultDocument"]
+            text = " ".join(filter(None, [_cell(schemas[name].get("description", "")) + ".", _also(also)]))
+            parts += [f"| **{name}** | {text} | |", *(row for row in rows if row not in shared)]
+        parts.append("")
+    return "\n".join(parts)
+
+
+def _rows(schema: dict[str, Any]) -> dict[str, str]:
+    """The row of each field, with the name of the field."""
+    return {
+        f"| `{key}` | {_cell(part.get('description', ''))} | {kind(part)} |": f"`{key}`"
+        for key, part in schema.get("properties", {}).items()
+    }
+
+
+def _also(names: list[str]) -> str:
+    return f"Also {', '.join(names)}." if names else ""
+
+
+def _within(name: str, schemas: dict[str, Any]) -> Iterator[str]:
+    """The objects in this one, each once, in depth."""
+    found = dict.fromkeys(_references(schemas[name]))
+    while more := [each for part in found for each in _references(schemas[part]) if each not in found]:
+        found |= dict.fromkeys(more)
+    yield from found
 
 
 def _references(schema: Any) -> Iterator[str]:
@@ -40,17 +75,6 @@ def _references(schema: Any) -> Iterator[str]:
     elif isinstance(schema, list):
         for part in schema:
             yield from _references(part)
-
-
-def _table(name: str, schema: dict[str, Any], result: dict[str, Any]) -> str:
-    properties = schema["properties"]
-    rows = []
-    if name != "ResultDocument" and properties.keys() > result["properties"].keys():
-        properties = {key: part for key, part in properties.items() if key not in result["properties"]}
-        rows = ["| … | the fields of ResultDocument | |"]
-    rows += [f"| `{key}` | {_cell(part.get('description', ''))} | {kind(part)} |" for key, part in properties.items()]
-    head = "| field | what it is | type |\n| --- | --- | --- |"
-    return "\n".join([f"## {name}", "", _plain(schema.get("description", "")), "", head, *rows, ""])
 
 
 def _plain(text: str) -> str:
@@ -83,15 +107,15 @@ def kind(schema: dict[str, Any]) -> str:
 
 
 def fields_page(description: dict[str, Any]) -> str:
-    """docs/fields.md with its tables made again."""
-    page = (DOCS / "fields.md").read_text()
+    """docs/reference/results.md with its tables made again."""
+    page = (PAGE).read_text()
     before, _, rest = page.partition(BEGIN)
     return before + BEGIN + fields(description) + "\n" + END + rest.partition(END)[2]
 
 
 def main() -> None:
     """Write the page."""
-    (DOCS / "fields.md").write_text(fields_page(create_application(read_settings()).openapi()))
+    (PAGE).write_text(fields_page(create_application(read_settings()).openapi()))
 
 
 if __name__ == "__main__":

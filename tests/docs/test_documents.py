@@ -14,30 +14,43 @@ from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.service.documents.documents import look
 from inverse_service.service.documents.plain_data import read_json
-from tests.docs.blocks import ADDRESS, DOCUMENTS, LANGUAGES, MARKS, PAGES, Block, blocks, pattern, programs, run_page
+from tests.docs.blocks import (
+    ADDRESS,
+    DOCUMENTS,
+    LANGUAGES,
+    MARKS,
+    PAGES,
+    Block,
+    blocks,
+    name,
+    pattern,
+    programs,
+    run_page,
+)
 
 # How many programs of a page are not run, and why; no other program is left out.
 NOT_RUN = {
     "README.md": (3, "one does not end, one is these tests, one runs overnight"),
-    "open-questions.md": (2, "the search of the robot and the table take minutes"),
-    "reliability.md": (1, "these are the tests themselves"),
-    "scaling.md": (5, "no Docker, cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs"),
-    "operating.md": (7, "tests/deploy/test_operating.py runs them in a Debian of its own"),
-    "operating-data.md": (1, "tests/store/test_backup.py runs it"),
-    "install.md": (1, "downloads and installs"),
     "CONTRIBUTING.md": (1, "these are the tests themselves"),
-    "benchmarks.md": (1, "ten minutes"),
+    "docs/how-to/deploy.md": (8, "tests/deploy/test_operating.py runs them in a Debian of its own, but for Docker"),
+    "docs/how-to/install.md": (1, "downloads and installs"),
+    "docs/how-to/operate.md": (1, "tests/store/test_backup.py runs it"),
+    "docs/how-to/scale.md": (3, "no cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs"),
+    "docs/records/benchmarks.md": (1, "ten minutes"),
+    "docs/records/reliability.md": (1, "these are the tests themselves"),
+    "docs/records/scaling.md": (1, "a quarter of an hour"),
+    "docs/reference/open-questions.md": (2, "the search of the robot and the table take minutes"),
 }
 # Blocks of plain text: pictures, and what other tests compare.
 TEXTS = {
-    "architecture.md": (3, "pictures of the house, the way of a document"),
-    "simulation.md": (1, "the times of one machine"),
-    "nonholonomic.md": (1, "compared by tests/service/test_nonholonomic_page.py"),
+    "docs/explanation/architecture.md": (3, "pictures of the house, the way of a document"),
+    "docs/how-to/constrained-systems.md": (1, "compared by tests/service/test_nonholonomic_page.py"),
+    "docs/simulation.md": (1, "the times of one machine"),
 }
 COMMAND = re.compile(
     r"^(?:\$ |    )(?:[A-Z_]+=\S+ )?(?:\.venv/|inverse-service |python |pip |make |curl |dask |docker |git )", re.M
 )
-IDS = [page.name for page in PAGES]
+IDS = [name(page) for page in PAGES]
 ALL = [block for page in PAGES for block in blocks(page)]
 QUICK = [page for page in PAGES if programs(page, with_slow=False)]
 LONG = [page for page in PAGES if len(programs(page, with_slow=True)) > len(programs(page, with_slow=False))]
@@ -55,21 +68,24 @@ def run(page: Path, folder: Path, request: pytest.FixtureRequest, with_slow: boo
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(page, id=page.name, marks=() if page.name == "README.md" else pytest.mark.slow) for page in QUICK],
+    [pytest.param(page, id=name(page), marks=() if page.name == "README.md" else pytest.mark.slow) for page in QUICK],
 )
 def test_every_program_does_what_the_page_says(page: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     run(page, tmp_path, request, with_slow=False)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", LONG, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", LONG, ids=name)
 def test_the_long_programs_too(page: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     run(page, tmp_path, request, with_slow=True)
 
 
 def test_the_pages_have_programs() -> None:
-    named = {page.name for page in QUICK}
-    assert {"README.md", "tutorial.md", "guide.md", "batch.md", "rest.md"} <= named
+    named = {name(page) for page in QUICK}
+    assert {
+        "README.md",
+        *(f"docs/how-to/{page}.md" for page in ("batch", "enter-systems", "http", "solve-and-check")),
+    } <= named
     assert sum(len(programs(page, with_slow=True)) for page in PAGES) >= 35
 
 
@@ -78,8 +94,8 @@ def test_no_block_is_left_out_in_silence(page: Path) -> None:
     for block in blocks(page):
         assert block.language in LANGUAGES, f"{block.place}: no such language"
         assert block.language in DOCUMENTS or block.mark in ("", *MARKS), f"{block.place}: no such mark"
-    assert sum(block.mark == "not-run" for block in blocks(page)) == NOT_RUN.get(page.name, (0, ""))[0]
-    assert sum(block.language == "text" for block in blocks(page)) == TEXTS.get(page.name, (0, ""))[0]
+    assert sum(block.mark == "not-run" for block in blocks(page)) == NOT_RUN.get(name(page), (0, ""))[0]
+    assert sum(block.language == "text" for block in blocks(page)) == TEXTS.get(name(page), (0, ""))[0]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=IDS)

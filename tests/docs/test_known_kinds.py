@@ -1,4 +1,4 @@
-"""docs/kinds.md lists the systems of the tests: `python -m tests.docs.test_known_kinds` writes it."""
+"""docs/records/kinds.md lists the systems of the tests: `python -m tests.docs.test_known_kinds` writes it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 
 from tests.doors.rows import rows
 
-PAGE = Path(__file__).parents[2] / "docs" / "kinds.md"
+PAGE = Path(__file__).parents[2] / "docs" / "records" / "kinds.md"
 HEAD = """# Systems with known answers, by kind of Lagrangian
 
 Written by `python -m tests.docs.test_known_kinds` from the rows of `tests/corpus/kinds.ndjson` and
 `constrained.ndjson`, each of which is a test: each *yes* with a Lagrangian is verified by numbers without the package,
 each certificate by the checker. The source has the system and its answer, or the theorem from which the answer follows;
-rows without one are our own examples. What the kinds are: [guide](guide.md#kinds-of-lagrangians).
+rows without one are our own examples. Types: [how to ask](../how-to/lagrangian-types.md#types-of-lagrangians).
 
 | system | source | q'' | question | answer |
 | --- | --- | --- | --- | --- |

@@ -12,7 +12,7 @@ import yaml
 
 import inverse_service
 from inverse_service.cli.command_line import application
-from tests.docs.blocks import PAGES, ROOT
+from tests.docs.blocks import PAGES, ROOT, name
 
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 FENCED = re.compile(r"^```.*\n(?:.*\n)*?```$", re.MULTILINE)
@@ -33,7 +33,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", title).lower().replace(" ", "-") for title in titles}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_link_leads_somewhere(page: Path) -> None:
     for target in LINK.findall(FENCED.sub("", page.read_text(encoding="utf-8"))):
         if target.startswith(("https://", "http://", "mailto:")):
@@ -45,7 +45,7 @@ def test_every_link_leads_somewhere(page: Path) -> None:
             assert anchor in anchors(there), f"{page.name}: {target}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_file_that_is_named_is_there(page: Path) -> None:
     names = NAMED.findall(page.read_text(encoding="utf-8"))
     assert [name for name in names if not (ROOT / name).exists()] == []
@@ -80,7 +80,7 @@ def declared() -> set[str]:
 
 
 def test_every_dependency_has_its_reason() -> None:
-    page = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "dependencies.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (?:`\w+` \| )?([\w\-, ]+) \|", page, re.MULTILINE)
     told = {name.strip() for row in rows for name in row.split(",")} - {"package", "extra", "---"}
     assert told == {"psycopg" if name.startswith("psycopg") else name for name in declared()}

@@ -1,4 +1,4 @@
-"""What the two stores carry: `python -m tests.store.measure_store [docs/scaling.md]` prints the table of that page.
+"""What the two stores carry: `python -m tests.store.measure_store [docs/records/scaling.md]` prints its table.
 
 No engine works here: jobs are accepted, claimed and answered as fast as the store allows.
 """

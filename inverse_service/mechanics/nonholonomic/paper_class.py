@@ -19,7 +19,7 @@ left alone; J are the others, rho = sum over J of I_i u_i^2 (a constant), e the 
     two in J     S = ((I_e u_e, I_j u_j), (I_j u_j, -I_j u_e)), rational in u
     more in J    S_ee = I_e u_e, S_ej = I_j u_j sqrt(I_e)/..., see `_matrix`; regular where u_e sqrt(I_e) > -sqrt(rho)
 In both cases S u = (rho, 0, ..., 0) up to a constant. With one in J u would be constant too.
-Derived here; for one constraint in M. Mestdag's systems see docs/nonholonomic.md.
+Derived here; for one constraint in M. Mestdag's systems see docs/explanation/constrained-systems.md.
 """
 
 from __future__ import annotations

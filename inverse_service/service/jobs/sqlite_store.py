@@ -115,7 +115,7 @@ T = TypeVar("T")
 # Each time another value, or nothing would be written.
 PROBE = "INSERT INTO counters VALUES ('probe', 1) ON CONFLICT (name) DO UPDATE SET value = value + 1"
 PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
-# Larger files are not rewritten at the start to give space back later; s. docs/operating.md.
+# Larger files are not rewritten at the start to give space back later; see docs/how-to/operate.md.
 REWRITTEN = 256 * 2**20
 OWN_TABLES = {"jobs", "bodies", "events", "batches", "lines", "counters"}
 

@@ -5,6 +5,7 @@ The manual is the project's own Markdown pages, served along with what they expl
 
 from __future__ import annotations
 
+import posixpath
 import re
 from functools import lru_cache
 from importlib import resources
@@ -36,10 +37,15 @@ async def learn() -> HTMLResponse:
 
 # (name in the address, title, file in docs/).
 PAGES = (
-    ("steps", "The inverse problem in small steps", "tutorial.md"),
-    ("mathematics", "The mathematics", "mathematics.md"),
-    ("constraints", "Constraints on velocities", "nonholonomic.md"),
-    ("calls", "Calls for programs", "rest.md"),
+    ("steps", "The inverse problem in small steps", "tutorials/inverse-problem.md"),
+    ("disk", "The rolling disk", "tutorials/rolling-disk.md"),
+    ("enter", "How to enter a system", "how-to/enter-systems.md"),
+    ("verdicts", "What a verdict means", "explanation/verdicts.md"),
+    ("mathematics", "The mathematics", "explanation/method.md"),
+    ("constraints", "How to enter constraints on velocities", "how-to/constrained-systems.md"),
+    ("associated", "Constraints on velocities, explained", "explanation/constrained-systems.md"),
+    ("calls", "Calls for programs", "how-to/http.md"),
+    ("glossary", "Glossary", "reference/glossary.md"),
 )
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _KNOWN = {file: f"/learn/{name}" for name, _, file in PAGES}
@@ -79,11 +85,11 @@ def _body(file: str) -> Markup:
     """The page as HTML; links to other pages of the manual stay on the site, those to files of the source go."""
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     html = markdown.render(_COMMENT.sub("", _text(file)).replace(".venv/bin/", ""))
-    return Markup(_IMAGE.sub("", _LINK.sub(_address, html)))
+    return Markup(_IMAGE.sub("", _LINK.sub(lambda link: _address(file, link), html)))
 
 
-def _address(link: re.Match[str]) -> str:
-    target, anchor = link[1].rpartition("/")[2], link[2] or ""
+def _address(file: str, link: re.Match[str]) -> str:
+    target, anchor = posixpath.normpath(posixpath.join(posixpath.dirname(file), link[1])), link[2] or ""
     return f'href="{_KNOWN[target]}{anchor}"' if target in _KNOWN else 'href="/learn"'
 
 
