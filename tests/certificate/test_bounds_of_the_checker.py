@@ -28,7 +28,7 @@ def numbered(stem: str, count: int) -> list[str]:
 @pytest.mark.parametrize(
     ("right", "wrong", "words"),
     [
-        (free(numbered("q", 16)), free(numbered("q", 17)), "at most 16"),
+        (free(numbered("q", 64)), free(numbered("q", 65)), "at most 64"),
         (free(["x"], parameters=numbered("a", 200)), free(["x"], parameters=numbered("a", 201)), "at most 200"),
         (
             free(["x"], functions={name: ["x"] for name in numbered("A", 200)}),

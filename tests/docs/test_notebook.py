@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-NOTEBOOK = Path(__file__).parents[2] / "docs" / "sympy.ipynb"
+NOTEBOOK = Path(__file__).parents[2] / "docs" / "tutorials" / "sympy.ipynb"
 KEYS = {"code": {"cell_type", "id", "metadata", "source", "execution_count", "outputs"}}
 MARKDOWN = {"cell_type", "id", "metadata", "source"}
 

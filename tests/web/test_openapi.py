@@ -150,7 +150,7 @@ def test_every_answer_validates(description: dict[str, Any], service: str) -> No
                 assert answer.status_code == 200, answer.text[:300]
                 assert not [error.message[:200] for error in check.iter_errors(answer.json())], document
         problem = validator(description, {"$ref": "#/components/schemas/ProblemDocument"})
-        refused = client.post("/v1/parse", json={"equations": "x'' = -kx", "parameters": "guess"})
+        refused = client.post("/v1/parse", json={"equations": "x'' = -kx", "parameters": ["k"]})
         assert not list(problem.iter_errors(refused.json()))
         assert refused.json()["errors"][0]["instead"] == ["k*x"]
 

@@ -160,6 +160,7 @@ class Examination:
     compared: dict[str, CheckResult] = field(default_factory=dict)
     cells: list[dict[str, Any]] = field(default_factory=list)
     statement: dict[str, Any] | None = None
+    has_document: bool = False
 
     # What was found.
 
@@ -208,6 +209,7 @@ class Examination:
         self.agree("/format", result["format"] == RESULT_FORMAT, result["format"], RESULT_FORMAT)
         if self.handed is not None and given is not None:
             self.claim(*(["/system/given"] if given == self.handed else []))
+        self.has_document = document is not None
         if document is None:  # the canonical equations say all that there is to say
             document = own
             self.reasons.append("The equations as given were not compared: there is no document.")
@@ -382,7 +384,9 @@ class Examination:
         if not listed:
             listed = [(f"{at}/domain", shown.around or [])]
         for place, stated in listed:
-            missing, beyond = covering.lacking(certificate, stated, proof, self.end - now())
+            # What is said about a kind of Lagrangians holds where the answer around it does.
+            whole = [*stated, *(one for one in shown.around or [] if one not in stated)]
+            missing, beyond = covering.lacking(certificate, whole, proof, self.end - now())
             if missing:
                 self.unsettled(f"{place or '/domain'} lacks {', '.join(missing)}.")
                 continue
@@ -537,7 +541,11 @@ class Examination:
                 self.contradict(f"{at}/{key}", certificate.get("claim"), proof.reasons[0])
                 return
             # One without velocities is about the free coordinates alone, whose equations contain no others.
-            moving = "velocities" in _object(certificate.get("system")) or certificate["claim"] == "variational"
+            alone = "velocities" not in _object(certificate.get("system"))
+            if alone and not self.has_document:
+                self.unsettled(f"{at}/{key} is about the free coordinates alone: the document is needed.")
+                return
+            moving = not alone or certificate["claim"] == "variational"
             good = moving and certificate.get("among") is None
             if not self.agree(f"{at}/{key}/system", good, "", "It is about another thing."):
                 return

@@ -251,7 +251,9 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     texts = [text for _, text in _placed({key: plain[key] for key in FORMULAS if key in plain}, "")]
     if not _guesses(plain) or not {*plain} <= {"equations", "parameters", "name", "functions"}:
         return ""
-    if "x" in _declared(plain) or any("dot" in text for text in texts):
+    equations = plain.get("equations")
+    keyed = [str(key).rstrip("'") for key in equations] if isinstance(equations, Mapping) else []
+    if "x" in _declared(plain) or "x" in keyed or len(keyed) > 1 or any("dot" in text for text in texts):
         return ""
     try:
         known = Names(guesses=True)
