@@ -192,7 +192,7 @@ def batch(
 
 @application.command()
 def mcp() -> None:
-    """Tools for assistants by the Model Context Protocol, on standard input and output (extra `mcp`)."""
+    """Tools for other programs by the Model Context Protocol, on standard input and output (extra `mcp`)."""
     from inverse_service.cli.mcp_command import serve_assistants
 
     sys.exit(serve_assistants())

@@ -129,7 +129,7 @@ LLMS = """# inverse-service
 
 @open_router.get("/llms.txt", response_class=PlainTextResponse)
 async def llms() -> PlainTextResponse:
-    """In ten lines how a program asks, for assistants that read llms.txt."""
+    """In ten lines how a program asks."""
     return PlainTextResponse(LLMS)
 
 

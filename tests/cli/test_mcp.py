@@ -1,4 +1,4 @@
-"""The tools for assistants, asked as an assistant asks: over standard input and output of the command."""
+"""The tools of `mcp`, asked as a client asks: over standard input and output of the command."""
 
 from __future__ import annotations
 
