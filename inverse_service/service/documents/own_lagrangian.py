@@ -20,7 +20,7 @@ from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Power, Symbol, walk
 from inverse_service.inverse_problem import cells
 from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyze
+from inverse_service.inverse_problem.decision.analysis import analyze, variables_of
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
@@ -180,8 +180,9 @@ class _Judging:
 
     def failing(self, system: SecondOrderSystem, table: RealTable) -> dict[str, Any]:
         """A point, and both accelerations there."""
+        own_names = {*variables_of(system)}  # and not the angle of one radian, which a table may hold
         named = {("t" if key == TIME else translate.name_of(key)): value for key, value in table.items()
-                 if translate.name_of(key)}  # fmt: skip
+                 if key in own_names}  # fmt: skip
         shown = {name: mpmath.nstr(value, _DIGITS) for name, value in named.items()}
         try:
             given = [evaluate(to_kernels(f), table) for f in system.given]
