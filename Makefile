@@ -41,6 +41,16 @@ run: service ## serve the pages and HTTP on 127.0.0.1:8000 (PORT=, HOST=)
 test: install ## the tests
 	.venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
+wheel: install ## the wheel, build/wheel, with the kernels compiled
+	rm -rf build/wheel
+	.venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/wheel .
+
+installed: wheel ## ten questions to the wheel in an empty environment
+	rm -rf build/environment
+	.venv/bin/python -m venv build/environment
+	build/environment/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt build/wheel/*.whl
+	.venv/bin/python tests/installed.py build/environment/bin/inverse-service
+
 nightly: install ## the long tests
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,manifests]'
 	.venv/bin/python -m pytest -m 'slow or nightly'

@@ -33,19 +33,21 @@ SCENE = {
 
 
 def main(command: str) -> None:
-    with tempfile.TemporaryDirectory() as home:
-        Path(home).chmod(0o500)
-        environment = os.environ | {"HOME": home, "XDG_CACHE_HOME": f"{home}/cache"}
+    with tempfile.TemporaryDirectory() as folder:
+        barrier = Path(folder) / "file"  # below a file nobody can write, not even root
+        barrier.touch()
+        environment = os.environ | {"HOME": f"{barrier}/home", "XDG_CACHE_HOME": f"{barrier}/cache"}
 
         def run(*words: str) -> subprocess.CompletedProcess[str]:
             return subprocess.run([command, *words], capture_output=True, text=True, env=environment, check=False)
 
         for equations, verdict in QUESTIONS.items():
             found = run("solve", equations, "--format", "json")
+            assert found.returncode == 0, (equations, found.stderr[-800:])
             answer = json.loads(found.stdout)
             assert (answer["verdict_with_time"] or answer["verdict"]) == verdict, (equations, found)
             assert answer["checked"] == "valid" or answer["with_time"]["checked"] == "valid", equations
-        scene = Path(home).with_name("scene.json")
+        scene = Path(folder) / "scene.json"
         scene.write_text(json.dumps(SCENE))
         refused = run("simulate", str(scene))
         assert refused.returncode == 2, refused

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 import sys
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -103,3 +105,29 @@ def test_what_workers_load_for_pages_leaves_out_the_web_framework() -> None:
 def test_every_public_name_is_there() -> None:
     assert {"check", "simulate", "solve"} <= set(inverse_service.__all__)
     assert all(getattr(inverse_service, name) is not None for name in inverse_service.__all__)
+
+
+WITHOUT_EXTRAS = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in "llvmlite numba symengine matplotlib heyoka distributed psycopg".split():
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Absent())
+import inverse_service.cli.command_line, inverse_service.web.application
+from inverse_service.service.jobs import tasks
+tasks.load_engine()
+"""
+
+
+def test_solver_server_and_command_line_load_without_any_extra() -> None:
+    done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-800:]
+
+
+def test_every_phony_target_of_the_makefile_has_a_rule() -> None:
+    """make says "nothing to be done" and ends well for one without."""
+    text = (Path(__file__).parents[1] / "Makefile").read_text(encoding="utf-8")
+    targets = [name for line in re.findall(r"^\.PHONY: (.*)$", text, re.MULTILINE) for name in line.split()]
+    assert "installed" in targets
+    assert [name for name in targets if not re.search(rf"^{name}:", text, re.MULTILINE)] == []

@@ -12,14 +12,14 @@ equation of u contains v" (R. Tarjan, SIAM J. Comput. 1 (1972) 146), each after 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
 
 import symengine
 
 from inverse_service.codegen.program import Assign, Solve, Statement
 from inverse_service.codegen.symengine_trees import STEP, ZERO, Formula, contains, free_names, slope, symbol
 from inverse_service.errors import InputError
+from inverse_service.expressions.graphs import components, matching
 
 _LARGEST_GUARDED = 4
 _PARAMETER = re.compile(r"h|c\d+")
@@ -186,52 +186,3 @@ def used_only(statements: Sequence[Statement], formulas: Sequence[Formula]) -> t
             needed |= {name for part in statement.formulas for name in free_names(part)}
         kept.append(statement)
     return tuple(reversed(kept))
-
-
-Name = TypeVar("Name", int, str)
-
-
-def matching(pattern: Sequence[Collection[Name]]) -> dict[Name, int]:
-    """A row of its own for as many of the names that occur in the rows as there can be (augmenting paths)."""
-    row_of: dict[Name, int] = {}
-
-    def assign(row: int, seen: set[Name]) -> bool:
-        for name in pattern[row]:
-            if name in seen:
-                continue
-            seen.add(name)
-            if name not in row_of or assign(row_of[name], seen):
-                row_of[name] = row
-                return True
-        return False
-
-    for row in range(len(pattern)):
-        assign(row, set())
-    return row_of
-
-
-def components(graph: Mapping[Name, Collection[Name]]) -> list[list[Name]]:
-    """Strongly connected components, each after all that it depends on, with its members in the order of the graph."""
-    index: dict[Name, int] = {}
-    low: dict[Name, int] = {}
-    stack: list[Name] = []
-    found: list[list[Name]] = []
-
-    def visit(node: Name) -> None:
-        index[node] = low[node] = len(index)
-        stack.append(node)
-        for other in graph[node]:
-            if other not in index:
-                visit(other)
-                low[node] = min(low[node], low[other])
-            elif other in stack:
-                low[node] = min(low[node], index[other])
-        if low[node] == index[node]:
-            cut = stack.index(node)
-            found.append(sorted(stack[cut:], key=list(graph).index))
-            del stack[cut:]
-
-    for node in graph:
-        if node not in index:
-            visit(node)
-    return found

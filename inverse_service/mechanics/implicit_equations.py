@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from mpmath import mp, mpf
 
 from inverse_service import bounds
-from inverse_service.codegen.planning import components, matching
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate
+from inverse_service.expressions.graphs import components, matching
 from inverse_service.expressions.tree import (
     ONE,
     PI,

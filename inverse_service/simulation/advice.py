@@ -64,14 +64,6 @@ def advice(
     return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
-def sentence_of(taken: dict[str, Any] | None) -> str:
-    """The advice as a sentence; nothing where there is none."""
-    if taken is None:
-        return ""
-    order = f" of order {taken['order']}" if taken["order"] else ""
-    return f"For long runs take {taken['method']}{order}: {taken['reason']}"
-
-
 def is_stiff(scene: Scene, accelerations: tuple[Expression, ...]) -> bool:
     """Whether a real eigenvalue of the linearized motion at the start is fast compared with the length of the run."""
     n = len(scene.coordinates)

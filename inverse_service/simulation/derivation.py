@@ -21,10 +21,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-from inverse_service.codegen.planning import components
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.graphs import components
 from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Sum, Symbol, Velocity, add, dot, walk
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian

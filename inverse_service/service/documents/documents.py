@@ -96,16 +96,6 @@ def parse_document(document: Any) -> dict[str, Any]:
     return _in_own_words(ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json"))
 
 
-def parse_associated(document: Any) -> dict[str, Any] | None:
-    """The equations of the associated system that a document asks for; None where it asks for no single one."""
-    ready = prepared(document)
-    if not is_nonholonomic(ready.document):
-        return None
-    from inverse_service.service.documents.nonholonomic_documents import parse_associated as associated
-
-    return _in_own_words(ready, lambda cases: associated(cases.look(ready.document)) or {}) or None
-
-
 def understand_document(document: Any) -> dict[str, Any]:
     """The `system` part of a result; raises InputError."""
     ready = prepared(document)

@@ -267,11 +267,8 @@ def _case(branch: Mapping[str, Any], result: Mapping[str, Any], names: Names, br
     notes: list[Markup] = []
     domain = (*(shown.get("domain") or ()), *((shown.get("lagrangian") or {}).get("domain") or ()))
     where = _listed(dict.fromkeys(domain), names)
-    exceptions = shown.get("exceptions") or branch.get("exceptions") or ()
     if where:
         notes.append(Markup("Where {}.").format(where))
-    if exceptions:
-        notes.append(Markup("In general; not decided here: {}.").format(_listed(exceptions, names)))
     if shown.get("reason") and verdict == OPEN:
         notes.append(Markup("{}.").format(shown["reason"][:1].upper() + shown["reason"][1:].rstrip(".")))
     notes += _checked([shown])
