@@ -82,7 +82,7 @@ soundness: install ## 26,000 cases with the checker; goes on where it was
 	.venv/bin/python -m tests.soundness --output build/soundness --report docs/records/soundness.md
 
 # Branch coverage of the heart, by the tests of its own rooms, children included; methods are data, which simulation runs.
-HEART := algebra mechanics inverse_problem certificate integrators
+HEART := field mechanics decision search explanation solving constrained certificate integrators
 coverage: install ## branch coverage of the heart
 	rm -f build/coverage build/coverage.*
 	@# The table is printed where a test fails too; the failure is that of the target.

@@ -17,7 +17,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILER = ["llvmlite>=0.45", "numba>=0.62"]
-FOLDER = "inverse_service/machine_code/compiled"
+FOLDER = "inverse_service/kernels/machine_code/compiled"
 
 
 class Kernels(BuildHookInterface):

@@ -23,13 +23,13 @@ from unittest import mock
 from benchmarks.lagrangians import generated, percentile
 from benchmarks.tables import table
 from inverse_service import catalogue
+from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.expressions.printing import to_text
-from inverse_service.inverse_problem.search import ladder, rungs
-from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
-from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search import ladder, rungs
 from inverse_service.service.documents.accepting import to_given, to_schema, to_system
+from inverse_service.solving.solving import solve_branches
 
 Given = tuple[str, SecondOrderSystem, tuple[Any, ...]]
 

@@ -18,13 +18,13 @@ from unittest import mock
 from benchmarks.ablation import Given, Run, add_collections, given_systems, record
 from benchmarks.tables import table
 from inverse_service import bounds as amounts
-from inverse_service.inverse_problem.search import rungs
-from inverse_service.inverse_problem.search.families import Family
-from inverse_service.inverse_problem.search.rungs import Rung
+from inverse_service.search import rungs
+from inverse_service.search.families import Family
+from inverse_service.search.rungs import Rung
 
 VALUES: dict[str, int] = {name: value for name, value in vars(amounts).items() if name.isupper()}
 # Their rooms keep what they computed with other amounts.
-KEEP = ("inverse_problem", "mechanics", "expressions", "algebra")
+KEEP = ("decision", "search", "solving", "constrained", "explanation", "mechanics", "expressions", "field")
 
 
 @contextmanager

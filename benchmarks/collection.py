@@ -21,7 +21,7 @@ from typing import Any
 
 from benchmarks.lagrangians import percentile
 from benchmarks.tables import MISSING, table
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import answers_of
 

@@ -11,7 +11,7 @@ from benchmarks.families import Document, random_natural, random_quadratic
 from benchmarks.isolated import measure
 from benchmarks.plain import SIMPLIFICATIONS
 from inverse_service import catalogue
-from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.decision.deciding import decide
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from benchmarks.decision_benchmark import read
 from benchmarks.families import GROWING, Document
 from benchmarks.isolated import measure
-from inverse_service.algebra.point import Expansion
-from inverse_service.algebra.tower import draw_point
+from inverse_service.decision.analysis import Analysis, analyze
+from inverse_service.decision.local_system import equations, local_system
 from inverse_service.expressions.tree import Symbol, Velocity
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
-from inverse_service.inverse_problem.decision.local_system import equations, local_system
+from inverse_service.field.point import Expansion
+from inverse_service.field.tower import draw_point
 from inverse_service.linear_pde.emission import LocalEquations, advance, start
 
 Report = Callable[[str], None]

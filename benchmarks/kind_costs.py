@@ -19,19 +19,19 @@ from benchmarks.tables import table
 from inverse_service import catalogue
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
+from inverse_service.decision import certify
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import decide
+from inverse_service.decision.kinds.restricted import invariant, kind_named
+from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import number
-from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.decision.deciding import decide
-from inverse_service.inverse_problem.kinds.restricted import invariant, kind_named
-from inverse_service.inverse_problem.of_kind import kind_answers
-from inverse_service.inverse_problem.of_kind.definite import answer_definite
-from inverse_service.inverse_problem.of_kind.kind_answers import answer_kind
-from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
-from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.solving.of_kind import kind_answers
+from inverse_service.solving.of_kind.definite import answer_definite
+from inverse_service.solving.of_kind.kind_answers import answer_kind
+from inverse_service.solving.of_kind.rayleigh import answer_rayleigh
 
 PAGE = Path(__file__).parents[1] / "docs" / "records" / "kinds.md"
 KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "positive_definite")

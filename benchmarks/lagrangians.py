@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.tables import MISSING, table
-from inverse_service.inverse_problem.solutions import Answer, SolveOptions
-from inverse_service.inverse_problem.solving import solve
+from inverse_service.decision.solutions import Answer, SolveOptions
 from inverse_service.mechanics.reading import read_system
+from inverse_service.solving.solving import solve
 
 EVERY = "all"
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.measured import conditions, put
-from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.constrained.existence import analyze_motion, decide_motion
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.linear_pde.involutive_form import Finding
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic

@@ -12,7 +12,7 @@ import sys
 from typing import Any
 
 from benchmarks.decision_benchmark import read
-from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.decision.deciding import decide
 
 REPEATS = 3
 

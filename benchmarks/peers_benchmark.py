@@ -11,7 +11,7 @@ from benchmarks.decision_benchmark import read
 from benchmarks.families import Document
 from benchmarks.isolated import measure
 from benchmarks.peers.systems import peer_systems
-from inverse_service.inverse_problem.decision.deciding import decide
+from inverse_service.decision.deciding import decide
 
 Report = Callable[[str], None]
 REPEATS = 9

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from benchmarks.hard_cases import disk_start, particle_start
 from benchmarks.problems import DISK, PARTICLE
-from inverse_service.codegen.program import Program
+from inverse_service.kernels.codegen.program import Program
 from inverse_service.simulation.callables import Formulas
 from inverse_service.simulation.methods import lane_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start

@@ -148,7 +148,7 @@ def _rates(problem: Problem, values: dict[str, float]) -> Callable[[float, Seque
     """The right-hand side as plain Python, compiled once by SymPy's lambdify, as a user would have it."""
     import sympy
 
-    from inverse_service.codegen.symengine_trees import symbol
+    from inverse_service.kernels.codegen.symengine_trees import symbol
     from inverse_service.simulation.callables import Formulas
 
     f = Formulas(problem)

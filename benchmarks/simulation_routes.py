@@ -11,8 +11,8 @@ from typing import Any
 import symengine
 
 from benchmarks.simulation_cases import SpeedCase, lane, program
-from inverse_service.codegen.compiled import Compiled, card_of, kernel_text, load, object_code
-from inverse_service.codegen.program import Assign, Program, Solve, changing
+from inverse_service.kernels.codegen.compiled import Compiled, card_of, kernel_text, load, object_code
+from inverse_service.kernels.codegen.program import Assign, Program, Solve, changing
 from inverse_service.simulation.execution import execute, memory_of
 from inverse_service.simulation.scene_data import Grid
 
@@ -135,8 +135,8 @@ def lambdify_and_fsolve(case: SpeedCase) -> Runner:
 
 def _sympy_equations(case: SpeedCase, sympy: Any) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
     """(residuals, unknowns, state, increments) of the whole step before anything is eliminated."""
-    from inverse_service.codegen.symengine_trees import STEP
     from inverse_service.integrators.variational import hamiltonian_step, lagrange_dalembert_step
+    from inverse_service.kernels.codegen.symengine_trees import STEP
     from inverse_service.simulation.callables import Formulas
     from inverse_service.simulation.schemes import alpha_of, parts_of
 

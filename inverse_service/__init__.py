@@ -60,7 +60,7 @@ def solve(
     from inverse_service.sympy.result_objects import result_of
 
     whole, names = asked(document, **keys)
-    from inverse_service.inverse_problem.solutions import SolveOptions
+    from inverse_service.decision.solutions import SolveOptions
     from inverse_service.service.documents.documents import solve_document
     from inverse_service.service.jobs.model import JobOptions, read_options, split_options
     from inverse_service.service.jobs.warming import warm_first, warm_up

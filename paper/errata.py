@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 
 from inverse_service import catalogue
+from inverse_service.constrained.hamiltonisation.hamiltonise import vanish
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import decide
+from inverse_service.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, number, subtract
-from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.decision.deciding import decide
-from inverse_service.inverse_problem.explanation.hierarchy import smallest_sufficient_set
-from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
 from inverse_service.mechanics.conditions import Matrix, conditions
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

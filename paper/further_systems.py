@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from inverse_service import catalogue
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 from paper.statement import Progress, Section, Statement, Table, finding

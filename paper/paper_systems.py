@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import catalogue
+from inverse_service.constrained.hamiltonisation.hamiltonise import vanish
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     HALF,
@@ -21,8 +23,6 @@ from inverse_service.expressions.tree import (
     power,
     subtract,
 )
-from inverse_service.inverse_problem.hamiltonisation.hamiltonise import vanish
-from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic

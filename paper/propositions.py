@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.decision import certify
+from inverse_service.decision.analysis import analyze
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     Expression,
@@ -16,8 +18,6 @@ from inverse_service.expressions.tree import (
     substitute,
     subtract,
 )
-from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyze
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.reading import read_system

@@ -13,8 +13,8 @@ from typing import Any
 
 from inverse_service import catalogue
 from inverse_service.cli.exits import ExitCode, read_bytes, write
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.reading.document_names import AND_GUESS, GUESS
 from inverse_service.service.documents.plain_data import read_document
 from inverse_service.service.jobs import tasks

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra import modular
-from inverse_service.algebra.echelon import Echelon, Flags
-from inverse_service.algebra.echelon_kernels import SparseRows, Words
-from inverse_service.algebra.modular import Field, compiled, multiply
-from inverse_service.algebra.monomials import exponents_of_degree, freeze, raised_places
-from inverse_service.algebra.series_kernels import SparseSeries
-from inverse_service.algebra.truncated_series import Series
+from inverse_service.field import modular
+from inverse_service.field.echelon import Echelon, Flags
+from inverse_service.field.echelon_kernels import SparseRows, Words
+from inverse_service.field.modular import Field, compiled, multiply
+from inverse_service.field.monomials import exponents_of_degree, freeze, raised_places
+from inverse_service.field.series_kernels import SparseSeries
+from inverse_service.field.truncated_series import Series
+from inverse_service.kernels.machine_code.kernels import Kept
 from inverse_service.linear_pde.unknowns import RowTables, Unknowns, known_places, row_tables, width_below
-from inverse_service.machine_code.kernels import Kept
 
 Integers = npt.NDArray[np.int64]
 Exponents = npt.NDArray[np.int8]

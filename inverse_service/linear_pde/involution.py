@@ -10,10 +10,10 @@ from functools import lru_cache
 import numpy as np
 from flint import nmod_mat
 
-from inverse_service.algebra import modular
-from inverse_service.algebra.echelon import Echelon
-from inverse_service.algebra.echelon_kernels import Indices, SparseRows, Words
-from inverse_service.algebra.modular import GOLDEN, Field, compiled, mixed, multiply
+from inverse_service.field import modular
+from inverse_service.field.echelon import Echelon
+from inverse_service.field.echelon_kernels import Indices, SparseRows, Words
+from inverse_service.field.modular import GOLDEN, Field, compiled, mixed, multiply
 from inverse_service.linear_pde.emission import Prolongation
 from inverse_service.linear_pde.unknowns import (
     Derivative,

@@ -15,12 +15,12 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra.echelon import Flags
-from inverse_service.algebra.point import Point
-from inverse_service.algebra.series_program import Registers, SeriesProgram, TooLarge, constants_at, run
-from inverse_service.algebra.truncated_series import SingularPoint
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.field.echelon import Flags
+from inverse_service.field.point import Point
+from inverse_service.field.series_program import Registers, SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.linear_pde import involution
 from inverse_service.linear_pde.emission import LocalEquations, Prolongation, RowName, advance, start
 from inverse_service.linear_pde.involution import Matrix

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.algebra.monomials import (
+from inverse_service.field.monomials import (
     MonomialKeys,
     exponents_of_degree,
     freeze,

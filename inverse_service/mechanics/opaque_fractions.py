@@ -15,7 +15,6 @@ from typing import Any
 
 import flint
 
-from inverse_service.algebra.rational_functions import TooLarge, factored
 from inverse_service.errors import LimitError
 from inverse_service.expressions.tree import (
     Expression,
@@ -29,6 +28,7 @@ from inverse_service.expressions.tree import (
     multiply,
     number,
 )
+from inverse_service.field.rational_functions import TooLarge, factored
 
 Polynomial = Any  # python-flint has no types
 Rows = list[list[Polynomial]]

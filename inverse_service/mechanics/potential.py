@@ -10,13 +10,13 @@ from fractions import Fraction
 import flint
 
 from inverse_service import bounds
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.rational_functions import Exponents, Quotient, as_fraction
-from inverse_service.algebra.real_point import RealTable, real_sign
-from inverse_service.algebra.semidefinite import kernel
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import Apply, Arbitrary, Expression, Number, Product, Sum, add, multiply, negated
+from inverse_service.field.exact_ring import ExactRing
+from inverse_service.field.rational_functions import Exponents, Quotient, as_fraction
+from inverse_service.field.real_point import RealTable, real_sign
+from inverse_service.field.semidefinite import kernel
 from inverse_service.mechanics.quotient_matrices import numerators, solution
 from inverse_service.mechanics.writing import joined, readable
 

@@ -16,8 +16,8 @@ from itertools import combinations
 
 from flint import fmpq, fmpq_mat, fmpq_mpoly
 
-from inverse_service.algebra.exact_ring import ExactRing, sum_of
-from inverse_service.algebra.rational_functions import Quotient, as_fraction, coefficients_of
+from inverse_service.field.exact_ring import ExactRing, sum_of
+from inverse_service.field.rational_functions import Quotient, as_fraction, coefficients_of
 
 Row = list[Quotient]
 

@@ -8,12 +8,12 @@ from functools import lru_cache
 from itertools import islice
 from typing import TypeVar
 
-from inverse_service.algebra.elementary import to_kernels
-from inverse_service.algebra.point import Variable
-from inverse_service.algebra.real_point import are_positive, find_real_point, own_requirements
-from inverse_service.algebra.sign_cases import Case, is_empty, sign_cases
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, distinct_nodes, substitute, walk
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.point import Variable
+from inverse_service.field.real_point import are_positive, find_real_point, own_requirements
+from inverse_service.field.sign_cases import Case, is_empty, sign_cases
 from inverse_service.reading.names import Names
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.

@@ -8,9 +8,6 @@ from functools import lru_cache
 from itertools import permutations
 
 from inverse_service import bounds
-from inverse_service.algebra.exact_atoms import exact_ring
-from inverse_service.algebra.exact_ring import ExactRing, quotient_tree
-from inverse_service.algebra.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import terms_tree
 from inverse_service.expressions.inequalities import is_positive_polynomial
@@ -29,6 +26,9 @@ from inverse_service.expressions.tree import (
     rebuild,
     walk,
 )
+from inverse_service.field.exact_atoms import exact_ring
+from inverse_service.field.exact_ring import ExactRing, quotient_tree
+from inverse_service.field.rational_functions import Budget, Quotient, TooLarge
 
 _MOST_PRODUCTS = 64
 _QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}

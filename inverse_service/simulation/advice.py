@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.codegen.compiled import kernel_text
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.integrators.method_table import METHODS, USES_FREE
 from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.kernels.codegen.compiled import kernel_text
 from inverse_service.mechanics import method_advice
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.callables import Formulas, walls

@@ -14,18 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.algebra.exact_atoms import factored
-from inverse_service.algebra.rational_functions import Budget, TooLarge
-from inverse_service.codegen.symengine_trees import (
-    ZERO,
-    Evaluator,
-    Formula,
-    closure,
-    free_names,
-    names_of,
-    symbol,
-    translate,
-)
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
@@ -43,7 +31,19 @@ from inverse_service.expressions.tree import (
     holds,
     walk,
 )
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.integrators.trajectory import Array
+from inverse_service.kernels.codegen.symengine_trees import (
+    ZERO,
+    Evaluator,
+    Formula,
+    closure,
+    free_names,
+    names_of,
+    symbol,
+    translate,
+)
 from inverse_service.simulation.scene_data import Problem
 
 MOST_TERMS = 200

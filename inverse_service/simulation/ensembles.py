@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.kernel import CONTROL
-from inverse_service.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
-from inverse_service.codegen.symengine_trees import closure
 from inverse_service.errors import InputError
 from inverse_service.integrators.method_table import OWN_STEPS, POINT_METHODS, USES_FREE
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.machine_code.loading import processor_features
+from inverse_service.kernels.codegen.compiled import Card, Compiled
+from inverse_service.kernels.codegen.kernel import CONTROL
+from inverse_service.kernels.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.kernels.codegen.symengine_trees import closure
+from inverse_service.kernels.machine_code.loading import processor_features
 from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.derivation import Derived, problem_of

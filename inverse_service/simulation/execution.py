@@ -18,11 +18,17 @@ import numpy as np
 import symengine
 from numpy.typing import NDArray
 
-from inverse_service.codegen.adaptive_kernel import MOST_TRIES
-from inverse_service.codegen.compiled import Card, Compiled
-from inverse_service.codegen.kernel import CONTROL
-from inverse_service.codegen.planning import limit_at_zero_step
-from inverse_service.codegen.program import (
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
+from inverse_service.integrators.method_table import GEOMETRIC, OWN_STEPS, POINT_METHODS
+from inverse_service.integrators.tableaux import composition
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.kernels.codegen.adaptive_kernel import MOST_TRIES
+from inverse_service.kernels.codegen.compiled import Card, Compiled
+from inverse_service.kernels.codegen.kernel import CONTROL
+from inverse_service.kernels.codegen.planning import limit_at_zero_step
+from inverse_service.kernels.codegen.program import (
     CLOCK,
     GUARDED,
     NO_CONVERGENCE,
@@ -41,13 +47,7 @@ from inverse_service.codegen.program import (
     Program,
     Solve,
 )
-from inverse_service.codegen.symengine_trees import STEP, Formula, real_value, symbol
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
-from inverse_service.integrators.method_table import GEOMETRIC, OWN_STEPS, POINT_METHODS
-from inverse_service.integrators.tableaux import composition
-from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.kernels.codegen.symengine_trees import STEP, Formula, real_value, symbol
 from inverse_service.simulation.callables import Denominator, Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
 from inverse_service.simulation.schemes import parts_of, program_of

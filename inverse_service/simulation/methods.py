@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from inverse_service.codegen.compiled import Compiled, compiled
-from inverse_service.codegen.symengine_trees import free_names, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, SCIPY
 from inverse_service.integrators.tableaux import ORDERS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.kernels.codegen.compiled import Compiled, compiled
+from inverse_service.kernels.codegen.symengine_trees import free_names, real_value
 from inverse_service.simulation.callables import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.execution import Ended, execute, failed_start, memory_of, trajectory_of, weights_of
 from inverse_service.simulation.peers import run_heyoka, run_scipy

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.codegen.symengine_trees import closure
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import (
     PI,
@@ -30,6 +29,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.simulation.array_values import array_value, table_of
 from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start

@@ -8,9 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from inverse_service.codegen.planning import plan, used_only
-from inverse_service.codegen.program import Assign, Iterate, Program, Solve, Statement, Watch
-from inverse_service.codegen.symengine_trees import (
+from inverse_service.errors import InputError
+from inverse_service.integrators.tableaux import RODAS, TABLEAUX, collocation
+from inverse_service.integrators.variational import (
+    between,
+    hamiltonian_step,
+    lagrange_dalembert_step,
+    raw_step,
+    symmetrised_hamiltonian_step,
+)
+from inverse_service.kernels.codegen.planning import plan, used_only
+from inverse_service.kernels.codegen.program import Assign, Iterate, Program, Solve, Statement, Watch
+from inverse_service.kernels.codegen.symengine_trees import (
     ALPHA,
     HALF,
     STEP,
@@ -21,15 +30,6 @@ from inverse_service.codegen.symengine_trees import (
     slope,
     symbol,
     translate,
-)
-from inverse_service.errors import InputError
-from inverse_service.integrators.tableaux import RODAS, TABLEAUX, collocation
-from inverse_service.integrators.variational import (
-    between,
-    hamiltonian_step,
-    lagrange_dalembert_step,
-    raw_step,
-    symmetrised_hamiltonian_step,
 )
 from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.scene_data import MethodChoice, Observable, Observation

@@ -10,10 +10,10 @@ import numpy as np
 import symengine
 from numpy.typing import NDArray
 
-from inverse_service.codegen.symengine_trees import ZERO, Formula, real_value
 from inverse_service.errors import InputError
 from inverse_service.integrators.method_table import POINT_METHODS
 from inverse_service.integrators.trajectory import Outcome
+from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula, real_value
 from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 from inverse_service.simulation.schemes import parts_of

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import symengine
 
-from inverse_service.codegen.planning import determinant
-from inverse_service.codegen.program import Iterate, Program, Watch
-from inverse_service.codegen.symengine_trees import ONE, STEP, Formula, contains, free_names, number, symbol
 from inverse_service.integrators.variational import between
+from inverse_service.kernels.codegen.planning import determinant
+from inverse_service.kernels.codegen.program import Iterate, Program, Watch
+from inverse_service.kernels.codegen.symengine_trees import ONE, STEP, Formula, contains, free_names, number, symbol
 from inverse_service.simulation.callables import MOMENT, Denominator, Formulas
 
 SMALLER_STEP = "take a smaller step"

@@ -15,9 +15,9 @@ from flint import ctx
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.constraints import Along, FlowExpansion
 from inverse_service.certificate.numbers import Balls
-from inverse_service.inverse_problem.constrained import motion_certificate
-from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.constrained import motion_certificate
+from inverse_service.constrained.existence import analyze_motion, decide_motion
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from tests.certificate.documents import check_result
 from tests.certificate.motions import disk, motion_of

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem.constrained import motion_certificate
-from inverse_service.inverse_problem.constrained.existence import analyze_motion, decide_motion
-from inverse_service.inverse_problem.decision.certify import FORMAT
+from inverse_service.constrained import motion_certificate
+from inverse_service.constrained.existence import analyze_motion, decide_motion
+from inverse_service.decision.certify import FORMAT
 from tests.certificate.motions import BLADE, SLEIGH, given, heisenberg, knife_edge, motion_of
 
 Document = dict[str, Any]

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from inverse_service.codegen.compiled import Card, card_of, kernel_text, load, object_code
-from inverse_service.codegen.program import Program
-from inverse_service.codegen.symengine_trees import Formula
+from inverse_service.kernels.codegen.compiled import Card, card_of, kernel_text, load, object_code
+from inverse_service.kernels.codegen.program import Program
+from inverse_service.kernels.codegen.symengine_trees import Formula
 
 
 def program_for(formulas: Sequence[Formula], arguments: Sequence[str]) -> Program:

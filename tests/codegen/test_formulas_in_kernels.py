@@ -10,10 +10,10 @@ import pytest
 import symengine
 from mpmath import mp
 
-from inverse_service.codegen.symengine_trees import closure, names_of, symbol, translate
 from inverse_service.errors import InputError
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.kernels.codegen.symengine_trees import closure, names_of, symbol, translate
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from tests.codegen.run_program import call, card_of, memory_for, program_for, values_of
@@ -62,7 +62,7 @@ def test_sine_and_cosine_are_good_to_two_units() -> None:
     points += [0.0] * (-len(points) % 8)
     x = symbol("x")
     worst = 0.0
-    from inverse_service.codegen.compiled import kernel_text, load, object_code
+    from inverse_service.kernels.codegen.compiled import kernel_text, load, object_code
 
     for lanes in (1, 8):
         program = program_for([symengine.sin(x), symengine.cos(x)], ["x"])

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.codegen import compiled as compiling
-from inverse_service.codegen.compiled import compiled, forget_memory
-from inverse_service.codegen.program import Program
-from inverse_service.codegen.symengine_trees import symbol
-from inverse_service.machine_code import code_store
+from inverse_service.kernels.codegen import compiled as compiling
+from inverse_service.kernels.codegen.compiled import compiled, forget_memory
+from inverse_service.kernels.codegen.program import Program
+from inverse_service.kernels.codegen.symengine_trees import symbol
+from inverse_service.kernels.machine_code import code_store
 from tests.codegen.run_program import call, memory_for
 
 
@@ -86,7 +86,7 @@ def test_others_code_is_not_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_changed_code_makes_new_kernels(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from inverse_service.codegen import compiled
+    from inverse_service.kernels.codegen import compiled
 
     assert result("one")[0] == 6.0
     forget_memory()
@@ -127,7 +127,7 @@ def test_memory_is_bounded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_kernels_serve_another_process(folder: Path) -> None:
     result("one")
     code = (
-        "from inverse_service.codegen.compiled import compiled\n"
+        "from inverse_service.kernels.codegen.compiled import compiled\n"
         "def never(): raise SystemExit('made again')\n"
         "assert set(compiled('one', never).seconds) == {'load'}\n"
     )

@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from inverse_service.deadline import now
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import Decision, HelmholtzAt, decide
 from inverse_service.expressions.tree import (
     Expression,
     Symbol,
@@ -20,8 +22,6 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.decision.deciding import Decision, HelmholtzAt, decide
 from inverse_service.linear_pde.involutive_form import Limits, settle
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

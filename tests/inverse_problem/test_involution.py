@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from inverse_service.algebra.modular import safe_prime
-from inverse_service.inverse_problem.decision.deciding import Decision, decide, statement
+from inverse_service.decision.deciding import Decision, decide, statement
+from inverse_service.field.modular import safe_prime
 from inverse_service.linear_pde.involution import Symbol, kernel
 from inverse_service.mechanics.reading import read_system
 

@@ -7,16 +7,16 @@ import itertools
 import numpy as np
 import pytest
 
-from inverse_service.algebra.modular import safe_prime
-from inverse_service.algebra.point import Variable
-from inverse_service.algebra.series_program import TooLarge
-from inverse_service.algebra.tower import draw_point
+from inverse_service.decision import deciding
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import Decision, decide
+from inverse_service.decision.kinds import helmholtz
+from inverse_service.decision.local_system import equations, local_system
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision import deciding
-from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.decision.deciding import Decision, decide
-from inverse_service.inverse_problem.decision.local_system import equations, local_system
-from inverse_service.inverse_problem.kinds import helmholtz
+from inverse_service.field.modular import safe_prime
+from inverse_service.field.point import Variable
+from inverse_service.field.series_program import TooLarge
+from inverse_service.field.tower import draw_point
 from inverse_service.linear_pde import emission
 from inverse_service.linear_pde import involutive_form as settling
 from inverse_service.linear_pde.emission import Equations, rows_of_degree

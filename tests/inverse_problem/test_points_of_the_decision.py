@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from inverse_service.algebra.echelon import Echelon
-from inverse_service.algebra.truncated_series import SingularPoint
-from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import HelmholtzAt, decide
+from inverse_service.field.echelon import Echelon
+from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.linear_pde import involutive_form as settling
 from inverse_service.linear_pde.emission import LocalEquations
 from inverse_service.linear_pde.involutive_form import Limits

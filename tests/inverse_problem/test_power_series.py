@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
-from inverse_service.algebra.tower import draw_point
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import Analysis, analyze
-from inverse_service.inverse_problem.decision.deciding import Decision, decide
-from inverse_service.inverse_problem.decision.power_series import count, is_rational, prolonged, regular_series
-from inverse_service.inverse_problem.solutions import SolveOptions
-from inverse_service.inverse_problem.solving import solve
+from inverse_service.decision import certify
+from inverse_service.decision.analysis import Analysis, analyze
+from inverse_service.decision.deciding import Decision, decide
+from inverse_service.decision.power_series import count, is_rational, prolonged, regular_series
+from inverse_service.decision.solutions import SolveOptions
+from inverse_service.field.tower import draw_point
 from inverse_service.linear_pde.unknowns import unknown_names
 from inverse_service.mechanics.reading import read_system
+from inverse_service.solving.solving import solve
 
 HENON_HEILES = {"x": "-x-2*x*y", "y": "-y-x^2+y^2"}
 VAN_DER_POL = {"x": "-x+(1-x^2)*x'"}

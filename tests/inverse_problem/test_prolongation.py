@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from flint import nmod_mat
 
-from inverse_service.algebra import truncated_series as ps
-from inverse_service.algebra.echelon import Echelon, Flags
-from inverse_service.algebra.echelon_kernels import SparseRows
-from inverse_service.algebra.modular import safe_prime
-from inverse_service.algebra.point import Expansion, Point
-from inverse_service.algebra.truncated_series import Series, SeriesRing
+from inverse_service.decision.local_system import LocalSystem, RowName, equations, local_system
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.inverse_problem.decision.local_system import LocalSystem, RowName, equations, local_system
+from inverse_service.field import truncated_series as ps
+from inverse_service.field.echelon import Echelon, Flags
+from inverse_service.field.echelon_kernels import SparseRows
+from inverse_service.field.modular import safe_prime
+from inverse_service.field.point import Expansion, Point
+from inverse_service.field.truncated_series import Series, SeriesRing
 from inverse_service.linear_pde import emission as room
 from inverse_service.linear_pde.emission import Prolongation, advance, start
 from inverse_service.linear_pde.unknowns import count_of_degree, unknown_names

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.decision.deciding import HelmholtzAt, decide
+from inverse_service.decision import certify
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import HelmholtzAt, decide
 from inverse_service.linear_pde import involution
 from inverse_service.linear_pde import involutive_form as settling
 from inverse_service.linear_pde.involutive_form import Finding, Limits

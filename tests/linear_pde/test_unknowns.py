@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from inverse_service.algebra.monomials import exponents_of_degree, products_of_degree
-from inverse_service.inverse_problem.kinds.helmholtz import unknowns_of
+from inverse_service.decision.kinds.helmholtz import unknowns_of
+from inverse_service.field.monomials import exponents_of_degree, products_of_degree
 from inverse_service.linear_pde.unknowns import (
     Function,
     Unknowns,

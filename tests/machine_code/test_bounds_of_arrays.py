@@ -16,12 +16,12 @@ import pytest
 ROOT = Path(__file__).parents[2]
 CHECKED = """
 import json, sys
-from inverse_service.machine_code.kernels import Kernel
+from inverse_service.kernels.machine_code.kernels import Kernel
 Kernel._entry = lambda kernel, kinds: None  # numba compiles each kernel, with checks
 import numpy
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.solutions import SolveOptions
-from inverse_service.machine_code.kernels import compiled
+from inverse_service.decision.solutions import SolveOptions
+from inverse_service.kernels.machine_code.kernels import compiled
 from inverse_service.service.documents.documents import solve_document
 
 @compiled

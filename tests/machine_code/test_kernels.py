@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from inverse_service.machine_code import building
-from inverse_service.machine_code.kernels import Kernel, compiled, kinds_of
-from inverse_service.machine_code.loading import Unstorable, kernel_digest
+from inverse_service.kernels.machine_code import building
+from inverse_service.kernels.machine_code.kernels import Kernel, compiled, kinds_of
+from inverse_service.kernels.machine_code.loading import Unstorable, kernel_digest
 
 WEIGHT = 3
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.machine_code import shipped
+from inverse_service.kernels.machine_code import shipped
 
 QUESTIONS = """
 import sys
@@ -20,7 +20,7 @@ class Absent:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Absent())
 from pathlib import Path
-from inverse_service.machine_code import shipped
+from inverse_service.kernels.machine_code import shipped
 shipped.FOLDER = Path(sys.argv[1])
 shipped.digest = lambda name: ""
 import inverse_service

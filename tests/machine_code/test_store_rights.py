@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.machine_code import code_store
+from inverse_service.kernels.machine_code import code_store
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import random
 import pytest
 from flint import fmpq_mat
 
-from inverse_service.algebra.exact_ring import ExactRing
-from inverse_service.algebra.rational_functions import Budget, QuotientField
+from inverse_service.field.exact_ring import ExactRing
+from inverse_service.field.rational_functions import Budget, QuotientField
 from inverse_service.mechanics.quotient_matrices import determinant
 
 FIELD = QuotientField.with_generators(1, Budget(10_000, float("inf"), 10**9))

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import sympy
 
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 
 # (equation, the domain of its H)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.scenes.simulating import simulate
 

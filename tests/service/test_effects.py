@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from inverse_service.codegen.compiled import kernel_text
 from inverse_service.expressions.tree import Symbol, walk
+from inverse_service.kernels.codegen.compiled import kernel_text
 from inverse_service.service.scenes.scene_reading import read_scene
 from inverse_service.service.scenes.scene_refusals import scene_schema
 from inverse_service.service.scenes.simulating import simulate

@@ -9,13 +9,13 @@ import pytest
 
 import inverse_service
 from inverse_service.certificate.checker import CheckResult
-from inverse_service.inverse_problem import confirming
-from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.decision import certify
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import growing
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.event_log import described
+from inverse_service.solving import confirming
 from inverse_service.web.pages.rendering import Visitor
 from inverse_service.web.pages.result_tasks import Look, so_far_task
 

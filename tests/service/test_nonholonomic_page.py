@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from inverse_service import catalogue
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 

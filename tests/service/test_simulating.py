@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from inverse_service.codegen.compiled import kernel_text
 from inverse_service.errors import InputError
+from inverse_service.kernels.codegen.compiled import kernel_text
 from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_reading import read_scene
@@ -162,7 +162,7 @@ def test_the_third_lagrangian_keeps_the_constraint_through_zero() -> None:
 
 
 def test_a_solve_result_is_simulated_with_its_lagrangian() -> None:
-    from inverse_service.inverse_problem.solutions import SolveOptions
+    from inverse_service.decision.solutions import SolveOptions
     from inverse_service.service.documents.documents import solve_system
 
     result = solve_system({"coordinates": ["x"], "equations": {"x": "-4*x"}}, SolveOptions(time_limit=20))

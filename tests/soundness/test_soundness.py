@@ -10,9 +10,9 @@ from pathlib import Path
 import mpmath
 import pytest
 
+from inverse_service.decision.deciding import decide
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.inverse_problem.decision.deciding import decide
 from inverse_service.mechanics.reading import read_system
 from tests.soundness import campaign, cases
 from tests.soundness.__main__ import main

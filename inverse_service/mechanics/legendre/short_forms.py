@@ -8,8 +8,6 @@ from functools import lru_cache
 from math import isqrt
 
 from inverse_service import bounds, deadline
-from inverse_service.algebra.exact_atoms import factored
-from inverse_service.algebra.rational_functions import Budget, TooLarge
 from inverse_service.deadline import end
 from inverse_service.errors import IrreducibleAtoms, LimitError
 from inverse_service.expressions.collecting import collect, expand
@@ -37,6 +35,8 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
 
 # Terms met on the way (`Budget`) in exact work on one tree.

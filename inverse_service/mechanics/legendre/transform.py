@@ -12,7 +12,6 @@ from functools import partial
 from itertools import islice
 
 from inverse_service import bounds
-from inverse_service.algebra.real_point import own_requirements
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
@@ -30,6 +29,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
+from inverse_service.field.real_point import own_requirements
 from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
 from inverse_service.mechanics.legendre.momentum_families import Reach, block_branches, momentum_shifts

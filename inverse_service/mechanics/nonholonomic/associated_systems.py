@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from inverse_service.algebra.exact_ring import sum_of
-from inverse_service.algebra.rational_functions import Quotient
 from inverse_service.expressions.tree import Expression, Number
+from inverse_service.field.exact_ring import sum_of
+from inverse_service.field.rational_functions import Quotient
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -20,10 +20,10 @@ from itertools import combinations
 from typing import Literal
 
 from inverse_service import bounds
-from inverse_service.algebra.exact_ring import sum_of
-from inverse_service.algebra.rational_functions import Quotient
-from inverse_service.algebra.real_point import RealTable, find_real_point
 from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity
+from inverse_service.field.exact_ring import sum_of
+from inverse_service.field.rational_functions import Quotient
+from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion

@@ -14,11 +14,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from inverse_service.algebra.exact_ring import sum_of
-from inverse_service.algebra.rational_functions import Quotient, TooLarge
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, holds, substitute
+from inverse_service.field.exact_ring import sum_of
+from inverse_service.field.rational_functions import Quotient, TooLarge
 from inverse_service.mechanics.nonholonomic.geometry import (
     Frame,
     Geometry,

@@ -11,15 +11,15 @@ from pydantic_core import ErrorDetails
 
 from api_schemas.base import Document
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
-from inverse_service.algebra.sign_cases import sign_cases
 from inverse_service.errors import DocumentRefused, LimitError, Place
 from inverse_service.expressions.tree import Acceleration, Expression, node_count, walk
-from inverse_service.inverse_problem.search.row_factors import lagrangian_as_given
+from inverse_service.field.sign_cases import sign_cases
 from inverse_service.mechanics.reading import GivenEquations, read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, unsolved_system
 from inverse_service.reading.document_names import Declared, parameter_values, with_values
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import placed_at, read_formula, without_accelerations
+from inverse_service.search.row_factors import lagrangian_as_given
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.documents.preparing import near_key
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from api_schemas.result import IncompletePart, ResultDocument, UnderstoodSystem
 from inverse_service import __version__
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError, Place
-from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents import growing
 from inverse_service.service.jobs.outcome import Outcome, value_of
 

@@ -7,10 +7,10 @@ from typing import Any, Final
 
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.checker import CheckResult
+from inverse_service.decision.certify import where_of
 from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.inverse_problem.decision.certify import where_of
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 

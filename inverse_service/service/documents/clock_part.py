@@ -6,18 +6,18 @@ from typing import Any
 
 from api_schemas.result import ClockPart
 from api_schemas.system import SystemDocument
-from inverse_service.algebra.real_point import are_positive, table_at
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.deadline import left, now
+from inverse_service.decision.solutions import Answer, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Acceleration, Arbitrary, Expression, Velocity, walk
-from inverse_service.inverse_problem.of_kind.clock import find_clock, with_clock
-from inverse_service.inverse_problem.solutions import Answer, SolveOptions
-from inverse_service.inverse_problem.solving import solve
+from inverse_service.field.real_point import are_positive, table_at
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.preparing import prepared
+from inverse_service.solving.of_kind.clock import find_clock, with_clock
+from inverse_service.solving.solving import solve
 
 SEARCH = "search"
 

@@ -8,14 +8,14 @@ from itertools import pairwise
 from time import thread_time
 from typing import Any
 
-from inverse_service.algebra.elementary import to_kernels
-from inverse_service.algebra.real_point import RealTable, are_positive, find_real_point
 from inverse_service.certificate import cell
 from inverse_service.certificate.checker import CheckResult, Question
 from inverse_service.certificate.formulas import Ended
+from inverse_service.decision.analysis import variables_of
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
-from inverse_service.inverse_problem.decision.analysis import variables_of
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.real_point import RealTable, are_positive, find_real_point
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula

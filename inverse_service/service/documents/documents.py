@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any
 from api_schemas.base import ParseAnswer
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import CertificateRefused, InputError
-from inverse_service.inverse_problem.solutions import SolveOptions
-from inverse_service.inverse_problem.solving import solve_branches
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.reader import noted
 from inverse_service.service.documents import accepting, translate
@@ -27,14 +26,15 @@ from inverse_service.service.documents.answers import undetermined
 from inverse_service.service.documents.checking import compare_before_leaving
 from inverse_service.service.documents.growing import Growing
 from inverse_service.service.documents.preparing import Prepared, is_forward, is_motion, is_nonholonomic, prepared
+from inverse_service.solving.solving import solve_branches
 
 if TYPE_CHECKING:
     from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
+    from inverse_service.decision.cells import Left
+    from inverse_service.decision.kinds.restricted import LagrangianKind
+    from inverse_service.decision.solutions import Solution
     from inverse_service.expressions.tree import Expression
-    from inverse_service.inverse_problem.cells import Left
-    from inverse_service.inverse_problem.kinds.restricted import LagrangianKind
-    from inverse_service.inverse_problem.solutions import Solution
 
 # What ends the mathematics of a document that is well written, and what is said of it then.
 REASONS = {
@@ -265,8 +265,8 @@ def with_special_cases(
 ) -> ResultDocument:
     """The result with the tree of special cases, found in the time that is left."""
     # Loaded when asked for, so that others start sooner.
-    from inverse_service.inverse_problem.special_cases.case_tree import special_cases
     from inverse_service.service.documents.translate_cases import to_special_cases
+    from inverse_service.solving.special_cases.case_tree import special_cases
 
     end, progress = limits
     deadline = now() + SHARE_OF_SOLVER * (end - now())

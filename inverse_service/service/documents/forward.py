@@ -6,9 +6,9 @@ from typing import Any
 
 from api_schemas.base import MAX_FORWARD
 from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
+from inverse_service.decision.solutions import Hamiltonian, SolveOptions
 from inverse_service.expressions import tree as trees
 from inverse_service.expressions.collecting import collect
-from inverse_service.inverse_problem.solutions import Hamiltonian, SolveOptions
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, momenta
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.legendre.transform import legendre

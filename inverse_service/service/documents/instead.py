@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, Any
 from api_schemas.result import ClockPart, InsteadPart, ResultDocument
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.solutions import Solution, SolveOptions
 from inverse_service.errors import InputError
+from inverse_service.explanation.finding import hamiltonian_of
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, substitute, walk
-from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.explanation.finding import hamiltonian_of
-from inverse_service.inverse_problem.solutions import Solution, SolveOptions
-from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.preparing import prepared
 from inverse_service.service.documents.translate import hamiltonian_part
+from inverse_service.solving.solving import solve
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import ReducedPart
-    from inverse_service.inverse_problem.special_cases.case_tree import Node
+    from inverse_service.solving.special_cases.case_tree import Node
 
 _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
@@ -55,7 +55,7 @@ def _with_time(result: ResultDocument) -> InsteadPart | None:
 
 
 def _with_friction(solution: Solution, asked: SolveOptions, deadline: float) -> InsteadPart | None:
-    from inverse_service.inverse_problem.of_kind.rayleigh import quick_rayleigh
+    from inverse_service.solving.of_kind.rayleigh import quick_rayleigh
 
     given = [on_branch(equation, solution.system) for equation in asked.given]
     found = quick_rayleigh(analyze(solution.system), given, deadline)
@@ -74,9 +74,9 @@ def _with_parameters(system: SecondOrderSystem, seed: int, deadline: float) -> I
     """The first of the special cases, parameters given by others, where a Lagrangian is found."""
     if not system.parameters or system.functions or now() > deadline:
         return None
-    from inverse_service.inverse_problem.special_cases.case_tree import special_cases
-    from inverse_service.inverse_problem.special_cases.cases import conditions
     from inverse_service.service.documents.clock_part import answered
+    from inverse_service.solving.special_cases.case_tree import special_cases
+    from inverse_service.solving.special_cases.cases import conditions
 
     found = special_cases(system, False, deadline, None, seed, _MOST_CASES)
     for node in _variational(found.root):

@@ -9,20 +9,20 @@ from typing import Any
 from api_schemas.result import KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service.deadline import left, now
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.kinds.restricted import LagrangianKind, invariant, kind_named
+from inverse_service.decision.solutions import Solution, SolveOptions
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
-from inverse_service.inverse_problem.decision.analysis import analyze
-from inverse_service.inverse_problem.kinds.restricted import LagrangianKind, invariant, kind_named
-from inverse_service.inverse_problem.of_kind.definite import answer_definite
-from inverse_service.inverse_problem.of_kind.kind_answers import KindAnswer, answer_kind
-from inverse_service.inverse_problem.of_kind.rayleigh import answer_rayleigh
-from inverse_service.inverse_problem.solutions import Solution, SolveOptions
-from inverse_service.inverse_problem.solving import solve
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.reading.names import Names
 from inverse_service.service.documents.accepting import formula_about
 from inverse_service.service.documents.translate import formula, lagrangian_part, plain
+from inverse_service.solving.of_kind.definite import answer_definite
+from inverse_service.solving.of_kind.kind_answers import KindAnswer, answer_kind
+from inverse_service.solving.of_kind.rayleigh import answer_rayleigh
+from inverse_service.solving.solving import solve
 
 # Of the time for a Lagrangian with friction, what the search for one without may take.
 _SHARE_OF_SEARCH = 0.7

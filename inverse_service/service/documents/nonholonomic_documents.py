@@ -15,14 +15,13 @@ from api_schemas.nonholonomic import (
     ReducedPart,
 )
 from api_schemas.result import AdvicePart
+from inverse_service.constrained.answering import OUT_OF_TIME, MotionAnswer
+from inverse_service.constrained.hamiltonisation import nonholonomic_study
+from inverse_service.constrained.hamiltonisation.reduced import Decided
 from inverse_service.deadline import now
+from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
-from inverse_service.inverse_problem.confirming import NOT_YET
-from inverse_service.inverse_problem.constrained.answering import OUT_OF_TIME, MotionAnswer
-from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
-from inverse_service.inverse_problem.hamiltonisation.reduced import Decided
-from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.nonholonomic.associated_systems import AssociatedSystem
@@ -39,6 +38,7 @@ from inverse_service.service.documents.reduced_documents import (
     decided_reduced,
     reduced_part,
 )
+from inverse_service.solving.confirming import NOT_YET
 
 # Of the time for all, what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3

@@ -8,19 +8,18 @@ from typing import Any
 
 import mpmath
 
-from inverse_service.algebra.elementary import to_kernels
-from inverse_service.algebra.real_point import RealTable, requirements, strongest
-from inverse_service.algebra.sign_cases import signed_factors
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
+from inverse_service.decision import cells, certify
+from inverse_service.decision.analysis import analyze, variables_of
 from inverse_service.errors import InputError, IrreducibleAtoms, LimitError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Power, Symbol, walk
-from inverse_service.inverse_problem import cells
-from inverse_service.inverse_problem.decision import certify
-from inverse_service.inverse_problem.decision.analysis import analyze, variables_of
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.real_point import RealTable, requirements, strongest
+from inverse_service.field.sign_cases import signed_factors
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of

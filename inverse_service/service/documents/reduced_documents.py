@@ -7,15 +7,15 @@ from typing import Any
 from api_schemas.base import ParseAnswer
 from api_schemas.nonholonomic import MotionDocument, NonholonomicResult, ReducedPart
 from inverse_service.certificate.checker import CheckResult
+from inverse_service.constrained.ansatz import first_system
+from inverse_service.constrained.answering import answer_motion
+from inverse_service.constrained.hamiltonisation import reduced as deciding
+from inverse_service.constrained.hamiltonisation.nonholonomic_study import MotionReport, motion_report
 from inverse_service.deadline import now
+from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression
-from inverse_service.inverse_problem.constrained.ansatz import first_system
-from inverse_service.inverse_problem.constrained.answering import answer_motion
-from inverse_service.inverse_problem.hamiltonisation import reduced as deciding
-from inverse_service.inverse_problem.hamiltonisation.nonholonomic_study import MotionReport, motion_report
-from inverse_service.inverse_problem.solutions import Answer, Solution, SolveOptions
 from inverse_service.mechanics.first_integrals import first_integrals
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_motion
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion

@@ -12,7 +12,9 @@ from api_schemas import result as schemas
 from api_schemas.base import Document, ParseAnswer, ParsedFormula
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
-from inverse_service.algebra.real_point import strongest
+from inverse_service.decision import solutions
+from inverse_service.decision.cells import Left
+from inverse_service.decision.certify import integrals_of
 from inverse_service.expressions.inequalities import inequality_text, is_plainly_nonzero, is_plainly_positive
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
@@ -31,9 +33,7 @@ from inverse_service.expressions.tree import (
     Velocity,
     walk,
 )
-from inverse_service.inverse_problem import solutions
-from inverse_service.inverse_problem.cells import Left
-from inverse_service.inverse_problem.decision.certify import integrals_of
+from inverse_service.field.real_point import strongest
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared

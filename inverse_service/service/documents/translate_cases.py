@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from api_schemas.result import CaseNode, Formula, SpecialCasesPart, VariationalCase
+from inverse_service.decision.solutions import Verdict
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.inverse_problem.solutions import Verdict
-from inverse_service.inverse_problem.special_cases.case_tree import Node, SpecialCases
-from inverse_service.inverse_problem.special_cases.cases import Case, conditions
+from inverse_service.solving.special_cases.case_tree import Node, SpecialCases
+from inverse_service.solving.special_cases.cases import Case, conditions
 
 Reading = Callable[[Case], Verdict | None]
 

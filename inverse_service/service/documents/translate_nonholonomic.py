@@ -8,17 +8,17 @@ from typing import Any, TypeVar
 
 from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
-from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.constrained.answering import MotionAnswer, MotionLagrangian
+from inverse_service.constrained.hamiltonisation import nonholonomic_study
+from inverse_service.constrained.hamiltonisation.hamiltonise import Hamiltonisation
+from inverse_service.constrained.hamiltonisation.restricted_flow import Comparison
+from inverse_service.decision.solutions import Hamiltonian
 from inverse_service.errors import DocumentRefused, Place
+from inverse_service.explanation.wording import Piece, said
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
-from inverse_service.inverse_problem.constrained.answering import MotionAnswer, MotionLagrangian
-from inverse_service.inverse_problem.explanation.wording import Piece, said
-from inverse_service.inverse_problem.hamiltonisation import nonholonomic_study
-from inverse_service.inverse_problem.hamiltonisation.hamiltonise import Hamiltonisation
-from inverse_service.inverse_problem.hamiltonisation.restricted_flow import Comparison
-from inverse_service.inverse_problem.solutions import Hamiltonian
+from inverse_service.field.rational_functions import TooLarge
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem

@@ -18,15 +18,15 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from inverse_service.machine_code import shipped
-from inverse_service.machine_code.building import module_of, reduce
-from inverse_service.machine_code.kernels import KERNELS, told
-from inverse_service.machine_code.loading import target_machine
+from inverse_service.kernels.machine_code import shipped
+from inverse_service.kernels.machine_code.building import module_of, reduce
+from inverse_service.kernels.machine_code.kernels import KERNELS, told
+from inverse_service.kernels.machine_code.loading import target_machine
 from inverse_service.service.jobs.warming import warm_up
 
 # What numba says of the processor at hand stands in attributes of each function.
 HOST = re.compile(r'"(?:target-cpu|target-features|tune-cpu)"="[^"]*"')
-ROOT = Path(shipped.__file__).parents[1]
+ROOT = Path(shipped.__file__).parents[2]
 
 
 def ship(folder: Path) -> list[Path]:

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import DocumentRefused, InputError, Place
-from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.documents.plain_data import decode, read_json
 from inverse_service.service.jobs.model import (
     INTERACTIVE,
@@ -37,9 +37,9 @@ ENGINE = (
     "service.documents.kinds_part",
     "service.documents.translate_cases",
     "service.jobs.batch_files",
-    "inverse_problem.explanation.negative",
-    "inverse_problem.proofs.identities",
-    "inverse_problem.search.ladder",
+    "explanation.negative",
+    "explanation.proofs.identities",
+    "search.ladder",
     "mechanics.legendre.linear",
     "mechanics.legendre.radial",
     "mechanics.legendre.scalar",

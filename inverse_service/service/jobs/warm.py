@@ -11,7 +11,7 @@ from __future__ import annotations
 import gc
 import importlib
 
-from inverse_service.inverse_problem.solutions import SolveOptions
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.jobs import tasks, warming
 from inverse_service.service.jobs.outcome import guard
 from inverse_service.service.jobs.worker_process import die_with_parent

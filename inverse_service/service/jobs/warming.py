@@ -12,12 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from inverse_service import __version__, catalogue
-from inverse_service.machine_code import code_store, shipped
+from inverse_service.kernels.machine_code import code_store, shipped
 
 # Together these systems need all kernels.
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
 # Where kernels are defined.
-FOLDERS = ("algebra", "inverse_problem/search", "linear_pde")
+FOLDERS = ("field", "search", "linear_pde")
 SENTENCE = "Compiling for this machine, once; this takes some 20 seconds of processor time."
 NOTHING_KEPT = (
     f"Compiling takes some 20 seconds at every start: {code_store.cache_directory_name()} cannot be written. "
@@ -43,7 +43,7 @@ def can_keep() -> bool:
 
 def warm_up() -> None:
     """Solve the systems; each kernel is kept as soon as it is compiled."""
-    from inverse_service.inverse_problem.solutions import SolveOptions
+    from inverse_service.decision.solutions import SolveOptions
     from inverse_service.service.documents.documents import solve_document
 
     for name in SYSTEMS:
@@ -63,7 +63,7 @@ def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
 
 def _stamp() -> str:
     """Other code, another Python or another processor need other kernels."""
-    root = Path(code_store.__file__).parents[1]
+    root = Path(code_store.__file__).parents[2]
     files = [entry for folder in FOLDERS for entry in os.scandir(root / folder) if entry.name.endswith(".py")]
     newest = max(entry.stat().st_mtime_ns for entry in files)
     about = (__version__, str(newest), sys.implementation.cache_tag or "", platform.machine(), _processor())

@@ -15,13 +15,13 @@ import numpy as np
 
 from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
-from inverse_service.algebra.rational_functions import TooLarge
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions.derivative import define_functions
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, walk
+from inverse_service.field.rational_functions import TooLarge
 from inverse_service.integrators.trajectory import Array
-from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry

@@ -20,9 +20,9 @@ from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, substitute, walk
-from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.jobs.model import split_options, write_json
 from inverse_service.service.jobs.tasks import check_task, solve_task

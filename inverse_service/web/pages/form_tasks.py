@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import catalogue
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError
-from inverse_service.inverse_problem.solutions import SolveOptions
 from inverse_service.service.jobs.model import split_options
 from inverse_service.service.jobs.tasks import solve_task
 from inverse_service.web.pages import reading_back, sheets

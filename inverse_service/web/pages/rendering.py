@@ -22,7 +22,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from inverse_service.expressions.letters import greek_letter
-from inverse_service.machine_code import code_store
+from inverse_service.kernels.machine_code import code_store
 from inverse_service.service.documents.text_page import guessed_words
 from inverse_service.service.jobs.tasks import KINDS
 from inverse_service.web.clients import client_of, require_client

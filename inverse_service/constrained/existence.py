@@ -1,0 +1,230 @@
+"""Whether a motion on constraints can be given a Hamiltonian at all: the constrained card settled for one motion."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from flint import nmod_mat
+
+from inverse_service.deadline import now
+from inverse_service.decision.kinds import bivectors, constrained
+from inverse_service.decision.kinds.constrained import Shape
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.point import Point, Variable
+from inverse_service.field.real_point import RealTable, find_real_point
+from inverse_service.field.reduction import reduce_atoms
+from inverse_service.field.series_program import SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.tower import Tower, draw_point
+from inverse_service.field.truncated_series import SingularPoint
+from inverse_service.linear_pde.emission import LocalEquations
+from inverse_service.linear_pde.involution import Matrix
+from inverse_service.linear_pde.involutive_form import Coefficients, Finding, Limits, settle
+from inverse_service.linear_pde.unknowns import Unknowns
+from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
+
+Integers = npt.NDArray[np.int64]
+_HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
+# With fewer coordinates of D the prolongation alone is as fast. To which j the brackets are tried first.
+_ALONG_FROM, _FIRST_BRACKETS = 6, 8
+
+
+@dataclass(frozen=True, slots=True)
+class AnalyzedMotion:
+    """w and F in kernels with the tower of their atoms, and a real point of D."""
+
+    motion: ConstrainedMotion
+    velocities: tuple[Expression, ...]
+    forces: tuple[Expression, ...]
+    tower: Tower
+    real_point: RealTable | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The coordinates, the free ones first."""
+        return (*self.motion.free, *self.motion.dependent)
+
+
+def analyze_motion(motion: ConstrainedMotion, positive: Sequence[Expression] = ()) -> AnalyzedMotion:
+    """The motion where all of `positive` are > 0; IrreducibleAtoms where relations of atoms cannot be settled."""
+    velocities, forces = (
+        tuple(map(to_kernels, motion.dependent_velocities)),
+        tuple(map(to_kernels, motion.free_accelerations)),
+    )
+    variables = variables_of(motion)
+    table = find_real_point([*velocities, *forces], variables, 1, positive)
+    return AnalyzedMotion(motion, velocities, forces, reduce_atoms([*velocities, *forces], variables, table), table)
+
+
+def variables_of(motion: ConstrainedMotion) -> list[Variable]:
+    """t, the coordinates, the free velocities and the parameters."""
+    coordinates, velocities = map(Symbol, motion.coordinates), map(Velocity, motion.free)
+    return [TIME, *coordinates, *velocities, *map(Symbol, motion.parameters)]
+
+
+class ConstrainedAt:
+    """The card for one motion, at random points or those that `draw` gives."""
+
+    __slots__ = ("_first", "_series", "_shape", "matrix", "others", "unknowns")
+
+    def __init__(self, analyzed: AnalyzedMotion, with_time: bool, draw: Callable[[int], Point] | None = None) -> None:
+        motion = analyzed.motion
+        self._shape = shape = Shape(len(motion.free), len(motion.dependent), with_time)
+        self.unknowns: Unknowns = constrained.unknowns_of(shape)
+        self.matrix: Matrix = constrained.matrix_of(shape)
+        self.others: tuple[Matrix, ...] = (constrained.regular_on_constraints(shape),)
+        free: list[Expression] = [Velocity(name) for name in motion.free]
+        variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
+        field = [*free, *analyzed.velocities, *analyzed.forces]
+        self._first = 0
+
+        def write(order: int) -> tuple[SeriesProgram, Integers]:
+            series = constrained.written(shape, variables, field, order)
+            self._first = bivectors.write_brackets(shape, series)
+            return series, np.array(series.instructions, np.int64).ravel()
+
+        self._series = Coefficients(
+            write,
+            draw or (lambda seed: draw_point(analyzed.tower, seed)),
+            lambda order: bivectors.degree_for(shape, order),
+        )
+
+    def at(self, seed: int, order: int) -> LocalEquations:
+        """Raises TooLarge where the series would take too many words."""
+        prime, registers = self._series.at(seed, order)
+        own = constrained.compiled_equations(self._shape, prime, order, registers)
+        given = (registers, self._first, self._shape.slope(0, 0))
+        return replace(own, equations=(*bivectors.equations(self._shape, self.unknowns, order, *given), *own.equations))
+
+
+def decide_motion(
+    analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+) -> Finding:
+    """Is the motion that of a regular L(q, v) on the constraints, or of an L(t, q, v)? Two points must agree."""
+    limits = Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
+    try:
+        refused = refused_along_a_solution(analyzed, with_time, seed, deadline, progress)
+        if refused is not None:
+            return refused
+        return settle(ConstrainedAt(analyzed, with_time), seed, limits, progress)
+    except TooLarge:
+        return Finding(None, 0, "its series are too large")
+    except IrreducibleAtoms as problem:
+        return Finding(None, 0, problem.detail)
+
+
+def refused_along_a_solution(
+    analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+) -> Finding | None:
+    """A no from the brackets along one solution, by power series in t alone; None where they leave a yes possible.
+
+    Gamma keeps the 2-form Omega of `bivectors`, which vanishes on d/du^alpha ^ d/du^beta. With Phi(t) the derivative of
+    the flow and V_alpha(t) = Phi(t)^-1 d/du^alpha, so Omega(V_alpha(t), V_beta(t)) = 0 at the start, for all t: each
+    coefficient is a linear equation for the values of Omega there. It is a no if every solution of those up to t^j has
+    a vertical vector in its kernel, whether L may depend on t or not. Rows are named as those of `bivectors`.
+    """
+    free, size = len(analyzed.motion.free), len(analyzed.names) + len(analyzed.motion.free)
+    if free < 2 or size < _ALONG_FROM:
+        return None
+    progress("brackets along one solution")
+    seeds = (2 * seed, 2 * seed + 1)
+    try:
+        points = [draw_point(analyzed.tower, drawn) for drawn in seeds]
+        lasts = {last_bracket(analyzed, point, deadline) for point in points}
+    except SingularPoint:
+        return None
+    last = lasts.pop()
+    if lasts or last is None:
+        return None
+    pairs = itertools.product(range(last + 1), itertools.combinations(range(free), 2))
+    rows = tuple((f"B{j}_{alpha}", beta, (0,) * (size + with_time)) for j, (alpha, beta) in pairs)
+    used = tuple({"prime": point.prime, "seed": drawn} for point, drawn in zip(points, seeds, strict=True))
+    return Finding(False, 0, rows=rows, points=used, along=last)
+
+
+def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int | None:
+    """The j up to which the equations have to be taken for a no; None where further ones follow from those before."""
+    size, free = len(analyzed.names) + len(analyzed.motion.free), len(analyzed.motion.free)
+    rows, rank, done, degree = list[list[int]](), 0, -1, _FIRST_BRACKETS
+    while now() < deadline and done < math.comb(size, 2):
+        vectors = _vertical_at_the_start(analyzed, point, degree)
+        for j in range(done + 1, degree + 1):
+            for alpha, beta in itertools.combinations(range(free), 2):
+                rows.append(_bracket(vectors[alpha], vectors[beta], j, point.prime))
+            before, matrix = rank, nmod_mat(rows, point.prime)
+            rank = matrix.rank()
+            if _leaves_a_vertical_kernel(matrix, size, free):
+                return j
+            if rank == before:
+                return None
+        done, degree = degree, 2 * degree
+    return None
+
+
+def _bracket(left: Sequence[Sequence[int]], right: Sequence[Sequence[int]], j: int, prime: int) -> list[int]:
+    """The coefficient of t^j of V ^ V', by pairs of coordinates."""
+    pairs = [(left[i], right[j - i]) for i in range(j + 1)]
+    places = itertools.combinations(range(len(left[0])), 2)
+    return [sum(a[x] * b[y] - a[y] * b[x] for a, b in pairs) % prime for x, y in places]
+
+
+def _leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
+    """Whether a random 2-form that solves the rows is zero on some vertical vector and everything."""
+    prime, (basis, nullity) = matrix.modulus(), matrix.nullspace()
+    generator = random.Random(prime)
+    weights = [generator.randrange(prime) for _ in range(nullity)]
+    places = enumerate(itertools.combinations(range(size), 2))
+    form = {pair: sum(int(basis[k, i]) * w for i, w in enumerate(weights)) % prime for k, pair in places}
+    vertical = range(size - free, size)
+    entries = [[(form.get((x, u), 0) - form.get((u, x), 0)) % prime for x in range(size)] for u in vertical]
+    rank: int = nmod_mat(entries, prime).rank()
+    return rank < free
+
+
+def _vertical_at_the_start(analyzed: AnalyzedMotion, point: Point, degree: int) -> list[list[list[int]]]:
+    """The coefficients of t^0, …, t^degree of each V_alpha, from Psi' = -Psi A, Psi = Phi^-1, A = d Gamma/dx."""
+    slopes, size, prime = _slopes_along(analyzed, point, degree), len(analyzed.names), point.prime
+    size += len(analyzed.motion.free)
+    inverse = [nmod_mat(size, size, [int(x == y) for x in range(size) for y in range(size)], prime)]
+    for k in range(degree):
+        total = inverse[0] * slopes[k]
+        for i in range(1, k + 1):
+            total += inverse[i] * slopes[k - i]
+        inverse.append(total * (-pow(k + 1, -1, prime) % prime))
+    return [[[int(part[x, u]) for x in range(size)] for part in inverse] for u in range(len(analyzed.names), size)]
+
+
+def _slopes_along(analyzed: AnalyzedMotion, point: Point, degree: int) -> list[nmod_mat]:
+    """The coefficients of d Gamma/dx along the solution that starts at the point."""
+    own: list[Symbol | Velocity] = [*map(Symbol, analyzed.names), *map(Velocity, analyzed.motion.free)]
+    rates = [*map(Velocity, analyzed.motion.free), *analyzed.velocities, *analyzed.forces]
+    solution, prime, field = [[point.variable(name)] for name in own], point.prime, _Along(own, rates, point, degree)
+    for k in range(degree):
+        for known, series in zip(solution, field.at(solution, k), strict=True):
+            known.append(series[k] * pow(k + 1, -1, prime) % prime)
+    entries = _Along(own, [differentiate(rate, x) for rate in rates for x in own], point, degree).at(solution, degree)
+    return [nmod_mat(len(own), len(own), [entry[k] for entry in entries], prime) for k in range(degree + 1)]
+
+
+class _Along:
+    """The coefficients in t of some trees along a solution, to a degree."""
+
+    __slots__ = ("_given", "_places", "_point", "_series")
+
+    def __init__(self, own: Sequence[Variable], trees: Sequence[Expression], point: Point, degree: int) -> None:
+        self._series, self._point = SeriesProgram((TIME,), degree), point
+        self._series.known.update({name: self._series.register() for name in own})
+        self._places = [self._series.expand(tree) for tree in trees]
+        self._given = np.array(self._series.instructions, np.int64).ravel(), constants_at(self._series, point)
+
+    def at(self, solution: Sequence[Sequence[int]], degree: int) -> list[list[int]]:
+        found = run(self._series, *self._given, self._point.prime, degree, solution)
+        return [found.numbers(place) for place in self._places]

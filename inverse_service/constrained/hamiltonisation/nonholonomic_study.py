@@ -1,0 +1,348 @@
+"""A nonholonomic system studied as a whole: motion, what it keeps, associated systems, Hamiltonisation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal, TypeVar
+
+from inverse_service.constrained.answering import KnownLagrangian, MotionAnswer, answer_motion
+from inverse_service.constrained.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise, vanish
+from inverse_service.constrained.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
+from inverse_service.deadline import now
+from inverse_service.decision.solutions import Answer, Solution, SolveOptions
+from inverse_service.errors import InputError
+from inverse_service.explanation.wording import with_conditions
+from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute
+from inverse_service.field.rational_functions import TooLarge
+from inverse_service.mechanics import first_integrals as kept
+from inverse_service.mechanics.first_integrals import FirstIntegral
+from inverse_service.mechanics.legendre.transform import LegendreTransform
+from inverse_service.mechanics.nonholonomic.associated_systems import (
+    KINDS,
+    AssociatedSystem,
+    Kind,
+    associated,
+    with_multiples,
+)
+from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem, frames, geometry, too_large
+from inverse_service.mechanics.nonholonomic.integrals import (
+    Integrability,
+    MeasureDensity,
+    integrability,
+    measure_density,
+    scaled_velocities,
+)
+from inverse_service.mechanics.nonholonomic.motion import (
+    EliminatedMotion,
+    EquationsOfMotion,
+    eliminate_multipliers,
+    written,
+)
+from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognized
+from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
+from inverse_service.mechanics.second_order_system import MOST_BRANCHES, branches_of, on_branch
+from inverse_service.solving.confirming import Progress
+from inverse_service.solving.solving import solve
+
+# Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
+_SHARE_OF_SOLVING = 0.85
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class MotionReport:
+    """The motion and what it keeps; `reason` says why the system is outside the paper's class, if it is."""
+
+    exact: EliminatedMotion
+    motion: EquationsOfMotion
+    integrability: Integrability | None
+    density: MeasureDensity
+    member: PaperClass | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The Hamiltonisation by one Lagrangian; `checked` is the checker's verdict on that Lagrangian."""
+
+    kind: str
+    label: str
+    checked: Literal["valid", "incomplete", "invalid"]
+    found: Hamiltonisation
+
+
+@dataclass(frozen=True, slots=True)
+class AssociatedAnswer:
+    """An associated system, its solution (None where it is not defined) and its Hamiltonisations."""
+
+    associated: AssociatedSystem
+    solution: Solution | None
+    reports: tuple[Report, ...] = ()
+
+    @property
+    def answer(self) -> Answer | None:
+        """The answer for L(q, q'), or for L(t, q, q') where that is the only question."""
+        if self.solution is None:
+            return None
+        return self.solution.autonomous or self.solution.with_time
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """All that was found; `main` is the place in `answers` of the associated system of the main fields."""
+
+    report: MotionReport
+    answers: tuple[AssociatedAnswer, ...]
+    main: int
+
+
+def motion_report(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> MotionReport:
+    """The motion and what it keeps, in the coordinates of the paper's class where the system belongs to it.
+
+    What cannot be found in `time_limit` seconds is left out; LimitError where that is the motion itself.
+    """
+    parts = geometry(system, time_limit)
+    try:
+        member, reason = recognized(parts)
+        exact = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
+        motion = written(exact)
+    except TooLarge as error:
+        raise too_large(error) from None
+    found = MotionReport(
+        exact,
+        motion,
+        _or_none(lambda: integrability(parts, exact.frame)),
+        _or_none(lambda: measure_density(exact)) or MeasureDensity("not_found"),
+        member,
+        reason,
+    )
+    # What follows is short work over the same ring, at any later time.
+    parts.ring.field.budget.deadline = math.inf
+    return found
+
+
+def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple[FirstIntegral, ...]:
+    """What is constant along the motion; velocities that only stretch are proposed."""
+    motion, exact = report.motion, report.exact
+    proposed = _or_none(lambda: tuple(scaled_velocities(exact))) or ()
+    return kept.first_integrals(motion, motion.system.lagrangian, (), seed, time_limit, proposed)
+
+
+def _or_none(work: Callable[[], T]) -> T | None:
+    try:
+        return work()
+    except (TooLarge, ZeroDivisionError):
+        return None
+
+
+def associated_systems(
+    report: MotionReport, kind: Kind | None, families: Sequence[Sequence[Expression]] = ()
+) -> tuple[AssociatedSystem, ...]:
+    """The systems asked for: one kind, all three, or one kind with each of the families of multiples added.
+
+    InputError where a multiple does not vanish on the constraints.
+    """
+    if not families:
+        return tuple(_associated(report, each) for each in ([kind] if kind else KINDS))
+    base = _associated(report, kind or "first")
+    if base.system is None:
+        raise InputError(base.explanation, "/associated")
+    return tuple(
+        with_multiples(base, _vanishing(report.motion, family, place, len(families)), f"family {place + 1}")
+        for place, family in enumerate(families)
+    )
+
+
+def _associated(report: MotionReport, kind: Kind) -> AssociatedSystem:
+    try:
+        return associated(report.exact, report.member, report.reason, kind)
+    except TooLarge as problem:
+        return AssociatedSystem(kind, None, f"The {kind} system is too large to be written out: {problem}.")
+
+
+def _vanishing(motion: EquationsOfMotion, family: Sequence[Expression], place: int, count: int) -> Sequence[Expression]:
+    """The family, each member zero on the constraints; InputError where one is not, or where that is not settled."""
+    system = motion.system
+    for name, tree in zip(system.coordinates, family, strict=True):
+        pointer = "/multiples" + (f"/{place}" if count > 1 else "") + f"/{name}"
+        names: list[Symbol | Velocity] = [*map(Velocity, system.coordinates)]
+        names += map(Symbol, (*system.coordinates, *system.parameters, "t"))
+        found = tree == ZERO or vanish([substitute(tree, motion.on_constraints)], names)
+        if not found:
+            what = "does not vanish" if found is False else "could not be shown to vanish"
+            raise InputError(
+                f"the multiple for {name} {what} on the constraints: write a sum of multiples of them, such as "
+                "mu*(constraint).",
+                pointer,
+            )
+    return family
+
+
+def study(
+    report: MotionReport, systems: Sequence[AssociatedSystem], options: SolveOptions, progress: Progress | None = None
+) -> Study:
+    """Each system decided and, where it is variational, carried to H and the constraints in phase space.
+
+    The conditions are written out for the main one only.
+    """
+    quiet = replace(options, conditions=False)
+    end = now() + options.time_limit
+    answers = []
+    for place, system in enumerate(systems):
+        waiting = sum(other.system is not None for other in systems[place:])
+        share = (end - now()) / max(waiting, 1)
+        answers.append(_answered(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
+    main = _main(answers)
+    solution = answers[main].solution
+    if solution is not None and options.conditions:
+        answers[main] = replace(answers[main], solution=with_conditions(solution))
+    return Study(report, tuple(answers), main)
+
+
+def study_branches(
+    report: MotionReport, systems: Sequence[AssociatedSystem], options: SolveOptions, progress: Progress | None = None
+) -> Iterator[Study]:
+    """A study on each of the branches of the system that is the main one on the first; each has its share of the time.
+
+    On a further branch only the systems are decided that have it too.
+    """
+    branches = [on_branches(one) for one in systems]
+    share = replace(options, time_limit=options.time_limit / max(map(len, branches)))
+    found = study(report, [each[0] for each in branches], share, progress)
+    yield found
+    for main in branches[found.main][1:]:
+        assert main.system is not None
+        here = main.system.positive
+        fitting = [one for each in branches for one in each[1:] if one.system and one.system.positive == here]
+        yield replace(study(report, fitting, share, progress), main=fitting.index(main))
+
+
+def on_branches(one: AssociatedSystem) -> tuple[AssociatedSystem, ...]:
+    """The system on each of its branches, that of the first answer first; itself where they are too many to solve."""
+    branches = () if one.system is None else branches_of(one.system)
+    return tuple(replace(one, system=each) for each in branches if len(branches) <= MOST_BRANCHES) or (one,)
+
+
+def answer_about(
+    found: Study,
+    options: SolveOptions,
+    deadline: float,
+    progress: Progress | None,
+    reduced: Answer | None = None,
+    tell: Callable[[MotionAnswer], None] | None = None,
+) -> MotionAnswer:
+    """Whether any associated system has a Lagrangian; those found for the known ones are answers.
+
+    `reduced` is the answer for the reduced system.
+    """
+    motion, main = found.report.motion, found.answers[found.main].solution
+    return answer_motion(
+        motion,
+        tuple(_known_lagrangians(found)),
+        options.time_dependent,
+        options.seed,
+        deadline,
+        progress or (lambda _: None),
+        () if main is None else main.system.positive,
+        reduced,
+        tell,
+    )
+
+
+def _known_lagrangians(found: Study) -> Iterator[KnownLagrangian]:
+    for one in found.answers:
+        system, solution = one.associated.system, one.solution
+        if system is None or solution is None:
+            continue
+        for answer, with_time in ((solution.autonomous, False), (solution.with_time, True)):
+            if answer is None or answer.lagrangian is None or answer.checked != "valid":
+                continue
+            tree = answer.lagrangian.expression
+            report = next((each.found for each in one.reports if each.found.lagrangian == tree), None)
+            yield KnownLagrangian(one.associated.kind, system, answer.lagrangian, with_time, report)
+
+
+def _main(answers: Sequence[AssociatedAnswer]) -> int:
+    """The first variational one with a Lagrangian, else the first variational one, else the first that is defined."""
+
+    def rank(place: int) -> int:
+        answer = answers[place].answer
+        if answer is None:
+            return 3
+        if answer.verdict != "variational":
+            return 2
+        return 0 if answer.lagrangian is not None else 1
+
+    return min(range(len(answers)), key=rank)
+
+
+def _answered(
+    report: MotionReport, one: AssociatedSystem, options: SolveOptions, progress: Progress | None
+) -> AssociatedAnswer:
+    if one.system is None:
+        return AssociatedAnswer(one, None)
+    if one.system.branch is None:  # too many of them
+        return AssociatedAnswer(one, solve(one.system, options))
+    end = now() + options.time_limit
+    free = options.time_dependent is not True and not options.ansatz
+    known = _known(report, one, end) if free else ()
+    if known:
+        solution = solution_with(one.system, known, options)
+        return AssociatedAnswer(
+            one, solution, tuple(_report_of_known(report, one, each, options.seed) for each in known)
+        )
+    asked = replace(options, time_limit=_SHARE_OF_SOLVING * options.time_limit)
+    found = AssociatedAnswer(one, solve(one.system, asked, _named(progress, one.kind)))
+    answer = found.answer
+    if answer is None or answer.lagrangian is None or now() > end:
+        return found
+    made = hamiltonise(_motion(report, one), one.system, answer.lagrangian.expression, options.seed)
+    return replace(found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),))
+
+
+def _known(report: MotionReport, one: AssociatedSystem, end: float) -> tuple[Known, ...]:
+    """The Lagrangians of the paper's class that the checker confirms for this system."""
+    if report.member is None or one.system is None:
+        return ()
+    here = partial(on_branch, system=one.system)
+    proposals = [
+        Known(here(each.lagrangian), _mapped(each.transform, here), tuple(map(here, each.images)), each.label)
+        for each in propose_lagrangians(report.member, one.kind)
+    ]
+    return confirmed(one.system, proposals, end) if proposals else ()
+
+
+def _mapped(found: LegendreTransform, here: Callable[[Expression], Expression]) -> LegendreTransform:
+    return replace(
+        found,
+        lagrangian=here(found.lagrangian),
+        hamiltonian=here(found.hamiltonian),
+        momenta=tuple(map(here, found.momenta)),
+        velocities=None if found.velocities is None else tuple(map(here, found.velocities)),
+    )
+
+
+def _report_of_known(report: MotionReport, one: AssociatedSystem, known: Known, seed: int) -> Report:
+    assert one.system is not None
+    made = hamiltonise(_motion(report, one), one.system, known.lagrangian, seed, known.transform, known.images)
+    return Report(one.kind, known.source, "valid", made)
+
+
+def _motion(report: MotionReport, one: AssociatedSystem) -> EquationsOfMotion:
+    """The motion with its roots as they are on the branch of the associated system."""
+    assert one.system is not None
+    motion, here = report.motion, partial(on_branch, system=one.system)
+    return replace(
+        motion,
+        dependent_velocities=tuple(map(here, motion.dependent_velocities)),
+        free_accelerations=tuple(map(here, motion.free_accelerations)),
+        accelerations=tuple(map(here, motion.accelerations)),
+        multipliers=tuple(map(here, motion.multipliers)),
+    )
+
+
+def _named(progress: Progress | None, kind: str) -> Progress | None:
+    return None if progress is None else lambda stage: progress(f"{kind}: {stage}")

@@ -1,0 +1,249 @@
+"""The reduced system of a motion on constraints, as it is and with Chaplygin's clock dtau = N(r) dt.
+
+Where neither the motion of the free coordinates r nor the constraints contain the others, r'' = F(r, r') is a system of
+its own. Where its measure rho(r) dr dr' is invariant, N = (rho/det G)^(1/(k - 1)), G the Hessian of the constrained
+Lagrangian l_c in the k free velocities; the measure is unique, so no other clock makes a natural L of G. For k = 2, L
+natural and the constraints homogeneous l_c(r, N r') is one (Chaplygin 1911; for k > 2 where it happens to be:
+Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.01422).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import combinations
+
+from flint import nmod_mat
+
+from inverse_service.constrained.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
+from inverse_service.deadline import left, now
+from inverse_service.decision.solutions import Answer, SolveOptions
+from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Arbitrary,
+    Expression,
+    Symbol,
+    Velocity,
+    holds,
+    multiply,
+    powers_of,
+    substitute,
+    walk,
+)
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.point import Expansion
+from inverse_service.field.rational_functions import TooLarge
+from inverse_service.field.real_point import find_real_point
+from inverse_service.field.reduction import reduce_atoms
+from inverse_service.field.tower import draw_point
+from inverse_service.field.truncated_series import SingularPoint, gradient
+from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.nonholonomic.geometry import Geometry, frames
+from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
+from inverse_service.mechanics.nonholonomic.motion import (
+    ConstrainedMotion,
+    EliminatedMotion,
+    EquationsOfMotion,
+    eliminate_multipliers,
+)
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.writing import tidied
+from inverse_service.solving.of_kind.clock import find_clock, with_clock
+from inverse_service.solving.solving import solve
+
+CONSTRAINED = "constrained Lagrangian"
+# What looking for a clock among factors of f may take, s: each of some 26 candidates is decided.
+LONGEST_FOR_CLOCK = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """A system and the answer to its question for L(q, q'), for L(t, q, q') where t occurs."""
+
+    system: SecondOrderSystem
+    answer: Answer
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """The reduced system; with the clock `factor`, N(r), where there is one, else `reason`."""
+
+    plain: Decided
+    others: tuple[tuple[str, Expression], ...]
+    factor: Expression | None
+    clocked: Decided | None
+    reason: str = ""
+
+
+def reduced_system(motion: ConstrainedMotion) -> SecondOrderSystem | None:
+    """r'' = F(r, r'), if F and the velocities of the other coordinates do not contain these."""
+    others = {Symbol(name) for name in motion.dependent}
+    trees = (*motion.free_accelerations, *motion.dependent_velocities)
+    if any(holds(tree, *others) for tree in trees):
+        return None
+    names = {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}
+    functions = tuple(function for function in motion.functions if function[0] in names)
+    return SecondOrderSystem(motion.free, motion.free_accelerations, motion.parameters, functions)
+
+
+def decide_reduced(motion: ConstrainedMotion, lagrangian: Expression | None, options: SolveOptions) -> Decided | None:
+    """The answer for r'' = F(r, r'); None where the motion does not reduce. `lagrangian` is that of the system."""
+    system = reduced_system(motion)
+    if system is None:
+        return None
+    candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
+    return _decided(system, candidate, replace(options, time_dependent=False, ansatz=(), given=()))
+
+
+def closed_subsystem(exact: EliminatedMotion, motion: EquationsOfMotion) -> SecondOrderSystem | None:
+    """q_S'' = F(q_S, q_S') for a largest set S of coordinates whose accelerations hold no others, None without one.
+
+    S is closed where the differentials of its accelerations are combinations of those of q_S and q_S', at a point.
+    """
+    names, parts = motion.coordinates, exact.geometry
+    velocities = [motion.on_constraints.get(Velocity(name), Velocity(name)) for name in names]
+    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, motion.free)]
+    trees = [to_kernels(tree) for tree in (*velocities, *motion.accelerations)]
+    try:
+        everything = [*variables, *map(Symbol, motion.parameters)]
+        table = find_real_point(trees, everything, 2)
+        if table is None:
+            return None
+        point = draw_point(reduce_atoms(trees, everything, table), 1)
+        rows = [gradient(series) for series in map(Expansion(point, variables, 1).expand, trees)]
+    except (IrreducibleAtoms, SingularPoint, ValueError):
+        return None
+    own = [[int(k == place) for k in range(len(variables))] for place in range(1 + len(names))]
+    for size in range(len(motion.free), 0, -1):
+        for chosen in combinations(range(len(names)), size):
+            speeds = [rows[k] for k in chosen]
+            known = [own[0], *(own[1 + k] for k in chosen), *speeds]
+            closed = _rank(known, point.prime) == _rank(known + [rows[len(names) + k] for k in chosen], point.prime)
+            if closed and _rank(speeds, point.prime) == size:
+                found = _with_free(parts, chosen)
+                if found is not None:
+                    return found
+    return None
+
+
+def _rank(rows: Sequence[Sequence[int]], prime: int) -> int:
+    return int(nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], prime).rank())
+
+
+def _with_free(parts: Geometry, chosen: Sequence[int]) -> SecondOrderSystem | None:
+    """The equations of these coordinates, over a frame in which they are free; None where they hold others."""
+    system, frame = parts.system, next((one for one in frames(parts) if set(chosen) <= set(one.free)), None)
+    if frame is None:
+        return None
+    try:
+        whole = eliminate_multipliers(parts, frame)
+        accelerations = tuple(parts.tree(whole.accelerations[k]) for k in chosen)
+    except (TooLarge, InputError):
+        return None
+    coordinates = tuple(system.coordinates[k] for k in chosen)
+    others = [name for name in system.coordinates if name not in coordinates]
+    held = any(holds(tree, *map(Symbol, others), *map(Velocity, others)) for tree in accelerations)
+    if held or accelerations == (ZERO,):
+        return None
+    functions = {node.name for tree in accelerations for node in walk(tree) if isinstance(node, Arbitrary)}
+    kept = tuple(function for function in system.functions if function[0] in functions)
+    return SecondOrderSystem(coordinates, accelerations, system.parameters, kept)
+
+
+def answer_closed(system: SecondOrderSystem, options: SolveOptions) -> Reduced:
+    """The answer for a closed subsystem, which has no reconstruction by quadratures and no clock from a measure."""
+    end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
+    alone = _decided(system, None, replace(asked, time_limit=options.time_limit / 2))
+    return _searched(system, alone, (), "", asked, end)
+
+
+def answer_reduced(
+    motion: ConstrainedMotion,
+    lagrangian: Expression | None,
+    density: MeasureDensity | None,
+    options: SolveOptions,
+    plain: Decided,
+) -> Reduced:
+    """With another clock besides; `lagrangian` is that of the whole system, `density` its invariant measure."""
+    system = plain.system
+    end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
+    candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
+    others = tuple(zip(motion.dependent, motion.dependent_velocities, strict=True))
+    found = chaplygin_factor(system, density)
+    if isinstance(found, str):
+        return _searched(system, plain, others, found, asked, end)
+    faster: dict[Expression, Expression] = {Velocity(r): found * Velocity(r) for r in system.coordinates}
+    known = None if candidate is None else tidied(substitute(candidate, faster))
+    faster_system = with_clock(system, found)
+    if faster_system is None:
+        return _searched(system, plain, others, "The clock of the invariant measure has no real values.", asked, end)
+    changed = _decided(faster_system, known, replace(asked, time_limit=left(end)))
+    if changed.answer.verdict == "not_variational" and plain.answer.verdict == "not_variational":
+        other = _searched(system, plain, others, "", asked, end)
+        return Reduced(plain, others, found, changed) if other.clocked is None else other
+    return Reduced(plain, others, found, changed)
+
+
+def _searched(
+    system: SecondOrderSystem,
+    plain: Decided,
+    others: tuple[tuple[str, Expression], ...],
+    reason: str,
+    asked: SolveOptions,
+    end: float,
+) -> Reduced:
+    """With the first clock made of factors of f, where there is no Lagrangian without one."""
+    if plain.answer.verdict != "not_variational" or len(system.coordinates) == 1 or system.depends_on_time:
+        return Reduced(plain, others, None, None, reason)
+    factor, _ = find_clock(system, asked.seed, min((now() + end) / 2, now() + LONGEST_FOR_CLOCK))
+    clocked = None if factor is None else with_clock(system, factor)
+    if clocked is None:
+        return Reduced(plain, others, None, None, reason)
+    changed = _decided(clocked, None, replace(asked, time_limit=left(end)))
+    return Reduced(plain, others, factor, changed)
+
+
+def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) -> Expression | str:
+    """N, or why there is none."""
+    names = system.coordinates
+    if len(names) == 1:
+        return "One equation has a Lagrangian with any clock."
+    if system.depends_on_time:
+        return "The equations contain t, so no other clock can be put in its place."
+    if density is None or density.momenta is None:
+        return "No invariant measure is known whose density is a function of these coordinates alone."
+    own = {*map(Symbol, (*names, *system.parameters))}
+    held = {node for node in walk(density.momenta) if isinstance(node, Symbol | Velocity)}
+    if not held <= own:
+        return "The density of the invariant measure contains other coordinates."
+    if held.isdisjoint(map(Symbol, names)) and not any(isinstance(node, Arbitrary) for node in walk(density.momenta)):
+        return "The measure of the momenta itself is invariant, which asks for no other clock."
+    root = Fraction(1, len(names) - 1)
+    # The density is positive, so that the root of a power is a power.
+    return multiply(*(base ** (exponent * root) for base, exponent in powers_of(density.momenta)))
+
+
+def _on_constraints(motion: ConstrainedMotion, lagrangian: Expression) -> Expression | None:
+    """l_c(r, r'), unless it contains another coordinate."""
+    found = tidied(substitute(lagrangian, motion.on_constraints))
+    return None if any(Symbol(name) in set(walk(found)) for name in motion.dependent) else found
+
+
+def _decided(system: SecondOrderSystem, candidate: Expression | None, options: SolveOptions) -> Decided:
+    """By the candidate, if the checker confirms it, else by the solver."""
+    end = now() + options.time_limit
+    if candidate is not None and TIME not in walk(candidate) and not system.depends_on_time:
+        try:
+            known = Known(candidate, legendre(candidate, system.coordinates), (), CONSTRAINED)
+        except InputError:  # singular
+            known = None
+        if known is not None and confirmed(system, [known], end):
+            found = solution_with(system, [known], options)
+            assert found.autonomous is not None
+            return Decided(found.system, found.autonomous)
+    solution = solve(system, replace(options, time_limit=left(end)))
+    assert solution.main is not None
+    return Decided(solution.system, solution.main)

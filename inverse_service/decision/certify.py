@@ -1,0 +1,456 @@
+"""Certificates written from decisions and Lagrangians (see certificate/FORMAT.md); nothing is judged here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import mpmath
+
+from inverse_service import bounds
+from inverse_service.certificate.cell import Cell
+from inverse_service.certificate.checker import CheckResult, check_certificate
+from inverse_service.decision.analysis import Analysis, is_irrational, variables_of
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.inequalities import inequality_text
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import (
+    ONE,
+    PI,
+    TIME,
+    ZERO,
+    Apply,
+    Expression,
+    Integral,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    add,
+    apply,
+    distinct_nodes,
+    number,
+    square_root,
+    walk,
+)
+from inverse_service.field.elementary import is_even_root, to_kernels
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.real_point import (
+    RealTable,
+    are_positive,
+    find_real_point,
+    is_defined,
+    own_requirements,
+    requirements,
+    varies,
+)
+from inverse_service.field.rules import AngleRule
+from inverse_service.field.sign_cases import root_ways, signed_factors
+from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.mechanics.implicit_equations import linear_equation
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
+
+if TYPE_CHECKING:
+    from inverse_service.decision.deciding import Decision
+    from inverse_service.decision.kinds.restricted import LagrangianKind
+    from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
+    from inverse_service.linear_pde.involutive_form import Finding
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+FORMAT = "inverse-service/certificate/2"
+_DIGITS = 20
+_SEED = 3
+# Series are written for so many coordinates.
+_MOST_COORDINATES = 4
+_MOST_CONDITIONS = 100  # that a certificate may have
+
+
+def of_lagrangian(
+    analysis: Analysis, lagrangian: Expression, with_time: bool, kind: LagrangianKind | None = None
+) -> dict[str, Any]:
+    """L itself is the proof, also that there is one of a kind; as it was `proved`, if it was."""
+    head = _head(analysis, point_of(analysis, lagrangian), with_time, "variational", "lagrangian")
+    found = head | _among(kind) | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
+    if analysis.system.is_unsolved:
+        found |= _factors_of_lines(analysis, lagrangian)
+    return analysis.proofs.get(json.dumps(found), (found,))[0]
+
+
+def _factors_of_lines(analysis: Analysis, lagrangian: Expression) -> dict[str, Any]:
+    """{"factors": c_i with d2L/dv_i dv_j = c_i dE_i/dq''_j} where they are not all 1."""
+    system = analysis.system
+    lines = [linear_equation(equation).coefficients for equation in system.given]
+    quotients = []
+    for line, row in zip(lines, hessian(lagrangian, system.coordinates), strict=True):
+        entry, below = next((g, line[q]) for q, g in zip(system.coordinates, row, strict=True) if q in line)
+        quotients.append(entry / below)
+    with suppress(TooLarge, ZeroDivisionError, KeyError):
+        factors = factored(quotients, variables_of(system)[: 1 + 2 * len(system.coordinates)], Budget.long())
+        return {} if all(c == ONE for c in factors) else {"factors": [to_text(c) for c in factors]}
+    return {}
+
+
+def _among(kind: LagrangianKind | None) -> dict[str, Any]:
+    return {} if kind is None else {"among": kind.among}
+
+
+def integrals_of(tree: Expression) -> dict[str, Any]:
+    """{"integrals": the functions of the tree that are known by their derivatives, those first that others hold}."""
+    found = {node.name: node for node in reversed(list(walk_integrals(tree)))}
+    listed = {
+        name: {
+            "arguments": [to_text(argument) for argument in node.arguments],
+            "derivatives": {
+                to_text(argument): to_text(slope)
+                for argument, slope in zip(node.arguments, node.slopes, strict=True)
+                if slope is not None
+            },
+        }
+        for name, node in found.items()
+    }
+    return {"integrals": listed} if listed else {}
+
+
+def walk_integrals(tree: Expression) -> Iterator[Integral]:
+    """Every integral in a tree, and those under its sign after it."""
+    for node in walk(tree):
+        if isinstance(node, Integral):
+            yield node
+            for slope in node.slopes:
+                if slope is not None:
+                    yield from walk_integrals(slope)
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """The set on which an answer holds: trees that are positive, that are not 0, and on whose sides its proof rests.
+
+    `one_side`: only the part is meant that is connected with the point of the proof.
+    """
+
+    positive: tuple[Expression, ...] = ()
+    nonzero: tuple[Expression, ...] = ()
+    sides: tuple[Expression, ...] = ()
+    one_side: bool = False
+
+
+def where_of(cell: Cell | None, names: Names) -> Where:
+    """The cell that the checker proved a claim on, as trees."""
+    if cell is None:
+        return Where()
+    positive = tuple(_members(cell.domain, " > 0", names))
+    nonzero = tuple(map(_unsigned, _members(cell.domain, " != 0", names)))
+    return Where(positive, nonzero, tuple(_members(cell.sides, " > 0", names)), cell.one_side)
+
+
+def _members(texts: Sequence[str], ending: str, names: Names) -> Iterator[Expression]:
+    return (collect(read_formula(text.removesuffix(ending), names)) for text in texts if text.endswith(ending))
+
+
+def _unsigned(tree: Expression) -> Expression:
+    """The tree or its negative: that with fewer signs."""
+    return min(tree, collect(-tree), key=lambda one: to_text(one).count("-"))
+
+
+def proved(analysis: Analysis, certificate: dict[str, Any], time_limit: float) -> tuple[dict[str, Any], CheckResult]:
+    """The checker's verdict, found once; where it is incomplete, of the certificate with hints about roots.
+
+    Each hint is a side that the claim then keeps to: what has no need of it holds on a larger cell.
+    """
+    key = json.dumps(certificate)
+    if key not in analysis.proofs:
+        found = certificate, check_certificate(certificate, time_limit=time_limit)
+        if found[1].verdict == "incomplete":
+            for hinted in _hinted(analysis, certificate):
+                proof = check_certificate(hinted, time_limit=time_limit)
+                if proof.verdict != "incomplete":
+                    found = hinted, proof
+                    break
+        analysis.proofs[key] = found
+        analysis.proofs[json.dumps(found[0])] = found
+    return analysis.proofs[key]
+
+
+def where_proved(analysis: Analysis, lagrangian: Expression, time_limit: float) -> Where:
+    """Where the checker finds a Lagrangian right; where all is defined, if it finds it wrong or does not find out."""
+    with_time = analysis.system.depends_on_time or TIME in walk(lagrangian)
+    certificate = of_lagrangian(analysis, lagrangian, with_time)
+    _, proof = proved(analysis, certificate, time_limit)
+    integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
+    if proof.verdict != "valid":
+        return Where((*analysis.system.positive, *own_requirements([lagrangian])))
+    names = analysis.system.names
+    return where_of(proof.cell, replace(names, functions={**names.functions, **integrals}))
+
+
+def _hinted(analysis: Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The certificate with roots that functions stand for, then with the signs of all that is under roots at P."""
+    table, system = analysis.real_point, analysis.system
+    formulas = [*system.given]
+    if "lagrangian" in certificate:
+        integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
+        names = replace(system.names, functions={**system.names.functions, **integrals})
+        formulas.append(read_formula(certificate["lagrangian"], names))
+    known = certificate.get("roots", [])
+    first = [*_circular_roots(formulas, table), *_inverse_roots(formulas, table)]
+    for roots in (first, [*first, *_signs(analysis)]):
+        if roots:
+            yield certificate | {"roots": [*known, *roots]}
+    if table is not None:
+        with suppress(IrreducibleAtoms, NoRealValue):
+            positive = [*system.positive, *signed_factors(requirements([*map(to_kernels, formulas)], table), table)]
+            yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *_signs(analysis)]}
+
+
+def _inverse_roots(formulas: Sequence[Expression], table: RealTable | None) -> list[dict[str, str]]:
+    """The roots that inverse functions stand for, where these hold squares: sqrt(1 - u^2) for asin u, acos u.
+
+    Each is what it is on the side of the point.
+    """
+    found = list[dict[str, str]]()
+    if table is None:
+        return found
+    for node in distinct_nodes(formulas):
+        match node:
+            case Apply("asin" | "acos", u):
+                under = 1 - u**2
+            case Apply("acosh", u):
+                under = u**2 - 1
+            case Apply("asinh", u):
+                under = u**2 + 1
+            case _:
+                continue
+        with suppress(IrreducibleAtoms, NoRealValue):
+            root = square_root(collect(under))
+            values = (value for side, value in root_ways(root) if are_positive(side, table))
+            found += [{"root": to_text(root), "is": to_text(value)} for value in values]
+    return found
+
+
+def _circular_roots(formulas: Sequence[Expression], table: RealTable | None) -> list[dict[str, str]]:
+    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(2 - 2*cos(u)) = +-2 sin(u/2) and the like, on the side of the point."""
+    found = list[dict[str, str]]()
+    for node in distinct_nodes(formulas) if table is not None else ():
+        if not isinstance(node, Power) or not is_even_root(node):
+            continue
+        angles = dict.fromkeys(angle for one in walk(node.base) if (angle := _angle(one)) is not None)
+        parts = [part for u in angles for part in (u, u / 2, u / 2 + PI / 4)]
+        for value in (apply(name, part) for part in parts for name in ("sin", "cos")):
+            factor = _factor(node.base, value**2, table or {})
+            if factor is not None:
+                sign = 1 if are_positive([value], table or {}) else -1
+                root = square_root(node.base)
+                found.append({"root": to_text(root), "is": to_text(sign * square_root(number(factor)) * value)})
+                break
+    return found
+
+
+def _angle(node: Expression) -> Expression | None:
+    match node:
+        case Apply("sin" | "cos", u) if varies(u):
+            return u
+    return None
+
+
+def _factor(base: Expression, square: Expression, table: RealTable) -> Fraction | None:
+    """A rational number that the quotient seems to be; the checker proves it."""
+    ratios = []
+    for shift in (0, Fraction(1, 7), Fraction(-2, 9)):
+        with suppress(NoRealValue, ZeroDivisionError):
+            moved = {key: value * (1 + mpmath.mpf(shift.numerator) / shift.denominator) for key, value in table.items()}
+            ratios.append(evaluate(base, moved) / evaluate(square, moved))
+    if len(ratios) < 3 or max(ratios) - min(ratios) > mpmath.mpf(10) ** -12 * abs(ratios[0]) or ratios[0] <= 0:
+        return None
+    return Fraction(mpmath.nstr(ratios[0], 15)).limit_denominator(1000)
+
+
+def point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
+    """A real point at which f, L and what is under integral signs are defined."""
+    slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
+    return _point_of(analysis, [to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)])
+
+
+def _point_of(analysis: Analysis, formulas: Sequence[Expression]) -> RealTable | None:
+    """A real point at which f, L and what is under integral signs are defined: that of f, where that is one."""
+    table = analysis.real_point
+    if table is not None:
+        integrals = {node: mpmath.mpf(1) for tree in formulas for node in walk(tree) if isinstance(node, Integral)}
+        if is_defined(formulas, integrals | table):
+            return integrals | table
+    return find_real_point(formulas, variables_of(analysis.system), _SEED, analysis.system.positive) or table
+
+
+def of_decision(
+    analysis: Analysis,
+    decision: Decision,
+    series_order: int | None = None,
+    seed: int = 1,
+    kind: LagrangianKind | None = None,
+) -> dict[str, Any]:
+    """The rows used for a negative verdict, the involution data of a positive one.
+
+    With the latter, where f is rational, a power series of a regular solution to `series_order`
+    (left out: the order of the data), unless the question is about a kind of Lagrangians.
+    """
+    if decision.verdict == "not_variational":
+        rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
+        head = _head(analysis, analysis.real_point, decision.with_time, "not_variational", "nonexistence")
+        return head | _among(kind) | {"order": decision.order, "rows": rows}
+    if decision.verdict != "variational" or decision.symbol is None:
+        raise ValueError("only a definite decision has a certificate")
+    head = _head(analysis, analysis.real_point, decision.with_time, "variational", "existence")
+    data = involution_data(decision, decision.symbol)
+    if kind is not None:
+        return head | _among(kind) | data
+    return head | data | _series(analysis, decision, series_order or data["order"], seed)
+
+
+def involution_data(found: Decision | Finding, symbol: SymbolOfSystem) -> dict[str, Any]:
+    """What a yes without L rests on; the dimension stopped falling between order - 1 and order."""
+    return {
+        "order": found.order - 1,
+        "degree": found.degree,
+        "dimensions": list(found.history[found.order - 1][: found.degree + 1]),
+        "symbol": {
+            "dimension": symbol.dimension,
+            "prolonged": symbol.prolonged,
+            "characters": list(symbol.characters),
+        },
+    }
+
+
+def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> dict[str, Any]:
+    """{"series": …} to the order, or to the largest below it that is no longer than bearable; {} without one."""
+    from inverse_service.decision.power_series import count, is_rational, regular_series
+
+    n = len(analysis.system.coordinates)
+    fitting = [k for k in range(1, order + 1) if count(n, decision.with_time, k) <= bounds.TERMS]
+    if n > _MOST_COORDINATES or not fitting or not is_rational(analysis):
+        return {}
+    # The data of order R - 1 are complete in degree d, so those of order s + R - 1 - d are in degree s >= d.
+    spare = decision.order - 1 - decision.degree
+    try:
+        return {"series": regular_series(analysis, decision.with_time, fitting[-1], seed, spare)}
+    except (ValueError, IrreducibleAtoms):
+        return {}
+
+
+def head_of(
+    system: dict[str, Any],
+    with_time: bool,
+    claim: str,
+    kind: str,
+    near: dict[str, str],
+    positive: Sequence[Expression],
+    roots: Sequence[dict[str, str]] = (),
+) -> dict[str, Any]:
+    """What all certificates begin with; `near` is a point of the domain, on which the trees of `positive` are > 0."""
+    question = "time_dependent" if with_time else "autonomous"
+    parts = {"near": near, "conditions": conditions_of(positive), "roots": [*roots]}
+    head = {"format": FORMAT, "system": system, "question": question, "claim": claim, "kind": kind}
+    return head | {key: part for key, part in parts.items() if part}
+
+
+def conditions_of(positive: Iterable[Expression]) -> list[str]:
+    """The inequalities of a certificate that say that these trees are positive."""
+    return [*dict.fromkeys(map(inequality_text, positive))][:_MOST_CONDITIONS]
+
+
+def moved_to(near: Mapping[str, str], table: RealTable) -> dict[str, str]:
+    """The values of the same names at another point."""
+    named = {to_text(key): mpmath.nstr(value, _DIGITS) for key, value in table.items() if not isinstance(key, Integral)}
+    return {name: named.get(name, value) for name, value in near.items()}
+
+
+def near_of(table: RealTable | None, names: Sequence[Symbol | Velocity]) -> dict[str, str]:
+    """The values of these at a real point, in digits."""
+    return {to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table} if table else {}
+
+
+def _head(analysis: Analysis, table: RealTable | None, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+    system = analysis.system
+    places: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), TIME, *map(Velocity, system.coordinates)]
+    near = near_of(table, [*places, *map(Symbol, system.parameters), *system.letters])
+    roots = [*_roots(system), *_halves(analysis), *_nested(analysis)]
+    return head_of(_system(system), with_time, claim, kind, near, system.positive, roots)
+
+
+def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
+    found = () if system.branch is None else system.branch.roots
+    pairs = [_root(*pair) for pair in found]
+    return [{"root": to_text(pair[0]), "is": to_text(pair[1])} for pair in pairs if pair]
+
+
+def _signs(analysis: Analysis) -> list[dict[str, str]]:
+    """Which signs functions under roots have, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
+    signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
+    return [_square(u) for u in signed if any(isinstance(node, Apply) for node in walk(u))]
+
+
+def _square(u: Expression) -> dict[str, str]:
+    return {"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)}
+
+
+def _halves(analysis: Analysis) -> list[dict[str, str]]:
+    """cos(atan(w)/2), which is positive, where f has roots: nested ones may be products of it and others."""
+    if not any(is_even_root(node) and varies(node) for node in distinct_nodes(analysis.system.given)):
+        return []
+    rules = [rule for rule in analysis.tower.rules if isinstance(rule, AngleRule) and not rule.turns]
+    halved = (atom for rule in rules for atom, a in rule.arctangents if a.denominator % 2 == 0)
+    return [_square(apply("cos", atom / 2)) for atom in dict.fromkeys(halved)]
+
+
+def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:
+    """Roots of numbers that hold roots, where those of f give them: (2 + sqrt(5))^(1/3) = (1 + sqrt(5))/2 (by PSLQ)."""
+    nodes = (node for node in distinct_nodes(analysis.accelerations) if isinstance(node, Power) and not varies(node))
+    roots = [node for node in nodes if isinstance(node.exponent, Number) and is_irrational(node)]
+    for node in roots:
+        others = [one for one in roots if node not in walk(one)]
+        if {*others}.isdisjoint(walk(node.base)) or not isinstance(node.exponent, Number):
+            continue
+        whole = node.base ** Fraction(1, node.exponent.value.denominator)
+        known: list[Expression] = [number(1), *others]
+        try:
+            with mpmath.workdps(bounds.DIGITS):
+                values = [evaluate(one, {}) for one in (whole, *known)]
+                found = mpmath.pslq(values, maxcoeff=bounds.RATIO, maxsteps=bounds.RATIO)
+        except NoRealValue:
+            continue
+        if found and found[0]:
+            terms = (Fraction(-a, found[0]) * b for a, b in zip(found[1:], known, strict=True))
+            yield {"root": to_text(whole), "is": to_text(add(*terms))}
+
+
+def _root(node: Expression, value: Expression) -> tuple[Expression, Expression] | None:
+    """A root with a positive exponent; sqrt(1 - sin(u)^2) = cos u or -cos u of asin(sin u), of acos(cos u) likewise."""
+    match node:
+        case Power(base, Number(exponent)) if exponent < 0:
+            return base**-exponent, value**-1
+        case Power():
+            return node, value
+        case Apply("asin" | "acos" as function, Apply(inner, u)):
+            other = apply("cos" if function == "asin" else "sin", u)
+            root = square_root(1 - apply(inner, u) ** 2)
+            return root, other if value == u else -other
+        case Apply("Heaviside", u):
+            return square_root(u**2), -u if value == ZERO else u
+        case _:
+            return None
+
+
+def _system(system: SecondOrderSystem) -> dict[str, Any]:
+    pairs = zip(system.coordinates, system.given, strict=True)
+    return {
+        "coordinates": list(system.coordinates),
+        "equations": {name: to_text(f) for name, f in pairs},
+        "parameters": list(system.parameters),
+        "functions": {name: list(arguments) for name, arguments in system.functions},
+    }

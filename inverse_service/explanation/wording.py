@@ -1,0 +1,314 @@
+"""The sentences and formulas of an explanation.
+
+Phi, nabla Phi and R of a solution, written out for people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
+
+from inverse_service.decision.solutions import Answer, Conditions, Part, Solution, Step
+from inverse_service.expressions.notation import Formula, formula_of, matrix, row, theory
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
+from inverse_service.field.exact_ring import ExactRing, quotient_tree
+from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
+
+if TYPE_CHECKING:
+    from inverse_service.explanation.differential_obstruction import Contradiction
+    from inverse_service.explanation.elimination import Unknown
+    from inverse_service.explanation.hierarchy import ConditionName, EquationName, SufficientSet
+    from inverse_service.field.rational_functions import Quotient
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+Piece = str | Formula | Expression
+
+
+def said(*pieces: Piece, shown: Sequence[Piece] = (), about: Sequence[str] = ()) -> Step:
+    """A sentence of words and formulas, and the formulas that are `shown`: below it, unless they are in the sentence.
+
+    In a text, what stands between grave accents is a formula in the notation of the theory. `about` names the words
+    of the theory that the step relies on.
+    """
+    sentence = [part for piece in pieces for part in _parts(piece)]
+    main = [_formula(formula_of(piece), "display") for piece in shown]
+    texts = {part.text for part in sentence}
+    below = [part for part in main if part.text not in texts]
+    if about:
+        below.append(Part("about", "", uses=tuple(about)))
+    relations = [part.latex for part in sentence if part.kind == "formula" and "=" in part.text]
+    latex = [part.latex for part in main] or relations[-1:]
+    return Step("".join(part.text for part in sentence), r",\quad ".join(latex), (*sentence, *below))
+
+
+def _parts(piece: Piece) -> list[Part]:
+    if not isinstance(piece, str):
+        return [_formula(formula_of(piece), "formula")]
+    pieces = piece.split("`")
+    return [
+        _formula(formula_of(text), "formula") if k % 2 else Part("text", text) for k, text in enumerate(pieces) if text
+    ]
+
+
+def _formula(formula: Formula, kind: str) -> Part:
+    mathml = "" if formula.reads_back else formula.mathml
+    return Part(kind, formula.text, formula.latex, mathml, formula.uses, formula.letters)
+
+
+def enumerated(formulas: Sequence[Piece]) -> list[Piece]:
+    """a, b and c."""
+    found: list[Piece] = []
+    for k, formula in enumerate(formulas):
+        found += [" and " if k == len(formulas) - 1 else ", ", formula] if k else [formula]
+    return found
+
+
+def separated(formulas: Sequence[Piece], between: str = ", ") -> list[Piece]:
+    """The formulas with the same words between them."""
+    return [piece for k, formula in enumerate(formulas) for piece in ([between, formula] if k else [formula])]
+
+
+_MEANING = {
+    "g": "the multiplier, the Hessian of L in the velocities",
+    "L": "the Lagrangian",
+    "H": "the Hamiltonian",
+    "N": "the matrix -1/2 df/dv",
+    "Phi": "the matrix of the first conditions",
+    "R": "the curvature in the conditions",
+    "Gamma": "the derivative along the motion",
+    "f": "the right-hand sides",
+    "p": "the momenta",
+    "v": "the velocities",
+    "u": "the exponent in g = e^u G",
+    "G": "the matrix in g = e^u G",
+    "T": "any of the matrices of the conditions",
+    "L_0": "the Lagrangian without damping",
+}
+
+
+def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
+    """The answer, its explanation begun with what each letter that has two meanings is in the sentences."""
+    names = {*system.coordinates, *system.parameters, *dict(system.functions)}
+    parts = [part for step in (*answer.explanation, *answer.details) for part in step.parts]
+    words = {word for part in parts for word in (*part.letters, *({"R"} & {*part.uses}))}
+    shared = [name for name in _MEANING if name in names & words]
+    if not shared:
+        return answer
+    meanings = ", ".join(f"{name} is {_MEANING[name]}" for name in shared)
+    also = "these names may also be those" if len(shared) > 1 else f"the name {shared[0]} may also be that"
+    step = said(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
+    return replace(answer, explanation=(step, *answer.explanation))
+
+
+_SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
+_CYCLIC = "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0"
+SINGULAR = "det g = 0"
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """The steps; `complete` says whether they carry the whole argument. Where not, they state conditions and ranks."""
+
+    steps: tuple[Step, ...]
+    complete: bool = True
+
+
+def indices(system: SecondOrderSystem) -> list[Piece]:
+    """Which index belongs to which coordinate."""
+    return separated([row(f"{k + 1} for ", Symbol(name)) for k, name in enumerate(system.coordinates)])
+
+
+def opening(system: SecondOrderSystem, chosen: SufficientSet) -> Step:
+    """What a multiplier has to satisfy."""
+    kinds = {condition.cyclic for condition in chosen.conditions}
+    return said(
+        "Suppose that there is a Lagrangian. Its Hessian `g` in the velocities is symmetric and nonsingular, and ",
+        *_conditions(chosen), " (indices: ", *indices(system), ").",
+        shown=[formula for kind, formula in ((False, _SYMMETRIC), (True, _CYCLIC)) if kind in kinds],
+        about=("multiplier",),
+    )  # fmt: skip
+
+
+def _conditions(chosen: SufficientSet) -> list[Piece]:
+    plain = [theory(condition.name) for condition in chosen.conditions if not condition.cyclic]
+    cyclic = [condition.name for condition in chosen.conditions if condition.cyclic]
+    found: list[Piece] = ["`g T` is symmetric for `T` = ", *enumerated(plain)] if plain else []
+    if cyclic:
+        found += [" and "] if found else []
+        found.append(theory(_CYCLIC))
+        others: list[Piece] = [" for ", *enumerated([theory(name) for name in cyclic]), " in the place of `R`"]
+        found += [] if cyclic == ["R"] else others
+    return found
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def tensor_steps(
+    ring: ExactRing, tensors: Sequence[tuple[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]]
+) -> list[Step]:
+    """The tensors of the chosen conditions, the nonzero components of curvatures only."""
+    return [_tensor_step(condition, _components(ring, condition, tensor)) for condition, tensor in tensors]
+
+
+def _tensor_step(condition: ConditionName, entries: Sequence[tuple[str, Expression]]) -> Step:
+    if not entries:
+        return said("All components of ", theory(condition.name), " are zero.")
+    shown = [row(component(condition, name), " = ", tree) for name, tree in entries]
+    return said(
+        "The components of ", theory(condition.name), " that are not zero: ", *separated(shown), ".", shown=shown
+    )
+
+
+def component(condition: ConditionName, indices: str) -> Formula:
+    """(nabla Phi)^1_2, the first index above."""
+    inner, above, below = theory(condition.name), indices[0], indices[1:]
+    return Formula(
+        f"({condition.name})^{above}_{below}",
+        rf"({inner.latex.strip()})^{{{above}}}{{}}_{{{below}}}",
+        f"<msubsup>{_in_brackets(inner)}<mn>{below}</mn><mn>{above}</mn></msubsup>",
+        inner.uses,
+        letters=inner.letters,
+    )
+
+
+def _in_brackets(formula: Formula) -> str:
+    return f"<mrow><mo stretchy='false'>(</mo>{formula.mathml}<mo stretchy='false'>)</mo></mrow>"
+
+
+def _components(
+    ring: ExactRing, condition: ConditionName, tensor: Tensor11[Quotient] | Tensor12[Quotient]
+) -> list[tuple[str, Expression]]:
+    """Index strings such as "12" or "213" with the nonzero components; k < l for T^j_kl."""
+    found: list[tuple[str, Quotient]] = []
+    span = range(len(tensor))
+    if condition.cyclic:
+        bend = cast("Tensor12[Quotient]", tensor)
+        triples = [(i, k, m) for i in span for k in span for m in span if k < m]
+        found = [(f"{i + 1}{k + 1}{m + 1}", bend[i][k][m]) for i, k, m in triples]
+    else:
+        plain = cast("Tensor11[Quotient]", tensor)
+        found = [(f"{i + 1}{k + 1}", plain[i][k]) for i in span for k in span]
+    return [(name, quotient_tree(ring, value)) for name, value in found if not value.is_zero]
+
+
+def equation_name(name: EquationName) -> Formula:
+    """(nabla Phi)_12: the entry 12 of g nabla Phi, which is to equal the entry 21."""
+    inner, below = theory(name.condition.name), "".join(str(i + 1) for i in name.indices)
+    return Formula(
+        f"({name.condition.name})_{below}",
+        rf"({inner.latex.strip()})_{{{below}}}",
+        f"<msub>{_in_brackets(inner)}<mn>{below}</mn></msub>",
+        inner.uses,
+        letters=inner.letters,
+    )
+
+
+def equation_step(
+    name: EquationName,
+    original: Expression,
+    reduced: Expression,
+    pivot: Symbol,
+    result: Expression,
+    divisors: Sequence[Expression],
+    parameters: Collection[str] = (),
+) -> Step:
+    """One equation, what is left of it, what may be divided by and what it gives.
+
+    Parameters are numbers: of them it is said for which values the step holds.
+    """
+    pieces: list[Piece] = [equation_name(name), ": ", row(original, " = 0"), ". "]
+    if reduced != original:
+        pieces += ["With what is known already: ", row(reduced, " = 0"), ". "]
+    return said(*pieces, *_divided_by(dict.fromkeys(divisors), parameters), row(pivot, " = ", result), ".")
+
+
+def _divided_by(divisors: Iterable[Expression], parameters: Collection[str]) -> list[Piece]:
+    """For a != 0, as x is not zero identically, …"""
+    numbers, others = list[Formula](), list[Formula]()
+    for divisor in divisors:
+        leaves = [node for node in walk(divisor) if isinstance(node, Symbol | Velocity)]
+        constant = leaves and all(isinstance(leaf, Symbol) and leaf.name in parameters for leaf in leaves)
+        (numbers if constant else others).append(formula_of(divisor))
+    if not numbers and not others:
+        return ["Hence "]
+    values: list[Piece] = ["For ", *separated([row(one, " != 0") for one in numbers], " and "), ", "] if numbers else []
+    verb = "is" if len(others) == 1 else "are"
+    word = "as " if numbers else "As "
+    return [*values, *([word, *enumerated(others), f" {verb} not zero identically, "] if others else [])]
+
+
+def block_sentence(symbols: Mapping[Unknown, Symbol], rows: tuple[int, ...], columns: tuple[int, ...], n: int) -> Step:
+    """Rows and columns whose common entries vanish: why g is singular."""
+    names = sorted({symbols[min(r, c), max(r, c)].name for r in rows for c in columns})
+    equal = row(*separated([Symbol(name) for name in names], " = "), " = 0")
+    if len(rows) == 1 and len(columns) == n:
+        why = f"row {rows[0] + 1} of `g` is zero"
+    else:
+        left, top = (_listed([str(k + 1) for k in part]) for part in (rows, columns))
+        why = f"rows {left} of `g` have entries outside columns {top} only, too few for them to be independent"
+    return said(equal, f": {why}, hence `{SINGULAR}`. There is no Lagrangian.")
+
+
+def summary_steps(system: SecondOrderSystem, chosen: SufficientSet) -> tuple[Step, ...]:
+    """Conditions and ranks, for expressions too large to be followed by hand."""
+    n = len(system.coordinates)
+    end = "so `g = 0`" if chosen.dimension == 0 else "in which every matrix is singular"
+    closing = said(
+        "The linear equations ", *enumerated([equation_name(name) for name in chosen.equations]),
+        f" on the {n * (n + 1) // 2} entries of `g` have rank {chosen.rank} at a generic point; the symmetric matrices "
+        f"that satisfy them form a space of dimension {chosen.dimension}, {end}: there is no Lagrangian.",
+        shown=[SINGULAR],
+    )  # fmt: skip
+    middle = said("For each `T` the equation is `g_11 T^1_2 + g_12 (T^2_2 - T^1_1) - g_22 T^2_1 = 0`.")
+    return (opening(system, chosen), *([middle] if n == 2 else []), closing)
+
+
+def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
+    """What is said where only the prolonged equations decide and no short argument was found."""
+    step = said(
+        "A nonsingular `g` survives every algebraic condition (`Phi`, `nabla Phi`, ..., `R`) at a generic point; the "
+        "Helmholtz conditions differentiated by ", *separated([Symbol(name) for name in system.coordinates]),
+        " and the velocities leave only singular ones. The certificate lists the differentiated equations that were "
+        "used.",
+        shown=["Gamma(g) = g N + (g N)^T", "dg_ij/dv^k = dg_ik/dv^j"],
+        about=("Helmholtz",),
+    )  # fmt: skip
+    return (step,)
+
+
+def factor_steps(
+    ring: ExactRing, system: SecondOrderSystem, direction: Tensor11[Quotient], found: Contradiction
+) -> list[Step]:
+    """g = e^u times a known matrix; the derivatives of u, and the two that contradict each other."""
+    rows = [[quotient_tree(ring, entry) for entry in line] for line in direction]
+    fixed = said(
+        "So the algebraic conditions fix `g` up to a factor, which must be found: `g = e^u G` or `g = -e^u G` with ",
+        row("G = ", matrix(rows)), ".",
+    )  # fmt: skip
+    steps = [fixed]
+    steps += [
+        said(f"{line.reason}: ", row(line.formula, " = ", quotient_tree(ring, line.value)), ".") for line in found.lines
+    ]
+    tree = quotient_tree(ring, found.difference)
+    steps.append(
+        said("But ", found.formula, f"{found.note} would have to vanish and is ", tree,
+             ", which is not zero identically. There is no Lagrangian.")
+    )  # fmt: skip
+    return steps
+
+
+def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, str]:
+    """The conditions, or None and why they are left out."""
+    tensors = conditions(system)
+    if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
+        return None, tensors.reason
+    return Conditions(tensors.Phi, tensors.nabla_Phi, tensors.R), tensors.reason
+
+
+def with_conditions(solution: Solution) -> Solution:
+    """The solution of `solve` without conditions, with them."""
+    found, reason = printed_conditions(solution.system)
+    return replace(solution, conditions=found, provenance={**solution.provenance, "conditions_left_out": reason})

@@ -1,0 +1,230 @@
+"""Safe primes P = 2Q + 1 and the group of "positive" residues modulo them.
+
+Modulo a safe prime P = 3 mod 4 the quadratic residues form a group of odd prime order Q, in which
+every element has exactly one k-th root for each k < Q, and exactly one of w, -w is a residue. Residues
+therefore behave under products and rational powers as positive reals do: sqrt(xy) = sqrt(x) sqrt(y)
+for positive x, y, (x^2)^(1/2) = |x|, x^(1/2) x^(1/3) = x^(5/6). Taking every root there respects all
+multiplicative relations among roots without knowing them. P = -1 modulo 4 l makes the prime l a
+residue, so that sqrt(2), sqrt(3), … exist.
+
+Arithmetic modulo a prime below 2^62 on 64-bit words, compiled.
+
+Montgomery form: x stands for x R modulo P, R = 2^64; a product costs three multiplications
+(Montgomery, Math. Comp. 44 (1985) 519). Compiled by numba, whose wheels carry their compiler, and kept.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import numpy.typing as npt
+from flint import fmpz
+
+from inverse_service.kernels.machine_code.kernels import compiled as compiled
+from inverse_service.kernels.machine_code.kernels import intrinsic
+
+# -1 modulo this: 2, 3, 5, 7, 11 and 13 are residues.
+_MODULUS = 8 * 3 * 5 * 7 * 11 * 13
+_BITS = 61
+
+
+@lru_cache(maxsize=256)
+def safe_prime(seed: int, residues: frozenset[int] = frozenset(), order: int = 2) -> int:
+    """A random safe prime of 61 bits modulo which 2 … 13 and all of `residues` (primes) are residues.
+
+    `order` divides the number of points of the circle, which is the prime and one.
+    """
+    generator, modulus = random.Random(f"prime {seed}"), math.lcm(_MODULUS, order)
+    low, high = 2 ** (_BITS - 1) // modulus, 2**_BITS // modulus
+    while True:
+        candidate = generator.randrange(low, high) * modulus - 1
+        if not _is_safe_prime(candidate):
+            continue
+        if all(is_positive(ell, candidate) for ell in residues):
+            return candidate
+
+
+def _is_safe_prime(candidate: int) -> bool:
+    half = (candidate - 1) // 2
+    if any(half % ell == 0 for ell in (17, 19, 23, 29, 31, 37, 41, 43)):
+        return False
+    return bool(fmpz(half).is_prime()) and bool(fmpz(candidate).is_prime())
+
+
+def is_positive(value: int, prime: int) -> bool:
+    """Whether a nonzero residue class is a square."""
+    return int(fmpz(value).jacobi(prime)) == 1
+
+
+def positive_power(value: int, exponent: Fraction | int, prime: int) -> int:
+    """value^exponent; for a fraction the root that is itself a square (odd roots: the only root).
+
+    Raises ValueError where no such root exists: an even root of a nonsquare, 0 to a negative power.
+    """
+    if value % prime == 0:
+        if exponent <= 0:
+            raise ValueError("zero to a negative power")
+        return 0
+    if exponent.denominator == 1:
+        return pow(value, exponent.numerator, prime)
+    order = (prime - 1) // 2
+    if not is_positive(value, prime):
+        if exponent.denominator % 2 == 0:
+            raise ValueError("even root of a negative residue")
+        sign = -1 if exponent.numerator % 2 else 1
+        return sign * positive_power(-value % prime, exponent, prime) % prime
+    return pow(value, exponent.numerator * pow(exponent.denominator, -1, order) % order, prime)
+
+
+def prime_factors(value: int) -> Iterable[tuple[int, int]]:
+    """(prime, multiplicity) of a positive integer."""
+    return [(int(ell), int(k)) for ell, k in fmpz(value).factor()]
+
+
+def reconstruct(residue: int, prime: int, bound: int = 10**6) -> Fraction | None:
+    """The fraction a/b with |a|, b <= bound that is `residue` modulo `prime` (Wang), or None."""
+    r0, s0, r1, s1 = prime, 0, residue % prime, 1
+    while r1 > bound:
+        quotient = r0 // r1
+        r0, s0, r1, s1 = r1, s1, r0 - quotient * r1, s0 - quotient * s1
+    if s1 == 0 or abs(s1) > bound:
+        return None
+    return Fraction(r1, s1)
+
+
+# numba and LLVM are imported where an operation is compiled: they take 0.3 s, and stored code needs neither.
+
+
+def _upper_word(typing_context: Any, a: Any, b: Any) -> Any:
+    """The upper 64 bits of the 128-bit product, as code for the compiler."""
+    from llvmlite import ir
+    from numba import types
+
+    signature = types.uint64(types.uint64, types.uint64)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        wide = ir.IntType(128)
+        left, right = (builder.zext(argument, wide) for argument in arguments)
+        upper = builder.lshr(builder.mul(left, right), ir.Constant(wide, 64))
+        return builder.trunc(upper, ir.IntType(64))
+
+    return signature, generate
+
+
+high_product = cast(Callable[[np.uint64, np.uint64], np.uint64], intrinsic(_upper_word))
+
+
+def _leading_zeros(typing_context: Any, word: Any) -> Any:
+    """The number of zero bits above the highest bit, as code for the compiler."""
+    from llvmlite import ir
+    from numba import types
+
+    signature = types.int64(types.uint64)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.ctlz(arguments[0], ir.Constant(ir.IntType(1), 0))
+
+    return signature, generate
+
+
+leading_zeros = cast(Callable[[np.uint64], int], intrinsic(_leading_zeros))
+
+
+class Field(NamedTuple):
+    """The integers modulo a prime P < 2^62 for compiled loops: P, -1/P modulo R, R modulo P, R^2 modulo P."""
+
+    prime: np.uint64
+    negative_inverse: np.uint64
+    one: np.uint64
+    square: np.uint64
+
+
+@compiled
+def plus(a: np.uint64, b: np.uint64, field: Field) -> np.uint64:
+    """a + b modulo the prime."""
+    total = a + b
+    return total - field.prime if total >= field.prime else total
+
+
+@compiled
+def minus(a: np.uint64, b: np.uint64, field: Field) -> np.uint64:
+    """a - b modulo the prime."""
+    return a - b if a >= b else a + (field.prime - b)
+
+
+@compiled
+def multiply(a: np.uint64, b: np.uint64, field: Field) -> np.uint64:
+    """a b / R modulo the prime."""
+    prime = field.prime
+    low = a * b
+    high = high_product(a, b)
+    correction = high_product(low * field.negative_inverse, prime)
+    # low + (low * negative_inverse * prime) is 0 modulo R; it carries exactly when low != 0.
+    result = high + correction + (np.uint64(1) if low != np.uint64(0) else np.uint64(0))
+    return result - prime if result >= prime else result
+
+
+@compiled
+def power(base: np.uint64, exponent: np.uint64, field: Field) -> np.uint64:
+    """base^exponent, base and result in Montgomery form."""
+    result = field.one
+    while exponent > np.uint64(0):
+        if exponent & np.uint64(1):
+            result = multiply(result, base, field)
+        base = multiply(base, base, field)
+        exponent >>= np.uint64(1)
+    return result
+
+
+# splitmix64 (Steele, Lea and Flood, OOPSLA 2014), for numbers that need no more than to be unforeseen.
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+
+
+@compiled
+def mixed(state: np.uint64) -> np.uint64:
+    """The random word of a state, to which GOLDEN is added for the next."""
+    word = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
+
+
+@lru_cache(maxsize=256)
+def field_of(prime: int) -> Field:
+    """The field of this prime."""
+    radix = 1 << 64
+    return Field(
+        np.uint64(prime),
+        np.uint64(-pow(prime, -1, radix) % radix),
+        np.uint64(radix % prime),
+        np.uint64(radix * radix % prime),
+    )
+
+
+def small_numbers(prime: int, count: int) -> npt.NDArray[np.uint64]:
+    """0, 1, …, at least to count - 1, in Montgomery form."""
+    return _small_numbers(prime, max(_LEAST, 1 << (count - 1).bit_length()))
+
+
+# One table of each prime is enough for most.
+_LEAST = 512
+
+
+@lru_cache(maxsize=64)
+def _small_numbers(prime: int, count: int) -> npt.NDArray[np.uint64]:
+    numbers = np.zeros(count, np.uint64)
+    _count_up(numbers, field_of(prime))
+    numbers.setflags(write=False)
+    return numbers
+
+
+@compiled
+def _count_up(numbers: npt.NDArray[np.uint64], field: Field) -> None:
+    """numbers[k] = k, where numbers[0] is 0."""
+    for k in range(1, len(numbers)):
+        numbers[k] = plus(numbers[k - 1], field.one, field)

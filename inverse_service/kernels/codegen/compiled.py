@@ -1,0 +1,223 @@
+"""Programs compiled once: found by digest in memory, then on disk, else written and compiled.
+
+LLVM IR to machine code, and machine code kept: in memory, and on disk between processes.
+
+Digests of what a kernel is made from, so that a cached one is never the wrong one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.integrators.trajectory import Array
+from inverse_service.kernels.codegen.adaptive_kernel import AdaptiveKernel
+from inverse_service.kernels.codegen.kernel import Kernel
+from inverse_service.kernels.codegen.llvm_writer import LlvmWriter
+from inverse_service.kernels.codegen.program import Layout, Program, Solve, layout_of
+from inverse_service.kernels.machine_code import code_store
+from inverse_service.kernels.machine_code.loading import engine_of, processor_name, target_machine
+
+_ROOMS = ("kernels", "integrators", "simulation", "expressions")
+
+
+@lru_cache(maxsize=1)
+def code_digest() -> str:
+    """Of our own sources that take part, of LLVM and of the processor."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for room in _ROOMS:
+        for path in sorted([*(root / room).rglob("*.py"), *(root / room).rglob("*.toml")]):
+            digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    digest.update(processor_name().encode())
+    return digest.hexdigest()
+
+
+def digest_of(*parts: object) -> str:
+    """SHA-256 of the parts' texts and of the code."""
+    digest = hashlib.sha256(code_digest().encode())
+    for part in parts:
+        digest.update(repr(part).encode() + b"\0")
+    return digest.hexdigest()
+
+
+def object_code(ir: str, thorough: bool = False) -> bytes:
+    """The IR optimized and compiled for this processor.
+
+    Subexpressions are already shared, so a single trajectory needs little: LLVM's whole pipeline (`thorough`) takes 8
+    to 13 ms more, to compile in 15 to 33 ms, and its steps are no shorter; those of ensembles are, by 0 to 40 %.
+    """
+    machine = target_machine()
+    module = llvm.parse_assembly(ir)
+    module.triple = machine.triple
+    _optimise(machine, module, thorough)
+    return bytes(machine.emit_object(module))
+
+
+def _optimise(machine: Any, module: Any, thorough: bool) -> None:
+    # Lanes are written out and loops are long: levels above 1 take half as long again and gain nothing measurable.
+    options = llvm.create_pipeline_tuning_options(speed_level=1)
+    options.loop_vectorization = options.loop_unrolling = options.slp_vectorization = False
+    builder = llvm.create_pass_builder(machine, options)
+    if thorough:
+        builder.getModulePassManager().run(module, builder)
+        return
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_sroa_pass()
+    passes.add_instruction_combine_pass()
+    passes.add_simplify_cfg_pass()
+    passes.add_new_gvn_pass()
+    passes.run(module, builder)
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A loaded kernel; it lives as long as its engine. `groups` is there where it has lanes."""
+
+    engine: Any
+    function: Any
+    groups: Any = None
+
+    def call(self, memory: int, weights: int, control: int, record: int) -> None:
+        """Run the kernel on these addresses; Python's lock is free meanwhile."""
+        self.function(memory, weights, control, record)
+
+    def call_groups(self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array) -> None:
+        """Run the kernel with one row of `memory`, `control` and `record` after another."""
+        strides = np.array([memory.strides[0], control.strides[0], record.strides[0]], dtype=np.int64)
+        starts = memory.ctypes.data, weights.ctypes.data, control.ctypes.data, record.ctypes.data
+        self.groups(*starts, len(memory), strides.ctypes.data)
+
+
+def load(code: bytes) -> Machine:
+    """The kernel of an object file, ready to be called."""
+    engine = engine_of(code)
+    address = engine.get_function_address("kernel")
+    if not address:
+        raise OSError("the object file has no kernel")
+    one, pointers = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(address), [ctypes.c_void_p] * 4
+    several = engine.get_function_address("groups")
+    many = ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64, ctypes.c_void_p)(several) if several else None
+    return Machine(engine, one, many)
+
+
+_MOST_IN_MEMORY = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """What a run needs to know of a kernel without its formulas."""
+
+    layout: Layout
+    unknowns: tuple[str, ...]
+    solves: tuple[tuple[str, ...], ...]
+    watches: tuple[tuple[str, str, str], ...]
+    observed: tuple[str, ...]
+    displacement: int
+    forces: int
+    lanes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """A kernel ready to run; `seconds` by stage: "write", "compile", "load" (0 where it was found)."""
+
+    card: Card
+    machine: Machine
+    seconds: dict[str, float]
+
+
+_memory: OrderedDict[str, Compiled] = OrderedDict()
+_lock = threading.Lock()
+
+
+def compiled(identity: object, make: Callable[[], Program], lanes: int = 1) -> Compiled:
+    """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
+    digest = digest_of(identity, lanes)
+    with _lock:  # LLVM's global context takes one thread at a time
+        known = _memory.get(digest)
+        if known is not None:
+            _memory.move_to_end(digest)
+            return Compiled(known.card, known.machine, {})
+        found = _from_disk(digest) or _made(digest, make, lanes)
+        _memory[digest] = found
+        while len(_memory) > _MOST_IN_MEMORY:
+            _memory.popitem(last=False)
+    return found
+
+
+def forget_memory() -> None:
+    """Empty the cache in memory; that on disk stays."""
+    with _lock:
+        _memory.clear()
+
+
+def kernel_text(program: Program, lanes: int = 1) -> str:
+    """The LLVM IR of the program, to be looked at."""
+    kind = Kernel if program.error is None else AdaptiveKernel
+    return kind(program, LlvmWriter(lanes)).write()
+
+
+def _from_disk(digest: str) -> Compiled | None:
+    begin = time.perf_counter()
+    entry = code_store.read(digest)
+    if entry is None:
+        return None
+    try:
+        card = _card_from(entry[0])
+        machine = load(entry[1])
+    except (KeyError, TypeError, ValueError, RuntimeError, OSError):
+        return None
+    return Compiled(card, machine, {"load": time.perf_counter() - begin})
+
+
+def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
+    begin = time.perf_counter()
+    program = make()
+    derived = time.perf_counter()
+    text = kernel_text(program, lanes)
+    written = time.perf_counter()
+    code = object_code(text, thorough=lanes > 1)
+    optimized = time.perf_counter()
+    card = card_of(program, lanes)
+    code_store.write(digest, asdict(card), code)
+    stored = time.perf_counter()
+    machine = load(code)
+    stages = {"derive": derived - begin, "write": written - derived, "compile": optimized - written}
+    stages |= {"store": stored - optimized, "load": time.perf_counter() - stored}
+    return Compiled(card, machine, stages)
+
+
+def card_of(program: Program, lanes: int = 1) -> Card:
+    return Card(
+        layout=layout_of(program),
+        unknowns=program.unknowns,
+        solves=tuple(block.unknowns for block in program.blocks if isinstance(block, Solve)),
+        watches=tuple((watch.kind, watch.quantity, watch.remedy) for watch in program.watches),
+        observed=tuple(name for name, _ in program.observed),
+        displacement=len(program.displacement),
+        forces=program.forces,
+        lanes=lanes,
+    )
+
+
+def _card_from(noted: dict[str, Any]) -> Card:
+    """From what `asdict` wrote and JSON gave back."""
+    plain = {name: _tuples(value) for name, value in noted.items()}
+    return Card(**plain | {"layout": Layout(**{name: _tuples(names) for name, names in noted["layout"].items()})})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -1,0 +1,143 @@
+"""A kernel compiled by numba to an object file that needs nothing of numba.
+
+Imported only where the store has no code: numba takes 0.3 s to import and some 0.5 s a kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import count
+from types import FunctionType
+from typing import Any, cast
+
+import llvmlite.binding as llvm
+import numba
+from numba import types
+from numba.extending import intrinsic
+from numba.np.numpy_support import carray
+
+from inverse_service.kernels.machine_code.kernels import ELEMENTS, Kind, Kinds, array_of
+from inverse_service.kernels.machine_code.loading import ENTRY, Unstorable, target_machine, used
+
+_NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}
+_ANSWERS = {types.none: "none", types.int64: "int64", types.uint64: "uint64", types.boolean: "bool"}
+
+
+def for_numba(value: Any) -> Any:
+    """A global of a kernel as numba knows it: kernels and intrinsics made, all else as it is."""
+    make = getattr(value, "made", None)
+    return value if make is None else make()
+
+
+def dispatcher(work: Callable[..., Any]) -> Any:
+    """numba's function that compiles `work` for what it is called with."""
+    function = cast(FunctionType, work)
+    space = {**function.__globals__, **{name: for_numba(value) for name, value in used(work).items()}}
+    alike = FunctionType(function.__code__, space, function.__name__, function.__defaults__)
+    alike.__module__, alike.__qualname__ = function.__module__, function.__qualname__
+    # Modules are divided by primes only: no path for a division by zero.
+    return numba.njit(error_model="numpy")(alike)
+
+
+def made_intrinsic(definition: Callable[..., Any]) -> Any:
+    return intrinsic(definition)
+
+
+def object_code(compiler: Any, kinds: Kinds) -> tuple[bytes, str]:
+    """The kernel for these kinds and what it answers; raises Unstorable where it needs more than itself."""
+    module, answer = module_of(compiler, kinds)
+    machine = target_machine(level=3)
+    reduce(module, machine, ENTRY)
+    return bytes(machine.emit_object(module)), answer
+
+
+def module_of(compiler: Any, kinds: Kinds, name: str = ENTRY) -> tuple[Any, str]:
+    """The kernel as a module of LLVM with one function of this name to enter, and what it answers."""
+    signature = tuple(map(_type, kinds))
+    compiler.compile(signature)  # refuses a kernel that writes what is to be read only
+    answer = _ANSWERS.get(compiler.overloads[signature].signature.return_type)
+    if answer is None:
+        raise Unstorable("the kernel gives neither nothing nor one number")
+    function = _flat(compiler, kinds, answer)
+    module = llvm.parse_assembly(function.inspect_llvm())
+    module.get_function(function.native_name).name = name
+    return module, answer
+
+
+def _type(kind: Kind) -> Any:
+    if not isinstance(kind, str):
+        return types.BaseTuple.from_types(tuple(map(_type, kind[1])), kind[0])  # type: ignore[no-untyped-call]
+    array = array_of(kind)
+    if not array.dimensions:
+        return _NUMBERS[kind]
+    return types.Array(getattr(types, array.element), array.dimensions, "C", readonly=array.constant)
+
+
+def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
+    """The kernel as a C function of the address of its words."""
+    space: dict[str, Any] = {"work": compiler, "array": carray, "constant": _constant(), "integer": types.int64}
+    space |= {name: _pointer_to(getattr(types, name)) for name in ELEMENTS}
+    places = count()
+
+    def argument(kind: Kind) -> str:
+        if isinstance(kind, str):
+            place = next(places)
+            return _argument(kind, place, [f"integer(words[{next(places)}])" for _ in range(array_of(kind).dimensions)])
+        name = f"S{len(space)}"
+        space[name] = kind[0]
+        return f"{name}({', '.join(map(argument, kind[1]))})"
+
+    call = f"work({', '.join(map(argument, kinds))})"
+    body = f"{call}; return 0" if answer == "none" else f"return {'int' if answer == 'bool' else ''}({call})"
+    exec(f"def flat(words): {body}", space)  # a text of numbered letters, nobody's input
+    given = types.uint64 if answer == "uint64" else types.int64
+    pointer: Any = types.CPointer
+    return numba.cfunc(given(pointer(types.uint64)), error_model="numpy")(space["flat"])
+
+
+def _argument(kind: str, place: int, lengths: list[str]) -> str:
+    """What stands in the words, made the argument."""
+    word, array = f"words[{place}]", array_of(kind)
+    if lengths:
+        made = f"array({array.element}({word}), ({', '.join(lengths)},))"
+        return f"constant({made})" if array.constant else made
+    return {"int64": f"integer({word})", "uint64": word, "bool": f"{word} != 0"}[kind]
+
+
+def _constant() -> Any:
+    """An array as one that is only read: for another kind the kernel would be compiled a second time."""
+
+    def definition(context: Any, array: Any) -> Any:
+        return array.copy(readonly=True)(array), lambda context, builder, signature, given: given[0]
+
+    return intrinsic(definition)
+
+
+def _pointer_to(element: Any) -> Any:
+    """From an address."""
+    make: Any = types.CPointer
+    pointer = make(element)
+
+    def definition(context: Any, address: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            return builder.inttoptr(given[0], context.get_value_type(pointer))
+
+        return pointer(types.uint64), code
+
+    return intrinsic(definition)
+
+
+def reduce(module: Any, machine: Any, name: str) -> None:
+    """Optimize with this function as the only way in, so that numba's paths for exceptions go; raises Unstorable."""
+    for function in module.functions:
+        if not function.is_declaration and function.name != name:
+            function.linkage = "internal"
+    for variable in module.global_variables:
+        if not variable.is_declaration:
+            variable.linkage = "internal"
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
+    needed = [*module.functions, *module.global_variables]
+    missing = [one.name for one in needed if one.is_declaration and not one.name.startswith("llvm.")]
+    if missing:
+        raise Unstorable(f"the kernel needs {', '.join(missing)}")

@@ -1,0 +1,288 @@
+"""Kernels: plain functions of numbers and arrays, compiled for the kinds of arguments they are called with.
+
+The code comes from the library of the installation (`shipped`), or from the user's store, where it is looked up by a
+digest of all it is made from and loaded by LLVM; numba is imported only where neither has it. A call takes 2 us, and
+1 us more for each array that is not held.
+
+What a kernel is called with: each argument's kind, which decides the machine code that takes it.
+
+Kinds are texts: "int64", "uint64", "bool", and arrays such as "int64[2]" (element type, dimensions) or
+"const int64[2]", which the kernel only reads. A NamedTuple of such arguments is one argument, which the kernel reads by
+its names; its kind is the class with the kinds of its parts. Machine code takes one address: that of the words of all
+parts, one after another. The words of arrays that stay where they are, are held: of small read-only ones, and of a
+`Kept` struct.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Generic, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from inverse_service.kernels.machine_code import code_store
+
+Kind = str | tuple[type, "Kinds"]
+Kinds = tuple[Kind, ...]
+
+ELEMENTS = ("int8", "int32", "int64", "uint64")
+_TYPES: dict[Any, str] = {np.dtype(name): name for name in ELEMENTS}
+_SCALARS = {int: "int64", np.int64: "int64", np.uint64: "uint64", bool: "bool", np.bool_: "bool"}
+_MOST_DIMENSIONS = 4
+_CONSTANT = "const "
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayKind:
+    """The kind of an array: element type, dimensions (0 for a number), whether the kernel only reads it."""
+
+    element: str
+    dimensions: int
+    constant: bool
+
+
+@lru_cache(maxsize=256)
+def array_of(kind: str) -> ArrayKind:
+    """The kind read; `dimensions` is 0 for that of a number."""
+    name, _, rest = kind.removeprefix(_CONSTANT).partition("[")
+    return ArrayKind(name, int(rest.rstrip("]") or 0), kind.startswith(_CONSTANT))
+
+
+def kinds_of(arguments: Sequence[Any], words: list[int]) -> Kinds | None:
+    """The kinds, or None where one argument is none that machine code of ours takes; its words are appended.
+
+    The words of an array are its address and its lengths. OverflowError for an integer of more than 64 bits.
+    """
+    kinds: list[Kind] = []
+    for argument in arguments:
+        kind: Kind | None = _SCALARS.get(type(argument))
+        if kind is not None:
+            if type(argument) is int and not -_LARGE <= argument < _LARGE:
+                raise OverflowError("a number does not fit 64 bits")
+            words.append(int(argument) & _LARGEST)
+        elif (known := _held.get(id(argument))) is not None and known[2]:
+            words += known[2]
+            kind = known[1]
+        elif isinstance(argument, np.ndarray):
+            kind = _kind_of_array(argument, words)
+        elif isinstance(argument, tuple):
+            kind = _kind_of_struct(argument, words)
+        if kind is None:
+            return None
+        kinds.append(kind)
+    return tuple(kinds)
+
+
+_LARGE = 1 << 63
+_LARGEST = (1 << 64) - 1
+# By their `id`: arguments whose arrays stay where they are, with kind and words (none before the first call). An entry
+# keeps its argument.
+_held: dict[int, tuple[Any, Kind, list[int]]] = {}
+_MOST_HELD = 256
+
+
+def _hold(argument: Any, kind: Kind, words: list[int]) -> None:
+    if len(_held) >= _MOST_HELD:
+        _held.clear()
+    _held[id(argument)] = argument, kind, words
+
+
+Struct = TypeVar("Struct", bound=tuple[Any, ...])
+
+
+class Kept(Generic[Struct]):
+    """A NamedTuple of arrays, none of which is resized, whose words are kept as long as this object lives."""
+
+    __slots__ = ("struct",)
+
+    def __init__(self, struct: Struct) -> None:
+        self.struct = struct
+        _hold(struct, "", [])
+
+    def __del__(self) -> None:
+        _held.pop(id(self.struct), None)
+
+
+def _kind_of_struct(struct: tuple[Any, ...], words: list[int]) -> Kind | None:
+    """That of a NamedTuple; where all its arrays are read-only, as in tables that are made once, it is held."""
+    own: list[int] = []
+    parts = kinds_of(struct, own) if hasattr(struct, "_fields") else None
+    if parts is None:
+        return None
+    words += own
+    kind = (type(struct), parts)
+    if id(struct) in _held or _is_constant(parts):
+        _hold(struct, kind, own)
+    return kind
+
+
+@lru_cache(maxsize=256)
+def _is_constant(parts: Kinds) -> bool:
+    return all(leaf.startswith(_CONSTANT) or "[" not in leaf for leaf in leaves(parts))
+
+
+def leaves(kinds: Kinds) -> Iterator[str]:
+    """The kinds of numbers and arrays, those of the parts in the place of a NamedTuple."""
+    for kind in kinds:
+        if isinstance(kind, str):
+            yield kind
+        else:
+            yield from leaves(kind[1])
+
+
+def told(kinds: Kinds) -> list[Any]:
+    """The kinds as texts and lists: a NamedTuple with its names, which say where a kernel finds what."""
+    return [k if isinstance(k, str) else [k[0].__qualname__, *getattr(k[0], "_fields", ()), told(k[1])] for k in kinds]
+
+
+def _kind_of_array(array: npt.NDArray[Any], words: list[int]) -> str | None:
+    """That of an array, which is held where it is small, read-only and no view: tables are made once."""
+    flags = array.flags
+    writable = flags.writeable
+    kind = _array_kind(array.dtype, array.ndim, writable) if flags.c_contiguous and flags.aligned else None
+    if kind is None:
+        return None
+    shape = array.shape
+    if 0 in shape:
+        own = [0, *shape]
+    elif writable:  # the address of a buffer takes 0.3 us, that of any array 1 us
+        own = [ctypes.addressof(_buffer(array)), *shape]
+    else:
+        own = [array.ctypes.data, *shape]
+        if array.size < _SMALL and flags.owndata:
+            _hold(array, kind, own)
+    words += own
+    return kind
+
+
+_buffer: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+_SMALL = 4096
+
+
+@lru_cache(maxsize=256)
+def _array_kind(element: Any, dimensions: int, writable: bool) -> str | None:
+    name = _TYPES.get(element)
+    known = name is not None and 0 < dimensions <= _MOST_DIMENSIONS
+    return f"{'' if writable else _CONSTANT}{name}[{dimensions}]" if known else None
+
+
+Work = TypeVar("Work", bound=Callable[..., Any])
+# Machine code: the words of the arguments to the answer.
+Entry = Callable[[list[int]], Any]
+
+_KIND = "modular"
+# Entries pass addresses as 64-bit numbers.
+POINTERS_OF_64_BITS = sys.maxsize > 2**32
+_lock = threading.RLock()
+
+
+KERNELS: list[Kernel] = []
+
+
+class Kernel:
+    """A compiled function; `py_func` is its source."""
+
+    __slots__ = ("_entries", "_made", "py_func")
+
+    def __init__(self, work: Callable[..., Any]) -> None:
+        self.py_func = work
+        self._entries: dict[Kinds, Entry | None] = {}
+        self._made: Any = None
+        KERNELS.append(self)
+
+    def __call__(self, *arguments: Any) -> Any:
+        words: list[int] = []
+        kinds = kinds_of(arguments, words) if POINTERS_OF_64_BITS else None
+        if kinds is None:
+            return self.made()(*arguments)
+        if kinds not in self._entries:
+            with _lock:
+                self._entries[kinds] = self._entry(kinds)
+        entry = self._entries[kinds]
+        return self.made()(*arguments) if entry is None else entry(words)
+
+    @property
+    def name(self) -> str:
+        return f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+
+    @property
+    def entries(self) -> Iterator[Kinds]:
+        """The kinds for which it was compiled to machine code that needs nothing of numba."""
+        return (kinds for kinds, entry in self._entries.items() if entry is not None)
+
+    def __repr__(self) -> str:
+        return f"<kernel {self.name}>"
+
+    def made(self) -> Any:
+        """numba's function, as other kernels need it."""
+        from inverse_service.kernels.machine_code.building import dispatcher  # numba takes 0.3 s to import
+
+        with _lock:
+            if self._made is None:
+                self._made = dispatcher(self.py_func)
+            return self._made
+
+    def _entry(self, kinds: Kinds) -> Entry | None:
+        """The machine code for arguments of these kinds; None where numba has to call it."""
+        from inverse_service.kernels.machine_code import shipped
+
+        found = shipped.entry(self.name, kinds)
+        if found is not None:
+            return found
+        from inverse_service.kernels.machine_code.loading import Unstorable  # LLVM takes 0.03 s to import
+
+        try:
+            return self._from_store(kinds) or self._built(kinds)
+        except (Unstorable, OSError, RuntimeError):  # the last two where this LLVM wants it otherwise
+            return None
+
+    def _from_store(self, kinds: Kinds) -> Entry | None:
+        from inverse_service.kernels.machine_code.loading import kernel_digest, load
+
+        found = code_store.read(kernel_digest(self.py_func, kinds), _KIND)
+        try:
+            return None if found is None else load(found[1], found[0]["answer"])
+        except (OSError, RuntimeError):
+            return None
+
+    def _built(self, kinds: Kinds) -> Entry:
+        from inverse_service.kernels.machine_code.building import object_code
+        from inverse_service.kernels.machine_code.loading import kernel_digest, load
+
+        code, answer = object_code(self.made(), kinds)
+        noted = {"kernel": repr(self), "kinds": told(kinds), "answer": answer}
+        code_store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND)
+        return load(code, answer)
+
+
+class Intrinsic:
+    """An operation that numba lacks, as code for LLVM; `py_func` writes it (numba.extending.intrinsic)."""
+
+    __slots__ = ("_made", "py_func")
+
+    def __init__(self, definition: Callable[..., Any]) -> None:
+        self.py_func = definition
+        self._made: Any = None
+
+    def made(self) -> Any:
+        from inverse_service.kernels.machine_code.building import made_intrinsic
+
+        if self._made is None:
+            self._made = made_intrinsic(self.py_func)
+        return self._made
+
+
+def compiled(work: Work) -> Work:
+    """The function as a kernel; it calls other kernels and intrinsics, and its globals do not change."""
+    return cast(Work, Kernel(work))
+
+
+def intrinsic(definition: Callable[..., Any]) -> Any:
+    """An operation for kernels; `definition` is as numba.extending.intrinsic wants it and imports numba itself."""
+    return Intrinsic(definition)

@@ -1,0 +1,162 @@
+"""An object file made a function of this process by LLVM and ctypes, and the processor that it is made for."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import importlib.util
+import sys
+from array import array
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, cast
+
+import llvmlite
+import llvmlite.binding as llvm
+import numpy as np
+
+from inverse_service.kernels.machine_code.kernels import Entry, Kinds, told
+from inverse_service.kernels.machine_code.shipped import ANSWERS
+
+ENTRY = "entry"
+# Code lives as long as the process.
+_kept: list[Any] = []
+
+
+@lru_cache(maxsize=1)
+def processor_features() -> str:
+    return str(llvm.get_host_cpu_features().flatten())
+
+
+@lru_cache(maxsize=1)
+def processor_name() -> str:
+    """The processor, and LLVM with its binding: code for one is not code for another."""
+    machine = (llvmlite.__version__, llvm.llvm_version_info, llvm.get_host_cpu_name(), processor_features())
+    return repr(machine)
+
+
+def target_machine(level: int = 2) -> Any:
+    """A new one each time: an engine takes its target machine for its own and ends it with itself."""
+    _initialize()
+    target = llvm.Target.from_default_triple()
+    return target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=processor_features(), opt=level, reloc="pic", codemodel="jitdefault"
+    )
+
+
+@lru_cache(maxsize=1)
+def _initialize() -> None:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+
+
+def engine_of(code: bytes) -> Any:
+    """The object file loaded; its code lives as long as the engine."""
+    # One engine for each, 1 ms: in an engine that has an object already, LLVM finds the data of the next one wrongly.
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine
+
+
+def load(code: bytes, answer: str) -> Entry:
+    """The kernel in the object file as a function of the words of its arguments (`kinds_of`)."""
+    engine = engine_of(code)
+    address = engine.get_function_address(ENTRY)
+    if not address:
+        raise OSError("the object file has no entry")
+    _kept.append(engine)
+    result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
+    function, finished = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(address), ANSWERS[answer]
+
+    def entry(words: list[int]) -> Any:
+        block = array("Q", words)
+        return finished(function(block.buffer_info()[0]))
+
+    return entry
+
+
+_CONSTANTS = (bool, int, float, np.generic)
+
+
+class Unstorable(Exception):
+    """A kernel uses something whose text says too little of what it is."""
+
+
+def used(work: Callable[..., Any]) -> dict[str, Any]:
+    """The globals that a function names."""
+    function = cast(FunctionType, work)
+    space = function.__globals__
+    return {name: space[name] for name in _names(function.__code__) if name in space}
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            yield from _names(part)
+
+
+def kernel_digest(work: Callable[..., Any], kinds: Kinds) -> str:
+    """SHA-256 of the kernel for arguments of these kinds; raises Unstorable."""
+    digest = hashlib.sha256(_makers())
+    for part in (repr(told(kinds)), *_described(work)):
+        digest.update(part.encode() + b"\0")
+    return digest.hexdigest()
+
+
+def _described(work: Callable[..., Any]) -> Iterator[str]:
+    function = cast(FunctionType, work)
+    if function.__closure__ or function.__kwdefaults__:
+        raise Unstorable(f"{function.__qualname__} holds values that are not global")
+    yield f"{function.__module__}.{function.__qualname__} {function.__defaults__!r}"
+    yield from _of_code(function.__code__)
+    for name, value in used(work).items():
+        yield name
+        yield from _of_global(name, value)
+
+
+def _of_code(code: CodeType) -> Iterator[str]:
+    yield repr((code.co_code, code.co_names, code.co_varnames, code.co_argcount, code.co_flags))
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            yield from _of_code(part)
+        else:
+            yield repr(part)
+
+
+def _of_global(name: str, value: Any) -> Iterator[str]:
+    # Kernels and intrinsics say what they are made from.
+    made_from = getattr(value, "py_func", None)
+    if made_from is not None:
+        yield from _described(made_from)
+    elif isinstance(value, ModuleType):
+        yield value.__name__
+    elif isinstance(value, _CONSTANTS):
+        yield f"{type(value).__name__} {value!r}"
+    elif isinstance(value, type):
+        yield f"{value.__module__}.{value.__qualname__}"
+    else:
+        raise Unstorable(f"{name} is a {type(value).__name__}")
+
+
+@lru_cache(maxsize=1)
+def _makers() -> bytes:
+    """Of this room, numba, LLVM, the processor and the Python whose bytecode and objects are read."""
+    digest = hashlib.sha256(repr((sys.version, processor_name())).encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    digest.update(_numba_version())
+    return digest.digest()
+
+
+def _numba_version() -> bytes:
+    """Read from its files: to import numba takes a quarter of a second."""
+    found = importlib.util.find_spec("numba")
+    if found is None or found.origin is None:
+        raise Unstorable("numba is not installed as files")
+    path = Path(found.origin)
+    text = path.with_name("_version.py")
+    return text.read_bytes() if text.is_file() else repr((path.stat().st_mtime_ns, path.stat().st_size)).encode()

@@ -1,0 +1,86 @@
+"""The kernels that were compiled when the wheel was made: a shared library for this processor, and its index.
+
+    kernels.json     {"kernels": [{"name", "kinds", "answer", "symbol"}], "sources": {file: SHA-256}}
+    kernels-TARGET.so   TARGET one of `TARGETS`, the best that this processor runs is loaded
+
+A checkout has none of them; there kernels are compiled by numba at the first use.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import platform
+import sys
+from array import array
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from inverse_service.kernels.machine_code.kernels import Entry, Kinds, told
+
+FOLDER = Path(__file__).parent / "compiled"
+# Names of processors for LLVM with the flags of /proc/cpuinfo that they need, best first. Elimination takes half the
+# time with 512-bit vectors; v2 and v3 gain nothing on it.
+_WIDE = frozenset({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"})
+TARGETS: dict[str, tuple[tuple[str, frozenset[str]], ...]] = {
+    "x86_64": (("x86-64-v4", _WIDE), ("x86-64", frozenset())),
+    "aarch64": (("generic", frozenset()),),
+}
+ANSWERS: dict[str, Callable[[int], Any]] = {"none": lambda answer: None, "int64": int, "uint64": int, "bool": bool}
+
+
+def is_available() -> bool:
+    return bool(library(FOLDER))
+
+
+def entry(name: str, kinds: Kinds) -> Entry | None:
+    """The kernel of this name for arguments of these kinds, None where the library has none."""
+    found = library(FOLDER).get((name, json.dumps(told(kinds))))
+    if found is None:
+        return None
+    function, finished = found
+
+    def call(words: list[int]) -> Any:
+        block = array("Q", words)
+        return finished(function(block.buffer_info()[0]))
+
+    return call
+
+
+@lru_cache(maxsize=1)
+def library(folder: Path) -> dict[tuple[str, str], tuple[Any, Callable[[int], Any]]]:
+    """What the index lists; empty where there is no library for this processor or it is of other sources."""
+    try:
+        index = json.loads((folder / "kernels.json").read_text(encoding="utf-8"))
+        if index["sources"] != {name: digest(name) for name in index["sources"]} or not sys.platform.startswith(
+            "linux"
+        ):
+            return {}
+        flags = processor_flags()
+        target = next(name for name, needed in TARGETS[platform.machine()] if needed <= flags)
+        library = ctypes.PyDLL(str(folder / f"kernels-{target}.so"))
+    except (OSError, ValueError, KeyError, StopIteration):
+        return {}
+    found = {}
+    for one in index["kernels"]:
+        function = library[one["symbol"]]
+        function.restype = ctypes.c_uint64 if one["answer"] == "uint64" else ctypes.c_int64
+        function.argtypes = [ctypes.c_void_p]
+        found[one["name"], json.dumps(one["kinds"])] = function, ANSWERS[one["answer"]]
+    return found
+
+
+def digest(name: str) -> str:
+    """SHA-256 of a file of the package, named from its root."""
+    return hashlib.sha256((Path(__file__).parents[2] / name).read_bytes()).hexdigest()
+
+
+def processor_flags() -> frozenset[str]:
+    """What the processor can do, as Linux names it."""
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith(("flags", "Features")):
+            return frozenset(line.partition(":")[2].split())
+    return frozenset()

@@ -1,0 +1,97 @@
+"""Sums of products of sines and cosines in the shortest of their forms.
+
+A polynomial in cos u, sin u, cos w, … is written as it is, with sin^2 for 1 - cos^2 in one angle or another, or as a
+sum of sines and cosines of sums of angles (cos u cos w + sin u sin w as cos(u - w)).
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from inverse_service.expressions import tree as ex
+from inverse_service.search.terms import (
+    Monomial,
+    Terms,
+    TooManyTerms,
+    add_terms,
+    monomial,
+    multiply_terms,
+    terms_of,
+    times,
+    tree_of,
+)
+
+# Powers of one function that are written by multiple angles.
+_POWERS = 4
+
+
+def shortest(terms: Terms) -> Terms:
+    """The form with the fewest terms; the given one where there are as many."""
+    best = terms
+    try:
+        for argument in dict.fromkeys(_arguments(terms)):
+            other = _with_sines(best, argument)
+            best = other if _length(other) < _length(best) else best
+        other = by_multiple_angles(terms)
+    except TooManyTerms:
+        return best
+    return other if _length(other) < _length(best) else best
+
+
+def _length(terms: Terms) -> tuple[int, int]:
+    return len(terms), sum(len(key) for key in terms)
+
+
+def _arguments(terms: Terms) -> list[ex.Expression]:
+    return [p.argument for key in terms for p, _ in key if isinstance(p, ex.Apply) and p.function in ("sin", "cos")]
+
+
+def _with_sines(terms: Terms, argument: ex.Expression) -> Terms:
+    """cos^2 replaced by 1 - sin^2 in one angle."""
+    cosine, sine = ex.Apply("cos", argument), ex.Apply("sin", argument)
+    result: Terms = {}
+    for key, value in terms.items():
+        part: Terms = {key: value}
+        e = dict(key).get(cosine, Fraction(0))
+        if e.denominator == 1 and e >= 2:
+            half = int(e) // 2
+            part = {times(key, monomial(cosine), -2 * half): value}
+            for _ in range(half):
+                part = multiply_terms(
+                    part, {frozenset(): Fraction(1), times(frozenset(), monomial(sine), 2): Fraction(-1)}
+                )
+        result = add_terms(result, part)
+    return result
+
+
+def by_multiple_angles(terms: Terms) -> Terms:
+    """Products of sines and cosines as sums of those of sums of angles."""
+    result: Terms = {}
+    for key, value in terms.items():
+        circular = [
+            (p, int(e))
+            for p, e in key
+            if isinstance(p, ex.Apply) and p.function in ("sin", "cos") and e.denominator == 1 and 0 < e <= _POWERS
+        ]
+        rest: Monomial = key - {(p, Fraction(e)) for p, e in circular}
+        waves: list[tuple[str, ex.Expression, Fraction]] = [("cos", ex.ZERO, value)]
+        for p, e in sorted(circular, key=repr):
+            for _ in range(e):
+                waves = [wave for one in waves for wave in _product(one, p)]
+        for name, argument, factor in waves:
+            if argument != ex.ZERO:
+                part = terms_of(ex.Apply(name, argument))
+                result = add_terms(result, multiply_terms({rest: Fraction(1)}, part), factor)
+            elif name == "cos":
+                result = add_terms(result, {rest: factor})
+    return result
+
+
+def _product(wave: tuple[str, ex.Expression, Fraction], other: ex.Apply) -> list[tuple[str, ex.Expression, Fraction]]:
+    """cos u cos w = (cos(u - w) + cos(u + w))/2 and the like."""
+    name, u, factor = wave
+    total, difference = (tree_of(terms_of(u + sign * other.argument)) for sign in (1, -1))
+    half = factor / 2
+    if name == other.function:
+        return [("cos", difference, half), ("cos", total, half if name == "cos" else -half)]
+    return [("sin", total, half), ("sin", difference, half if name == "sin" else -half)]

@@ -1,0 +1,354 @@
+"""The ansatz, deepened by weight: functions of the velocities times functions of position.
+
+Which functions of the velocities a multiplier can be made of is seen at one place: for g = sum_k c_k(t, q) Hessian(s_k)
+the coefficients and their derivatives are numbers at one place (t, q), and (H2), (H3) are linear in them for every v
+there. What has to vanish in all solutions is left out before coefficients are guessed; where no solution is regular, no
+ansatz in these shapes holds a Lagrangian. Only what is left gets factors: short products of what f is made of, more of
+them in a second round. Potentials and linear terms come later.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import combinations_with_replacement
+
+import numpy as np
+from flint import nmod_mat
+
+from inverse_service import bounds
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Sum,
+    Symbol,
+    Velocity,
+    is_exponential,
+    number,
+    walk,
+)
+from inverse_service.field import modular
+from inverse_service.field import truncated_series as ps
+from inverse_service.field.echelon_kernels import Words
+from inverse_service.field.modular import Field, compiled, multiply, reconstruct
+from inverse_service.field.point import Expansion, Variable, variables_in
+from inverse_service.field.sample_points import SamplePoints
+from inverse_service.field.truncated_series import SingularPoint
+from inverse_service.search.closure import closed, is_admissible, potentials
+from inverse_service.search.factors import Factors, position_monomials, products
+from inverse_service.search.linear_ansatz import letters_of, to_montgomery
+from inverse_service.search.material import Material, antiderivatives, distinct
+from inverse_service.search.motion_terms import has_velocity, split_velocities
+from inverse_service.search.multiplier_ansatz import helmholtz_matrix
+from inverse_service.search.null_vectors import SPARE, random_null_vector
+from inverse_service.search.sampling import LetterTable, sampler_of, table_at
+from inverse_service.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times
+
+_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
+
+
+@dataclass(frozen=True, slots=True)
+class Possible:
+    """The shapes that can occur in a regular multiplier, and what is known of their coefficients.
+
+    `fixed` are those of t and the coordinates that the coefficient of a shape does not hold in any of them. The
+    coefficients are e^(rho t) c(q) with one rho, where that of most of them is seen; `alone` where it is seen of all.
+    """
+
+    shapes: list[Monomial]
+    fixed: Mapping[Monomial, frozenset[Variable]] = field(default_factory=dict)
+    growth: Fraction | None = None
+    alone: bool = False
+
+    def may_have(self, factor: Monomial, shape: Monomial) -> bool:
+        """Whether a function of t and the coordinates can occur in the coefficient of a shape."""
+        return self.fixed.get(shape, frozenset()).isdisjoint(name for p, _ in factor for name in variables_in(p))
+
+    def in_time(self, others: Sequence[Monomial]) -> tuple[Monomial, ...]:
+        """e^(rho t), before the others where it is not alone."""
+        own = frozenset([(Apply("exp", TIME), self.growth)]) if self.growth else EMPTY
+        return tuple(others) if self.growth is None else tuple(dict.fromkeys([own, *(() if self.alone else others)]))
+
+
+def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> Possible:
+    """Those that can occur; where the test cannot be made, the simplest."""
+    try:
+        return _possible_shapes(material, shapes, seed)
+    except _NO_POINTS:
+        return Possible(list(shapes[: bounds.SMALL]))
+
+
+def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> Possible:
+    if not shapes:
+        return Possible([])
+    unknowns = material.motion.size + 1 + material.motion.with_time
+    sampler, chosen = sampler_of(material.analysis, list(shapes[: bounds.SMALL]))
+    points, letters = sampler.at_one_place(seed), letters_of(chosen)
+    count = (len(chosen) * unknowns + SPARE) // material.motion.size**2 + 2
+    table = table_at(points, letters, count, with_third=True)
+    matrix, hessians = helmholtz_matrix(sampler, table, letters, chosen)
+    generator = random.Random(f"velocity shapes {seed}")
+
+    def solution(places: Sequence[int]) -> list[int]:
+        return _random_solution(material, table, matrix[:, places], hessians[:, places], generator)
+
+    found = solution(range(len(chosen)))
+    weights = found[: len(chosen)]
+    fixed = dict(zip(chosen, _fixed(material, found, len(chosen)), strict=True))
+    used = _used(chosen, weights, hessians[0], table.prime)
+    squares = used == [monomial(v, v) for v in material.motion.velocities]
+    if squares and not _has_function_of_position(points):
+        return Possible([])
+    if not used or not material.motion.with_time or material.analysis.system.depends_on_time:
+        return Possible(used, fixed)
+    again = solution([k for k, c in enumerate(weights) if c])
+    return Possible(used, fixed, *_growth(again[: len(used)], again[len(used) : 2 * len(used)], table.prime))
+
+
+def _fixed(material: Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
+    """For each of `count` shapes those of t and the coordinates by which its coefficient has the derivative 0.
+
+    A derivative that is 0 in a random solution is 0 in all, at this place and so at almost all of them.
+    """
+    names: list[Variable] = [*([TIME] if material.motion.with_time else []), *material.motion.coordinates]
+    rates = {name: solution[(k + 1) * count : (k + 2) * count] for k, name in enumerate(names)}
+    return [frozenset(name for name in names if not rates[name][shape]) for shape in range(count)]
+
+
+def _growth(weights: Sequence[int], rates: Sequence[int], prime: int) -> tuple[Fraction | None, bool]:
+    """rho with d_t c_k = rho c_k in a random solution for most k, and whether for all; None without one."""
+    pairs = zip(weights, rates, strict=True)
+    known = [reconstruct(rate * pow(c, -1, prime), prime, bounds.RATIO) if c else None for c, rate in pairs]
+    most = max(known, key=known.count)
+    is_seen = most is not None and 2 * known.count(most) > len(known)
+    return (most, set(known) == {most}) if is_seen else (None, False)
+
+
+def _has_function_of_position(points: SamplePoints) -> bool:
+    """Whether one coordinate has a multiplier phi(t, x): Gamma(log phi) = -df/dv, so df/dv = b + 2 c v, b_x = 2 c_t."""
+    if len(points.forces) > 1:
+        return True
+    time, position, velocity = range(3)
+    expansion = Expansion(points.point(0), points.variables, 3)
+    slope = ps.derivative(expansion.expand(points.forces[0]), velocity)
+    second = ps.derivative(slope, velocity)
+    v = expansion.expand(points.variables[velocity])[: len(second)]
+    rest = ps.subtract(slope[: len(second)], ps.multiply(v, second))
+    wanted = ps.subtract(ps.derivative(rest, position), ps.derivative(second, time))
+    return not ps.value_at_point(ps.derivative(second, velocity)) and not ps.value_at_point(wanted)
+
+
+def _random_solution(
+    material: Material, table: LetterTable, matrix: Words, hessians: Words, generator: random.Random
+) -> list[int]:
+    """The coefficients of the shapes of one group, and then their derivatives, in a random solution at one place."""
+    motion, prime = material.motion, table.prime
+    rates = [[1] * motion.with_time + [point.variable(v) for v in motion.velocities] for point in table.points]
+    width = matrix.shape[1]
+    rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
+    rows[:, :width] = matrix
+    in_order = np.ascontiguousarray(hessians)  # for machine code: some chosen along the second axis are not
+    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), in_order, rows, modular.field_of(prime))
+    return random_null_vector(rows, prime, generator)
+
+
+@compiled
+def _fill_rates(rates: Words, hessians: Words, rows: Words, field: Field) -> None:
+    """The entries for d_t c (where L may hold t) and each d_k c: s_ij times 1 and v^k in (H2), 0 in (H3)."""
+    samples, count, n, _ = hessians.shape
+    for s in range(samples):
+        for r in range(rates.shape[1]):
+            row = s * n * n
+            for i in range(n):
+                for j in range(i, n):
+                    for c in range(count):
+                        rows[row, (r + 1) * count + c] = multiply(rates[s, r], hessians[s, c, i, j], field)
+                    row += 1
+
+
+def _used(shapes: Sequence[Monomial], weights: Sequence[int], hessians: Words, prime: int) -> list[Monomial]:
+    """The shapes with a coefficient in a random solution; none where its g is singular, as then all are."""
+    n = hessians.shape[1]
+    g = nmod_mat(1, len(weights), weights, prime) * nmod_mat(len(weights), n * n, hessians.ravel().tolist(), prime)
+    if nmod_mat(n, n, g.entries(), prime).rank() < n:
+        return []
+    return [shape for shape, c in zip(shapes, weights, strict=True) if c]
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """A row of the ansatz: functions of the velocities, and how many terms they make with functions of position.
+
+    Where they are `given`, `shapes` are whole terms; those without a Hessian go with every choice of the others.
+    """
+
+    name: str
+    cost: float
+    shapes: Callable[[Material], Sequence[Monomial]]
+    terms: int
+    given: bool = False
+
+
+def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> Iterator[list[Monomial]]:
+    """The terms of an ansatz that have a Hessian, simple ones first; none where these make no regular multiplier.
+
+    Several coordinates have few multipliers, so constant coefficients, up to e^(rho t), come before functions of
+    position; a logarithm has values for some velocities only, so that what does without comes before it.
+    """
+    shapes = [key for key in family.shapes(material) if not is_linear(key)]
+    if family.given:
+        yield [key for key in shapes if is_admissible(material, key)]
+        return
+    possible = possible_shapes(material, shapes, seed)
+    chosen = _with_roots_of_numbers(material, possible.shapes)
+    if not chosen or not family.terms:
+        yield chosen
+        return
+    if material.motion.size > 1:
+        plain = [shape for shape in chosen if not any(isinstance(p, Apply) and not is_exponential(p) for p, _ in shape)]
+        yield products(possible.in_time([EMPTY])[:1], plain)
+    yield _with_functions(material, family, factors, possible, chosen)
+
+
+def _with_functions(
+    material: Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[Monomial]
+) -> list[Monomial]:
+    """The shapes with functions of t and of position as coefficients."""
+    in_time = possible.in_time(factors.in_time)
+    # For one coordinate every f has a Lagrangian, so long rows end most searches in vain; they found none there.
+    terms = family.terms if material.motion.size > 1 else min(family.terms, bounds.SMALL)
+    room = max(bounds.CANDIDATES, terms // (len(chosen) * len(in_time)))
+    functions = products(in_time, _functions(material, factors, room))
+    pairs = [(m, shape) for m in functions for shape in chosen if possible.may_have(m, shape)][: 2 * family.terms]
+    pairs += [(m, shape) for shape in chosen for m in _fitted(material, factors, shape) if possible.may_have(m, shape)]
+    if material.motion.with_time and not material.position_letters:
+        # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.
+        pairs += [(monomial(TIME), shape) for shape in chosen if possible.may_have(monomial(TIME), shape)]
+    found = distinct([times(m, shape) for m, shape in pairs])
+    return [key for key in found if is_admissible(material, key) and not is_linear(key)]
+
+
+def _with_roots_of_numbers(material: Material, shapes: Sequence[Monomial]) -> list[Monomial]:
+    """Roots of sums also times the roots of numbers in f: sqrt(x'^2 + y'^2/2) is sqrt(1/2) sqrt(2 x'^2 + y'^2)."""
+    letters = (item for terms in material.motion.forces for key in terms for item in key)
+    nodes = (Power(p, number(e)) if isinstance(p, Number) else p for p, e in letters)
+    constants = dict.fromkeys(
+        frozenset([(node.base, node.exponent.value % 1)])
+        for tree in dict.fromkeys(nodes)
+        for node in walk(tree)
+        if isinstance(node, Power) and isinstance(node.base, Number) and isinstance(node.exponent, Number)
+    )
+    rooted = [s for s in shapes if any(isinstance(p, Sum) and e.denominator > 1 for p, e in s)]
+    return [*shapes, *products(constants, rooted)]
+
+
+def _functions(material: Material, factors: Factors, room: int) -> list[Monomial]:
+    """1, parameters, integrating factors and products of letters of position, the simplest of them."""
+    fitted = list(dict.fromkeys([EMPTY, *factors.plain[: room // 3]]))
+    others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, 4, 2 * room)])
+    # A coordinate that does not occur in f can occur in L all the same.
+    plain = [monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)]
+    raised = _antiderivatives_of_forces(material)[: room // 3]
+    return list(dict.fromkeys([*fitted, *raised, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
+
+
+def _antiderivatives_of_forces(material: Material) -> list[Monomial]:
+    """B(q) with dB/dq_j = T for the functions of position T in f that hold a function such as log x."""
+    motion = material.motion
+    parts = dict.fromkeys(split_velocities(key)[0] for terms in motion.forces for key in terms)
+    special = [part for part in parts if any(isinstance(letter, Apply) for letter, _ in part)]
+    return distinct([m for part in special for q in motion.coordinates for m in antiderivatives(part, q)])
+
+
+def with_parameters(material: Material, terms: Sequence[Monomial], most: int) -> list[Monomial]:
+    """The terms times products of what the parameters of f stand in, for coefficients that hold parameters."""
+    constants = distinct(products(material.parameter_monomials, material.parameter_monomials))
+    return distinct(products(terms, constants[: max(1, most // len(terms))])) if terms else []
+
+
+def _fitted(material: Material, factors: Factors, shape: Monomial) -> Iterator[Monomial]:
+    """What the coefficients of v_i v_l in f_i ask for besides a power of v_i."""
+    for i, v in enumerate(material.motion.velocities):
+        exponent = dict(shape).get(v, Fraction(0))
+        if shape == monomial(Apply("log", v)):
+            yield from factors.of_degree(i, Fraction(-2))
+        if exponent and len(shape) <= 2:
+            for degree in {exponent - 2, Fraction(-1), Fraction(-2)}:
+                yield from factors.of_degree(i, degree)
+
+
+def all_terms(material: Material, family: Family, chosen: Sequence[Monomial]) -> list[Monomial]:
+    """Chosen kinetic terms with the potentials and linear terms that can go with them."""
+    depth = 3 if is_polynomial(material) else 1
+    own = family.shapes(material) if family.given else ()
+    every = [*closed(material, chosen, depth, bounds.SMALL), *(key for key in own if is_linear(key))]
+    every += _fitting(material, bounds.COLUMNS)[1 : bounds.COLUMNS]
+    every += potentials(material, chosen, bounds.SMALL)
+    return [key for key in distinct(every) if is_admissible(material, key)]
+
+
+def _fitting(material: Material, room: int) -> list[Monomial]:
+    """Products of up to three letters where there is room for all of them, else of two."""
+    units = len(position_monomials(material, 1)) - 1
+    return position_monomials(material, 3 if math.comb(units + 3, 3) <= room else 2)
+
+
+def is_polynomial(material: Material) -> bool:
+    """Whether f is a polynomial in positions, velocities and parameters: only then are deep closures finite."""
+    return all(
+        isinstance(letter, Symbol | Velocity) and e > 0
+        for terms in material.motion.forces
+        for key in terms
+        for letter, e in key
+    )
+
+
+def is_linear(key: Monomial) -> bool:
+    """Whether a term is a function of position times at most one velocity."""
+    moving = [(letter, e) for letter, e in key if has_velocity(letter)]
+    return not moving or (len(moving) == 1 and isinstance(moving[0][0], Velocity) and moving[0][1] == 1)
+
+
+def label(family: Family, terms: Sequence[Monomial]) -> str:
+    """What a reader calls the ansatz in which these kinetic terms were found."""
+    moving = [[(p, e) for p, e in key if has_velocity(p)] for key in terms if not is_linear(key)]
+    if family.name == NAME:
+        return NAME
+    if not all(isinstance(p, Velocity) for part in moving for p, _ in part):
+        return "functions of the velocities"
+    if all(e.denominator == 1 for part in moving for _, e in part):
+        if all(e > 0 for part in moving for _, e in part):
+            degrees = {sum((e for _, e in part), Fraction(0)) for part in moving}
+            return "quadratic in the velocities" if degrees == {2} else "polynomial in the velocities"
+        return "Laurent monomials in the velocities"
+    return "powers of the velocities"
+
+
+NAME = "the given terms"
+
+
+def own_family(given: Sequence[Expression]) -> Family | None:
+    """The ansatz of the monomials of the given terms, each with a coefficient of its own; None without terms.
+
+    Potentials and linear terms are added as to any family, so that kinetic terms are enough; those
+    that are given go with every choice.
+    """
+    monomials = list(dict.fromkeys(key for term in given for key in monomials_of(term)))[: bounds.LARGE]
+    if not monomials:
+        return None
+    return Family(NAME, 0, lambda material: monomials, 0, given=True)
+
+
+def monomials_of(term: Expression) -> list[Monomial]:
+    """The monomials of a term multiplied out; the term as one letter where that would be long."""
+    try:
+        return list(terms_of(term))
+    except TooManyTerms:
+        return [monomial(term)]

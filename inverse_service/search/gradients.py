@@ -1,0 +1,358 @@
+"""Functions with a given gradient, and Lagrangians A_i(t, q) v_i - V(t, q) with given Euler-Lagrange expressions.
+
+    E_i = (d_j A_i - d_i A_j) v_j + d_t A_i + d_i V
+
+A gradient is integrated one variable at a time: what an integral by one variable gives to the slopes by the others is
+taken from these, and what is left does not depend on that variable any more (Poincare's lemma). A term is grouped by
+its factors that are no powers of the variable: the integral of c u^e du/dx is c u^(e+1)/(e+1), never multiplied out, so
+that a potential is finite where the force is. A constant field that rotations leave alone gets a potential with
+that symmetry, W (x y' - y x')/2; any other is integrated along a coordinate that it depends on, so that cyclic
+coordinates stay cyclic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import combinations
+
+from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.expressions import tree as ex
+from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.real_point import RealTable, real_sign
+from inverse_service.mechanics.implicit_equations import vanishes
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search import completion
+from inverse_service.search.motion_terms import split_velocities
+from inverse_service.search.quadratures import antiderivative, fresh_names
+from inverse_service.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    add_terms,
+    derivative_of_terms,
+    letter_derivative,
+    monomial,
+    multiply_terms,
+    split_content,
+    terms_of,
+    times,
+    tree_of,
+)
+
+ONE_TERM: Terms = {EMPTY: Fraction(1)}
+
+
+@dataclass(slots=True)
+class Integrator:
+    """Integrates over the coordinates of one system; with `signs`, what is not elementary stays under an integral sign.
+
+    `table` is a real point at which what is found has to be real.
+    """
+
+    system: SecondOrderSystem
+    table: RealTable | None = None
+    signs: bool = False
+    names: Iterator[str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.names = fresh_names(self.system)
+
+    def function_of(self, variables: Sequence[ex.Symbol], slopes: Sequence[Terms]) -> Terms | None:
+        """phi with d phi/d variables[i] = slopes[i]; None where there is none, or none is found."""
+        if not _is_closed(variables, slopes):
+            return None
+        rest, total = [dict(slope) for slope in slopes], Terms()
+        for k, variable in enumerate(variables):
+            if not rest[k]:
+                continue
+            part, left = self.integral(rest[k], variable)
+            if left and not self.signs:
+                return None
+            total = add_terms(total, part)
+            for j, q in enumerate(variables):
+                if j != k and (slope := derivative_of_terms(part, q)):
+                    rest[j] = add_terms(rest[j], slope, -1)
+                    if any(_holds(rest[j], earlier) for earlier in variables[: k + 1]):
+                        rest[j] = self.in_normal_form(rest[j])
+            rest[k] = left
+            if left:
+                signed = self._under_signs(variables, rest, k)
+                return None if signed is None else add_terms(total, signed)
+        return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
+
+    def _under_signs(self, variables: Sequence[ex.Symbol], slopes: Sequence[Terms], k: int) -> Terms | None:
+        """Functions with these slopes, constants outside where one variable alone is moving."""
+        rest = [self.in_normal_form(terms) for terms in slopes]
+        if any(terms for j, terms in enumerate(rest) if j != k):
+            return None  # a function under an integral sign is known by one derivative
+        return _sum(
+            multiply_terms(beside, {monomial(self.under_a_sign(tree_of(inner), variables[k])): Fraction(1)})
+            for beside, inner in _outside(rest[k], variables[k])
+        )
+
+    def in_normal_form(self, terms: Terms) -> Terms:
+        """The sum over one denominator, with the relations among its letters used; 0 where it vanishes."""
+        if not terms:
+            return terms
+        if is_zero(terms):
+            return {}
+        names = self.system.coordinates
+        symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
+        with suppress(TooLarge, ZeroDivisionError, TooManyTerms, KeyError, IrreducibleAtoms):
+            return terms_of(factored([tree_of(terms)], symbols, Budget.short())[0])
+        return terms
+
+    def integral(self, slope: Terms, variable: ex.Symbol) -> tuple[Terms, Terms]:
+        """(an integral of a part of the slope by one variable, the rest of the slope)."""
+        groups: dict[Monomial, Terms] = {}
+        for key, value in slope.items():
+            own = frozenset(item for item in key if item[0] != variable and ex.holds(item[0], variable))
+            groups.setdefault(own, {})[times(key, own, -1)] = value
+        total, other = Terms(), Terms()
+        for own, beside in groups.items():
+            part = power_rule(own, beside, variable)
+            if part is None:
+                other = add_terms(other, multiply_terms({own: Fraction(1)}, beside))
+            else:
+                total = add_terms(total, part)
+        if not other:
+            return total, other
+        known = completion.linear_completion([variable.name], [other])
+        if known is not None:
+            return add_terms(total, terms_of(known), -1), {}
+        left = Terms()
+        for beside, inner in _outside(other, variable):
+            found = antiderivative(self.system, tree_of(inner), variable, self.table)
+            if found is None:
+                left = add_terms(left, multiply_terms(beside, inner))
+            else:
+                total = add_terms(total, multiply_terms(beside, terms_of(found)))
+        return total, left
+
+    def under_a_sign(self, slope: ex.Expression, variable: ex.Symbol) -> ex.Expression:
+        """F with dF/dx = slope, F a function of all variables that the slope holds; its other slopes are left open."""
+        others = [name for name in (ex.TIME, *map(ex.Symbol, self.system.coordinates)) if ex.holds(slope, name)]
+        arguments = tuple(dict.fromkeys([*others, variable]))
+        slopes = tuple(slope if argument == variable else None for argument in arguments)
+        return ex.Integral(next(self.names), arguments, (0,) * len(arguments), slopes)
+
+    def exponential(self, logarithm: Terms) -> Terms:
+        """exp of a sum: c log(u) with constant c gives u^c, -u where u is negative at the real point."""
+        product: Terms = dict(ONE_TERM)
+        varying = {ex.TIME, *map(ex.Symbol, self.system.coordinates)}
+        exponents: dict[ex.Expression, Terms] = {}
+        rest = Terms()
+        for key, value in logarithm.items():
+            log = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == "log" and e == 1), None)
+            others = key - {(log, Fraction(1))} if log is not None else key
+            if isinstance(log, ex.Apply) and not any(ex.holds(p, *varying) for p, _ in others):
+                sums = exponents.get(log.argument, {})
+                exponents[log.argument] = add_terms(sums, {others: value})
+            else:
+                rest[key] = value
+        for base, exponent in exponents.items():
+            product = multiply_terms(product, terms_of(self.positive(base) ** tree_of(exponent)))
+        return multiply_terms(product, terms_of(ex.Apply("exp", tree_of(rest)))) if rest else product
+
+    def positive(self, base: ex.Expression) -> ex.Expression:
+        """The tree, or its opposite where that is positive at the real point."""
+        with suppress(NoRealValue, IrreducibleAtoms):
+            if self.table is not None and real_sign(base, self.table) < 0:
+                return ex.negated(base)
+        return base
+
+    def linear_terms(self, wanted: Sequence[Terms]) -> Terms | None:
+        """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None where none is found."""
+        names = self.system.coordinates
+        symbols = [ex.Symbol(name) for name in names]
+        rest, total = list(wanted), Terms()
+        for i, j in combinations(range(len(names)), 2):
+            magnetic = completion.round_potential(names, rest, i, j)
+            if magnetic is not None:
+                total = add_terms(total, terms_of(magnetic))
+                own = completion.expressions_without_acceleration(names, terms_of(magnetic))
+                rest = [self.in_normal_form(add_terms(w, part, -1)) for w, part in zip(rest, own, strict=True)]
+        fields: dict[tuple[int, int], Terms] = {}
+        slopes = list[Terms]()
+        for i, terms in enumerate(rest):
+            parts = _by_velocity(terms, names)
+            if parts is None:
+                return None
+            slopes.append({key: value for key, value in terms.items() if not split_velocities(key)[1]})
+            fields |= {(i, j): part for j, part in enumerate(parts) if part}
+        if not all(is_zero(add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()):
+            return None
+        potential = self._vector_potential(fields, slopes)
+        if potential is None:
+            return None
+        for i, a in potential.items():
+            total = add_terms(total, multiply_terms(a, {monomial(ex.Velocity(names[i])): Fraction(1)}))
+            if _holds(a, ex.TIME):
+                slopes[i] = add_terms(slopes[i], derivative_of_terms(a, ex.TIME), -1)
+        scalar = self.function_of(symbols, slopes)
+        return None if scalar is None else add_terms(total, scalar, -1)
+
+    def _vector_potential(
+        self, fields: dict[tuple[int, int], Terms], slopes: Sequence[Terms]
+    ) -> dict[int, Terms] | None:
+        """A_i with d_j A_i - d_i A_j = fields[i, j]; `slopes` are the other terms, whose symmetries it is to have."""
+        symbols = [ex.Symbol(name) for name in self.system.coordinates]
+        ordered = sorted(pair for pair in fields if pair[0] < pair[1])
+        if all(_is_turned(symbols, slopes, [pair]) for pair in ordered) or _is_turned(symbols, slopes, ordered):
+            radial = _along_rays(fields, symbols)
+            if radial is not None:
+                return radial
+        found: dict[int, Terms] = {}
+        rest = {pair: dict(terms) for pair, terms in fields.items()}
+        while rest := {pair: terms for pair, terms in rest.items() if terms and not is_zero(terms)}:
+            k = max(
+                sorted({j for pair in rest for j in pair}),
+                key=lambda k: sum(_holds(t, symbols[k]) for t in rest.values()),
+            )
+            for i, j in [pair for pair in rest if pair[1] == k]:
+                part, left = self.integral(rest[i, j], symbols[k])
+                if left and not self.signs:
+                    return None
+                if left:
+                    part = add_terms(part, {monomial(self.under_a_sign(tree_of(left), symbols[k])): Fraction(1)})
+                found[i] = add_terms(found.get(i, {}), part)
+                for m in range(len(symbols)):
+                    if m == k:
+                        rest[i, k], rest[k, i] = {}, {}
+                    elif m != i and (slope := derivative_of_terms(part, symbols[m])):
+                        rest[i, m] = add_terms(rest.get((i, m), {}), slope, -1)
+                        rest[m, i] = add_terms(rest.get((m, i), {}), slope)
+            if any(k in pair and not is_zero(terms) for pair, terms in rest.items()):
+                return None
+            rest = {pair: terms for pair, terms in rest.items() if k not in pair}
+        return found
+
+
+def _sum(parts: Iterator[Terms]) -> Terms:
+    total = Terms()
+    for part in parts:
+        total = add_terms(total, part)
+    return total
+
+
+def _outside(slope: Terms, variable: ex.Symbol) -> list[tuple[Terms, Terms]]:
+    """(c, g) with slope = sum of c g, c free of the variable, g without other factors; c are no multiples."""
+    found: dict[Monomial, Terms] = {}
+    for key, value in slope.items():
+        own: Monomial = frozenset(item for item in key if ex.holds(item[0], variable))
+        found.setdefault(own, {})[times(key, own, -1)] = value
+    pairs: list[tuple[Terms, Terms]] = []
+    for key, beside in found.items():
+        for known, inner in pairs:
+            ratios = {beside[one] / known[one] for one in known} if known.keys() == beside.keys() else set()
+            if len(ratios) == 1:
+                inner[key] = ratios.pop()
+                break
+        else:
+            pairs.append((beside, {key: Fraction(1)}))
+    return pairs
+
+
+def _is_closed(variables: Sequence[ex.Symbol], slopes: Sequence[Terms]) -> bool:
+    """Whether the mixed derivatives agree."""
+    for (p, one), (q, other) in combinations(zip(variables, slopes, strict=True), 2):
+        turning = add_terms(derivative_of_terms(one, q), derivative_of_terms(other, p), -1)
+        if not is_zero(turning):
+            return False
+    return True
+
+
+def _holds(terms: Terms, variable: ex.Symbol) -> bool:
+    return any(ex.holds(letter, variable) for key in terms for letter, _ in key)
+
+
+def is_zero(terms: Terms) -> bool:
+    """Whether the sum vanishes, by relations among its letters if need be: tried at random points."""
+    if not terms:
+        return True
+    if len(terms) == 1:
+        return False
+    try:
+        return vanishes(tree_of(terms))
+    except InputError:
+        return False
+
+
+def power_rule(own: Monomial, beside: Terms, x: ex.Symbol) -> Terms | None:
+    """The integral of own * beside by x where that is a power of x, or c u^e du/dx with u^e = own."""
+    if not own:
+        total = Terms()
+        for key, value in beside.items():
+            e, raised = dict(key).get(x, Fraction(0)), times(key, monomial(x))
+            if e == -1:
+                total = add_terms(total, {times(raised, monomial(ex.Apply("log", x))): value})
+            else:
+                total = add_terms(total, {raised: value / (e + 1)})
+        return total
+    if len(own) != 1:
+        return None
+    ((u, e),) = own
+    if isinstance(u, ex.Sum) and (whole := constant_factor(beside, terms_of(u))) is not None:
+        beside, e = whole, e + 1  # x/(x - y)^3 - y/(x - y)^3
+    factor = constant_factor(beside, letter_derivative(u, x))
+    if factor is None or _holds(factor, x) or ex.is_exponential(u):
+        return None
+    power: Terms = {frozenset([(u, e + 1)]): 1 / (e + 1)} if e != -1 else {monomial(ex.Apply("log", u)): Fraction(1)}
+    return multiply_terms(factor, power)
+
+
+def constant_factor(left: Terms, right: Terms) -> Terms | None:
+    """The monomial c with left = c right; None where the quotient is no monomial."""
+    if not left or not right:
+        return None
+    (a, m, p), (b, n, q) = split_content(left), split_content(right)
+    if p == q:
+        return {times(m, n, -1): a / b}
+    if p == ex.negated(q) or terms_of(p) == {key: -value for key, value in terms_of(q).items()}:
+        return {times(m, n, -1): -a / b}
+    return None
+
+
+def _by_velocity(terms: Terms, names: Sequence[str]) -> list[Terms] | None:
+    """The coefficient of each velocity; None where the terms are not affine in these."""
+    found: list[Terms] = [{} for _ in names]
+    places = {ex.Velocity(name): k for k, name in enumerate(names)}
+    for key, value in terms.items():
+        rest, moving = split_velocities(key)
+        if not moving:
+            continue
+        ((letter, e), *more) = moving
+        if more or e != 1 or letter not in places:
+            return None
+        found[places[letter]][rest] = value
+    return found
+
+
+def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[Terms], pairs: Sequence[tuple[int, int]]) -> bool:
+    """Whether turning these pairs of coordinates, or scaling one up and the other down, leaves the potential alone."""
+    turning, scaling = Terms(), Terms()
+    for i, j in pairs:
+        one, other = ({monomial(symbols[k]): Fraction(1)} for k in (i, j))
+        turning = add_terms(turning, multiply_terms(slopes[j], one))
+        turning = add_terms(turning, multiply_terms(slopes[i], other), -1)
+        scaling = add_terms(scaling, multiply_terms(slopes[i], one))
+        scaling = add_terms(scaling, multiply_terms(slopes[j], other), -1)
+    return is_zero(turning) or is_zero(scaling)
+
+
+def _along_rays(fields: dict[tuple[int, int], Terms], symbols: Sequence[ex.Symbol]) -> dict[int, Terms] | None:
+    """A_i = q_j int_0^1 s F_ij(s q) ds of constant fields (Poincare's homotopy); None for other fields."""
+    found: dict[int, Terms] = {}
+    for (i, j), terms in fields.items():
+        for key, value in terms.items():
+            if any(ex.holds(letter, *symbols) for letter, _ in key):
+                return None
+            term = {times(key, monomial(symbols[j])): value / 2}
+            found[i] = add_terms(found.get(i, {}), term)
+    return found

@@ -1,0 +1,336 @@
+"""What ansätze are made of: the letters of f, their antiderivatives and integrating factors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+from inverse_service import bounds
+from inverse_service.decision.analysis import Analysis
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Sum,
+    Symbol,
+    Velocity,
+    holds,
+    is_exponential,
+    node_count,
+    substitute,
+    walk,
+)
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.exact_ring import quotient_tree
+from inverse_service.field.point import Variable
+from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.real_point import RealTable, real_sign
+from inverse_service.mechanics.conditions import motion_in_ring
+from inverse_service.search.motion_terms import (
+    MotionTerms,
+    has_velocity,
+    irreducible_factors,
+    split_velocities,
+)
+from inverse_service.search.quadratic_letters import quadratic_antiderivatives
+from inverse_service.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    add_terms,
+    letter_derivative,
+    monomial,
+    rank,
+    split_content,
+    terms_of,
+    times,
+    tree_of,
+)
+
+_COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """f as terms with its letters sorted by what they depend on; `shared` is what rungs compute for each other."""
+
+    analysis: Analysis
+    motion: MotionTerms
+    position_letters: tuple[Expression, ...]
+    velocity_letters: tuple[Expression, ...]
+    linear_sums: tuple[Expression, ...]
+    parameter_monomials: tuple[Monomial, ...]
+    shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+
+def gather(analysis: Analysis, with_time: bool) -> Material:
+    """Raises TooManyTerms where f cannot be written as a moderate sum."""
+    system = analysis.system
+    trees = _factored(analysis)
+    pairs = zip(trees, system.accelerations, strict=True)
+    forces = tuple(oriented(_shorter(*pair), analysis.real_point) for pair in pairs)
+    motion = MotionTerms(
+        tuple(Symbol(name) for name in system.coordinates),
+        tuple(Velocity(name) for name in system.coordinates),
+        forces,
+        with_time,
+    )
+    letters = _letters(forces)
+    parameters = frozenset(Symbol(name) for name in system.parameters)
+    position = [p for p in letters if not has_velocity(p) and holds(p, TIME, *motion.coordinates)]
+    moving = [p for p in letters if has_velocity(p) and not isinstance(p, Velocity)]
+    constants = _parameter_monomials(forces, parameters)
+    return Material(analysis, motion, tuple(position), tuple(moving), _linear_sums(trees), constants)
+
+
+def _factored(analysis: Analysis) -> list[Expression]:
+    """f with numerators and denominators factored, known relations among atoms used."""
+    system = analysis.system
+    try:
+        exact = motion_in_ring(system, 0, Budget.long())
+        return [quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
+    except (TooLarge, ZeroDivisionError):
+        return list(system.accelerations)
+
+
+def _shorter(factored: Expression, given: Expression) -> Terms:
+    """The expansion with fewer terms; a common denominator can make many of a few."""
+    found = []
+    for tree in (factored, given):
+        try:
+            found.append(terms_of(tree))
+        except TooManyTerms:
+            continue
+    if not found:
+        raise TooManyTerms
+    return min(found, key=len)
+
+
+def simplified(material: Material, terms: Terms) -> Terms:
+    """The sum over its common denominator with common factors cancelled, if that is shorter."""
+    tree = tree_of(terms)
+    symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
+    try:
+        other = terms_of(factored([tree], symbols, Budget.long())[0])
+    except (TooLarge, ZeroDivisionError, TooManyTerms):
+        return terms
+    return other if len(other) < len(terms) else terms
+
+
+def oriented(terms: Terms, table: RealTable | None) -> Terms:
+    """Sums that are negative at the real point replaced by their opposites, so that roots of letters exist."""
+    result: Terms = {}
+    for key, value in terms.items():
+        product = EMPTY
+        for letter, e in key:
+            if table is not None and isinstance(letter, Sum) and e.denominator == 1 and real_sign(letter, table) < 0:
+                value = value if e % 2 == 0 else -value
+                letter = tree_of({k: -v for k, v in terms_of(letter).items()})
+            product = times(product, frozenset([(letter, e)]))
+        result = add_terms(result, {product: value})
+    return result
+
+
+def _letters(forces: Iterable[Terms]) -> list[Expression]:
+    """Letters of f and symbols inside its sums, the partner of each sine and cosine, A for A'."""
+    found: dict[Expression, None] = {}
+    for terms in forces:
+        for key in terms:
+            for letter, _ in key:
+                if not isinstance(letter, Number):
+                    found[letter] = None
+                if isinstance(letter, Sum):
+                    found.update(dict.fromkeys(node for node in walk(letter) if isinstance(node, Symbol)))
+    for letter in list(found):
+        for other in companions(letter):
+            found[other] = None
+    return list(found)
+
+
+def companions(letter: Expression) -> list[Expression]:
+    """cos for sin, sin for cos, cosh for sinh, sinh for cosh, A for A', for A''."""
+    match letter:
+        case Apply(function, argument) if function in _COMPANIONS:
+            return [Apply(_COMPANIONS[function], argument)]
+        case Arbitrary(name, arguments, orders) if any(orders):
+            place = next(k for k, order in enumerate(orders) if order)
+            lower = tuple(order - (k == place) for k, order in enumerate(orders))
+            below = Arbitrary(name, arguments, lower)
+            return [below, *companions(below)]
+    return []
+
+
+def _linear_sums(trees: Iterable[Expression]) -> tuple[Expression, ...]:
+    """Factors of f such as 2 u' + 3 w': sums of velocities with constant coefficients."""
+    found: dict[Expression, None] = {}
+    for tree in trees:
+        for node in walk(tree):
+            if isinstance(node, Sum):
+                try:
+                    terms = terms_of(node)
+                except TooManyTerms:
+                    continue
+                keys = [[(p, e) for p, e in key if not isinstance(p, Number)] for key in terms]
+                if keys and all(len(k) == 1 and isinstance(k[0][0], Velocity) and k[0][1] == 1 for k in keys):
+                    found[split_content(terms)[2]] = None
+    return tuple(found)
+
+
+def moving_letters(material: Material) -> list[Expression]:
+    """Sums that are factors or radicands in f, and functions other than exponentials, that hold velocities."""
+    if "moving letters" not in material.shared:
+        table = material.analysis.real_point
+        found = _moving_letters(material)
+        shown = (_positive(letter, table) for letter in found) if table else found
+        material.shared["moving letters"] = list(dict.fromkeys(shown))
+    return list(material.shared["moving letters"])
+
+
+def _moving_letters(material: Material) -> Iterator[Expression]:
+    """Letters of f stay whole, as the root of 1 - v^2 does; other sums, as in an f multiplied out, give factors."""
+    known = [p for p in material.velocity_letters if not is_exponential(p)]
+    yield from (p for p in known if not isinstance(p, Sum) or _is_plain(p))
+    for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in walk(f)):
+        if isinstance(node, Sum) and has_velocity(node):
+            with suppress(TooManyTerms, TooLarge):
+                whole = split_content(terms)[2] if (terms := terms_of(node)) else node  # a sum may be 0
+                parts = (
+                    ()
+                    if whole in known or tree_of({key: -value for key, value in terms_of(whole).items()}) in known
+                    else irreducible_factors(node)
+                )
+                yield from (p for p in parts if has_velocity(p) and _is_plain(p))
+
+
+def _positive(letter: Expression, table: RealTable) -> Expression:
+    """The letter, or its opposite where that is positive at the real point, so that its roots exist."""
+    try:
+        negative = isinstance(letter, Sum) and real_sign(letter, table) < 0
+    except (IrreducibleAtoms, NoRealValue):
+        return letter
+    return tree_of({key: -value for key, value in terms_of(letter).items()}) if negative else letter
+
+
+def _is_plain(node: Expression) -> bool:
+    """A short sum without roots in it."""
+    exponents = [part.exponent for part in walk(node) if isinstance(part, Power)]
+    whole = all(isinstance(e, Number) and e.value.denominator == 1 for e in exponents)
+    return whole and node_count(node) <= bounds.NODES
+
+
+def _parameter_monomials(forces: Iterable[Terms], parameters: frozenset[Symbol]) -> tuple[Monomial, ...]:
+    """Parameter parts of the terms of f, their inverses and quotients, simple ones first."""
+
+    def is_constant(letter: Expression) -> bool:
+        nodes = [node for node in walk(letter) if isinstance(node, Symbol | Velocity)]
+        return bool(nodes) and all(node in parameters for node in nodes)
+
+    parts: dict[Monomial, None] = {EMPTY: None}
+    for terms in forces:
+        for key in terms:
+            part: Monomial = frozenset(item for item in key if is_constant(item[0]))
+            for letter, e in part:
+                parts[frozenset([(letter, e)])] = None
+                parts[frozenset([(letter, -e)])] = None
+            parts[part] = None
+            parts[times(EMPTY, part, -1)] = None
+    return tuple(sorted(parts, key=rank))
+
+
+@lru_cache(maxsize=8192)
+def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]:
+    """Monomials whose derivative by the variable may contain `key`, by raising one letter at a time."""
+    letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
+    for letter in list(letters):
+        letters.update(dict.fromkeys(companions(letter)))
+        if isinstance(letter, Apply) and isinstance(letter.argument, Sum):
+            letters[letter.argument] = None  # (x + 1) log(x + 1)
+    found: dict[Monomial, None] = dict.fromkeys(
+        times(key, monomial(p, q)) for p, _ in key for q in companions(p) if isinstance(p, Apply)
+    )  # sin(x)/cos(x) for 1/cos(x)^2
+    for letter in letters:
+        try:
+            slope = letter_derivative(letter, variable)
+        except TooManyTerms:
+            continue
+        for unit in slope:
+            raised = times(times(key, monomial(letter)), unit, -1)
+            if any(p == letter for p, _ in raised) or letter == variable:
+                found[raised] = None
+            if not any(p == letter for p, _ in raised):
+                found[times(raised, monomial(Apply("log", letter)))] = None
+    roots = [letter for letter, e in key if isinstance(letter, Sum) and e == Fraction(-1, 2)]
+    if len(roots) == 2:  # sqrt(x - 1) sqrt(x + 1), whose slope is x over it
+        found[times(times(key, monomial(*roots)), monomial(variable), -1)] = None
+    found.update(dict.fromkeys(quadratic_antiderivatives(key, variable)))
+    found.update(dict.fromkeys(_raised_powers(key, variable)))
+    found.pop(EMPTY, None)
+    return tuple(found)
+
+
+def _raised_powers(key: Monomial, variable: Expression) -> list[Monomial]:
+    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, a numeric power of p next to it included."""
+    found = []
+    for letter, times_over in key:
+        if not isinstance(letter, Power) or isinstance(letter.exponent, Number):
+            continue
+        base, beside = letter.base, dict(key).get(letter.base, Fraction(0))
+        raised_exponent = times_over * letter.exponent + beside + 1
+        if isinstance(raised_exponent, Sum) and not has_velocity(base):
+            whole = times(times(key, monomial(base)), monomial(raised_exponent), -1)
+            found += [times(whole, unit, -1) for unit in letter_derivative(base, variable)]
+    return found
+
+
+def coefficient(terms: Terms, moving: Monomial) -> Terms:
+    """The terms with exactly these velocity letters, these taken out."""
+    return {split_velocities(key)[0]: value for key, value in terms.items() if split_velocities(key)[1] == moving}
+
+
+def integrating_candidates(material: Material) -> list[tuple[int, Terms, Variable]]:
+    """(i, c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2, c v_i in f_i."""
+    motion = material.motion
+    found: list[tuple[int, Terms, Variable]] = []
+    for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
+        for q, w in zip(motion.coordinates, motion.velocities, strict=True):
+            c = simplified(material, coefficient(f, monomial(v, w)))
+            if c:
+                found.append((i, c, q))
+        own = any(place == i and variable == motion.coordinates[i] for place, _, variable in found)
+        found += [] if own else [(i, c, motion.coordinates[i]) for c in _alone(material, i)]
+        drag = simplified(material, coefficient(f, monomial(v))) if motion.with_time else {}
+        still = {key: c for key, c in drag.items() if not any(holds(p, *motion.coordinates) for p, _ in key)}
+        if still and (len(still) == len(drag) or motion.size == 1):
+            found.append((i, still, TIME))
+    return found
+
+
+def _alone(material: Material, i: int) -> list[Terms]:
+    """c with c v_i^2 in f_i where another velocity is 0, for f_i with sums of velocities in denominators."""
+    motion, force = material.motion, material.analysis.system.accelerations[i]
+    if not any(isinstance(p, Sum) and has_velocity(p) and e < 0 for key in motion.forces[i] for p, e in key):
+        return []
+    symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
+    own, held = motion.velocities[i], set(walk(force))
+    for v in (w for w in motion.velocities if w in held and w != own):
+        with suppress(TooLarge, ZeroDivisionError, TooManyTerms, KeyError, ValueError):
+            (rest,) = factored([substitute(force, {v: ZERO})], symbols, Budget.long())
+            if c := coefficient(terms_of(rest), monomial(own, own)):
+                return [c]
+    return []
+
+
+def distinct(parts: Sequence[Monomial]) -> list[Monomial]:
+    """Each once, simple ones first."""
+    return sorted(dict.fromkeys(parts), key=rank)

@@ -1,0 +1,257 @@
+"""The members of a space of Lagrangians that are worth having: regular, definite where possible, simple.
+
+Where the simplest regular sums are indefinite, weights that make a positive definite Hessian of several are found by
+alternating projections at one real point: onto the span of the Hessians, and onto the matrices whose eigenvalues are at
+least `_FLOOR`. Then the weights are made few and short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service import bounds
+from inverse_service.deadline import check
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
+from inverse_service.field.real_point import RealTable, real_sign
+from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.search.choice import (
+    complexity,
+    gauge_of,
+    hessians,
+    reduced,
+    regular_members,
+    scaled,
+    signature,
+    velocity_degree,
+)
+from inverse_service.search.linear_ansatz import Combination, LagrangianSpace
+from inverse_service.search.motion_terms import has_velocity
+from inverse_service.search.terms import Monomial, add_terms, monomial_tree, times, tree_of
+
+Matrix = NDArray[np.float64]
+
+_FLOOR = 0.25
+_ROUNDS = 60
+# Of the largest eigenvalue, the least that counts as positive.
+_POSITIVE = 1e-3
+_DENOMINATORS = (1, 2, 3, 4, 6, 12)
+
+
+def definite_weights(hessians: Sequence[Matrix]) -> list[list[Fraction]]:
+    """Weights w with sum w_k H_k positive definite: nearest to the identity, and as few as will do.
+
+    H_k are symmetric of shape (n, n), finite and not zero; at most `bounds.COLUMNS` of them.
+    """
+    if not 0 < len(hessians) <= bounds.COLUMNS:
+        return []
+    hessians = _balanced(hessians)
+    sizes = [float(np.abs(matrix).max()) for matrix in hessians]
+    units = [matrix / size for matrix, size in zip(hessians, sizes, strict=True)]
+    weights = _projected(units)
+    if weights is None:
+        return []
+    near = [w / size for w, size in zip(weights, sizes, strict=True)]
+    found = [_short(near, hessians), _short(_few(near, hessians), hessians)]
+    return [one for k, one in enumerate(found) if one is not None and one not in found[:k]]
+
+
+def _balanced(hessians: Sequence[Matrix]) -> list[Matrix]:
+    """All in units, powers of 1000, in which the rows are of like size; a sum is definite in all units or in none."""
+    rows = np.max([np.abs(np.diagonal(matrix)) for matrix in hessians], axis=0)
+    rows = np.where(rows > 0, rows, np.max([np.abs(matrix).max(axis=1) for matrix in hessians], axis=0))
+    units = 1000.0 ** -np.round(np.log10(np.where(rows > 0, rows, 1.0)) / 6)
+    return [units[:, None] * matrix * units for matrix in hessians]
+
+
+def _projected(units: Sequence[Matrix]) -> list[float] | None:
+    n = len(units[0])
+    columns = np.stack([matrix.ravel() for matrix in units], axis=1)
+    target = np.eye(n)
+    for _ in range(_ROUNDS):
+        weights = np.linalg.lstsq(columns, target.ravel(), rcond=None)[0]
+        whole = (columns @ weights).reshape(n, n)
+        if _is_definite(whole):
+            return [float(w) for w in weights]
+        values, vectors = np.linalg.eigh((whole + whole.T) / 2)
+        target = (vectors * np.maximum(values, _FLOOR)) @ vectors.T
+    return None
+
+
+def _is_definite(matrix: Matrix) -> bool:
+    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+    return bool(values[0] > _POSITIVE * max(values[-1], -values[0]))
+
+
+def _sum(weights: Sequence[float], hessians: Sequence[Matrix]) -> Matrix:
+    total = np.zeros_like(hessians[0])
+    for weight, matrix in zip(weights, hessians, strict=True):
+        total = total + weight * matrix
+    return total
+
+
+def _few(weights: list[float], hessians: Sequence[Matrix]) -> list[float]:
+    """Without those that are not needed, the smallest left out first."""
+    kept = list(weights)
+    for k in sorted(range(len(kept)), key=lambda k: abs(weights[k])):
+        without = [0.0 if j == k else w for j, w in enumerate(kept)]
+        if _is_definite(_sum(without, hessians)):
+            kept = without
+    return kept
+
+
+def _short(weights: Sequence[float], hessians: Sequence[Matrix]) -> list[Fraction] | None:
+    """Multiples of 1/d for the least d that will do; equal weights stay equal."""
+    largest = max(map(abs, weights))
+    for d in _DENOMINATORS:
+        rounded = [Fraction(round(w / largest * d), d) for w in weights]
+        if _is_definite(_sum([float(w) for w in rounded], hessians)):
+            return rounded
+    return None
+
+
+_SEED = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A Lagrangian, the combinations it is a sum of, and whether its Hessian is positive at the real point."""
+
+    terms: Combination
+    parts: tuple[Combination, ...]
+    definite: bool
+
+
+def best_members(space: LagrangianSpace, seed: int) -> list[Member]:
+    """The simplest regular members, definite ones first, short kinetic terms before others."""
+    sets = regular_members(space, seed)
+    if not sets:
+        return []
+    gauge = gauge_of(space, seed)
+    found = [_sum_of(space, gauge, chosen) for chosen in sets]
+    if not any(member.definite for member in found):
+        found += _definite_sums(space, gauge)
+    parameters = frozenset(Symbol(name) for name in space.sampler.analysis.system.parameters)
+    table = space.sampler.real_point
+    plain = [_divided(member, parameters, table) for member in found] if table and parameters else found
+    return sorted(plain, key=lambda member: _order(member, parameters))
+
+
+def _order(member: Member, parameters: frozenset[Symbol]) -> tuple[bool, Fraction, tuple[Fraction | int, int]]:
+    weights = (sum((abs(e) + (e < 0) for _, e in part), Fraction(0)) for part in _constants(member.terms, parameters))
+    return not member.definite, sum(weights, Fraction(0)), complexity(member.terms)
+
+
+def _divided(member: Member, parameters: frozenset[Symbol], table: RealTable) -> Member:
+    """Divided by the parameters of one of its kinetic terms, if that leaves fewer of them there.
+
+    A multiplier times a constant is one; the sign keeps the Hessian positive at the real point.
+    """
+    found = [member]
+    for part in dict.fromkeys(_constants(member.terms, parameters)):
+        if part:
+            sign = -1 if real_sign(monomial_tree(part), table) < 0 else 1
+            terms = {times(key, part, -1): sign * value for key, value in member.terms.items()}
+            found.append(replace(member, terms=terms))
+    return min(found, key=lambda one: _order(one, parameters))
+
+
+def _constants(terms: Combination, parameters: frozenset[Symbol]) -> list[Monomial]:
+    """The letters of each kinetic term that hold nothing but parameters."""
+    kinetic = [key for key in terms if velocity_degree(key) not in (0, 1)]
+    return [frozenset(item for item in key if _is_constant(item[0], parameters)) for key in kinetic]
+
+
+def _is_constant(letter: Expression, parameters: frozenset[Symbol]) -> bool:
+    names = {node for node in walk(letter) if isinstance(node, Symbol | Velocity)}
+    return bool(names) and names <= parameters
+
+
+def needed_combinations(space: LagrangianSpace, seed: int) -> list[int]:
+    """The numbers of the combinations that the simplest regular members and a definite one are made of."""
+    sets = regular_members(space, seed)
+    chosen = dict.fromkeys(k for members in sets for k in members)
+    if sets and not any(_sum_of(space, [], members).definite for members in sets):
+        for member in _definite_sums(space, []):
+            chosen |= dict.fromkeys(k for k, c in enumerate(space.combinations) if c in member.parts)
+    return list(chosen)
+
+
+def _sum_of(space: LagrangianSpace, gauge: Sequence[Combination], chosen: Sequence[int]) -> Member:
+    """The sum of the chosen combinations, each with the sign that makes its Hessian positive.
+
+    Where that sum is singular the parts get different weights.
+    """
+    names = space.sampler.analysis.system.coordinates
+    parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
+    found = [signature(space, hessian(tree_of(part), names)) for part in parts]
+    signs = [-1 if one is not None and one[1] > one[0] else 1 for one in found]
+    total: Combination = {}
+    inertia = None
+    for spread in range(3):
+        total = {}
+        for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
+            total = add_terms(total, part, sign * (1 + spread * k))
+        total = reduced(total, gauge)
+        inertia = signature(space, hessian(tree_of(total), names))
+        if inertia is None or sum(inertia) == len(names):
+            break
+    given = tuple(space.combinations[k] for k in chosen)
+    return Member(total, given, inertia is not None and inertia[0] == len(names))
+
+
+def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list[Member]:
+    """Sums with a positive definite Hessian at the real point, from the simplest combinations."""
+    if not all(map(_is_quadratic, space.combinations)):
+        return []  # a Hessian that holds velocities is definite at some places only
+    _, matrices = hessians(space, _SEED)
+    # A combination that vanishes as a function has small numbers for a Hessian at a real point.
+    moving = [c for c, matrix in zip(space.combinations, matrices, strict=True) if any(map(any, matrix))]
+    simplest = sorted(moving, key=complexity)[: bounds.COLUMNS]
+    with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
+    found = []
+    for weights in definite_weights([matrix for _, matrix in with_hessian]):
+        total: Combination = {}
+        for weight, (c, _) in zip(weights, with_hessian, strict=True):
+            total = add_terms(total, c, weight)
+        parts = tuple(c for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight)
+        found.append(Member(_scaled_up(reduced(total, gauge)), parts, definite=True))
+    return found
+
+
+def _is_quadratic(combination: Combination) -> bool:
+    """Whether its terms are v_i v_j, v_i or 1 times functions of position."""
+    moving = [[(letter, e) for letter, e in key if has_velocity(letter)] for key in combination]
+    plain = all(isinstance(letter, Velocity) for part in moving for letter, _ in part)
+    return plain and all(
+        sum(e for _, e in part) in (0, 1, 2) and min((e for _, e in part), default=1) > 0 for part in moving
+    )
+
+
+def _scaled_up(combination: Combination) -> Combination:
+    """`scaled`, by a positive factor."""
+    result = scaled(combination)
+    key = next(iter(result))
+    return result if result[key] * combination[key] > 0 else {key: -value for key, value in result.items()}
+
+
+def _real_hessian(space: LagrangianSpace, combination: Combination) -> Matrix | None:
+    """d2L/dv dv at the real point; None where it vanishes or has no value."""
+    check()
+    table = space.sampler.real_point
+    if table is None or not any(velocity_degree(key) not in (0, 1) for key in combination):
+        return None
+    names = space.sampler.analysis.system.coordinates
+    with mpmath.workdps(20):
+        try:
+            entries = [[float(evaluate(e, table)) for e in row] for row in hessian(tree_of(combination), names)]
+        except (NoRealValue, ArithmeticError, TypeError):
+            return None
+    matrix = np.array(entries)
+    return matrix if np.isfinite(matrix).all() and np.abs(matrix).max() > 0 else None

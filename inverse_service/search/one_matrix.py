@@ -1,0 +1,337 @@
+"""The Lagrangian where the conditions leave one matrix G(t, q) up to a factor: computed, with nothing guessed.
+
+At points modulo a prime the conditions g T = (g T)^T for T = Phi, nabla Phi, … at several velocities over one (t, q)
+leave one vector of entries G_11 : … : G_nn. It is interpolated as a whole. Then (H2) gives, by any entry that is not 0,
+
+    S = Gamma(log phi) = ((G N + N^T G)_e - Gamma G_e)/G_e = Q_k v_k + T
+
+for the factor phi(t, q) of g = phi G: in most systems S = 0 and phi = 1. Where one entry of g is constant, phi is
+1/G_e; else (1 : Q : T) is interpolated and integrated. What is left of L are A_i v_i - V with
+
+    d_i V = -phi W_i,  d_i A_j - d_j A_i = phi F_ij,  W = G f at v = 0,  F = G f_v + d_t G + T G at v = 0,
+
+and (1 : W : F) is interpolated as well: determinants of mass matrices cancel in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations
+
+import numpy as np
+
+from inverse_service.deadline import check
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions import tree as ex
+from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.exact_atoms import exact_ring, factored
+from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.real_point import real_sign
+from inverse_service.mechanics.potential import potential
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search import angles
+from inverse_service.search.flow_points import (
+    PRIME,
+    Flow,
+    Generator,
+    Numbers,
+    Points,
+    Units,
+    inverses,
+    matrix_product,
+)
+from inverse_service.search.gradients import ONE_TERM, Integrator
+from inverse_service.search.material import Material
+from inverse_service.search.motion_terms import has_velocity
+from inverse_service.search.projective import Given, Interpolation, NoFit, kernel_of, whole_numbers
+from inverse_service.search.quadratures import exponential
+from inverse_service.search.terms import (
+    EMPTY,
+    Terms,
+    TooManyTerms,
+    add_terms,
+    monomial,
+    multiply_terms,
+    terms_of,
+    tree_of,
+)
+
+# Coordinates up to which kernels at points are cheap.
+_MOST = 8
+_FAILED = (NoFit, TooManyTerms, TooLarge, ZeroDivisionError, ValueError, KeyError, IrreducibleAtoms)
+
+
+def accepts(material: Material) -> bool:
+    """Two coordinates or more; roots of velocities belong to multipliers that depend on these."""
+    return 1 < material.motion.size <= _MOST
+
+
+def propose(material: Material, seed: int) -> list[ex.Expression]:
+    """The Lagrangian with the one multiplier G(t, q), for the caller to check; none where there is none, or more."""
+    system, table = material.analysis.system, material.analysis.real_point
+    try:
+        search = OneMatrix.of(system, seed)
+        if search is None:
+            return []
+        entries = search.matrix()
+        found = search.lagrangian(Integrator(system, table), entries)
+        if found is None:
+            found = search.lagrangian(Integrator(system, table, signs=True), entries)
+    except _FAILED:
+        return []
+    return [] if found is None or (ex.holds(found, ex.TIME) and not material.motion.with_time) else [found]
+
+
+@dataclass(slots=True)
+class OneMatrix:
+    """A system at points modulo the prime; `pairs` are the places of the entries of symmetric matrices."""
+
+    system: SecondOrderSystem
+    forces: tuple[ex.Expression, ...]
+    units: Units
+    random: np.random.Generator
+    pairs: list[tuple[int, int]]
+    velocities: int = 1  # over one (t, q)
+    kernel: int = 0  # matrices that the conditions leave
+
+    @classmethod
+    def of(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
+        """None where no matrix that is free of the velocities is left."""
+        forces = tuple(map(to_kernels, system.accelerations))
+        n = len(forces)
+        pairs = [(i, j) for i in range(n) for j in range(i, n)]
+        found = cls(system, forces, Units.of(forces), np.random.default_rng(seed), pairs)
+        last = len(pairs) + 1
+        for found.velocities in range(1, max(3, n) + 1):
+            dimension = found.dimension()
+            if dimension == last and found.velocities > 2:
+                break
+            last = dimension
+            if dimension <= 1 and found.velocities > 1:
+                break
+        found.kernel = last
+        return found if last else None
+
+    def points(self, fixed: Given, count: int) -> Points:
+        return Points(self.system.coordinates, self.units, count, self.random, fixed)
+
+    def dimension(self) -> int:
+        """Of the kernel of the conditions at a random place."""
+        for _ in range(12):
+            kernels, points = self._kernels({}, 4)
+            if points.good.any():
+                return len(kernels[0])
+        raise NoFit("no point")
+
+    def _kernels(self, fixed: Given, count: int) -> tuple[list[list[list[int]]], Points]:
+        """The kernel of the conditions at each good point."""
+        n, base = len(self.forces), self.points(fixed, count)
+        batches, good = list[list[Numbers]](), base.good
+        for k in range(self.velocities):
+            points = base if k == 0 else base.again([None] * n)
+            _, tensors = Flow(points, self.forces, 2 if n == 2 else 3).tensors(1 if n == 2 else 2)
+            batches.append(tensors)
+            good = good & points.good
+            base.values |= {key: value for key, value in points.values.items() if key not in base.values}
+        base.good = good
+        rows = np.concatenate([self._conditions(tensor) for batch in batches for tensor in batch], axis=1)
+        return [kernel_of(rows[k]) for k in np.flatnonzero(good)], base
+
+    def _conditions(self, tensor: Numbers) -> Numbers:
+        """The rows of (g T)_ij = (g T)_ji in the entries of g, (points, rows, entries)."""
+        n, place = len(self.forces), {pair: k for k, pair in enumerate(self.pairs)}
+        rows = np.zeros((tensor.shape[0], n * (n - 1) // 2, len(self.pairs)), np.int64)
+        for row, (i, j) in enumerate(combinations(range(n), 2)):
+            for m in range(n):
+                rows[:, row, place[min(i, m), max(i, m)]] += tensor[:, m, j]
+                rows[:, row, place[min(j, m), max(j, m)]] -= tensor[:, m, i]
+        return rows % PRIME
+
+    def matrix_values(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
+        """G_11 : … : G_nn at good points."""
+        kernels, points = self._kernels(fixed, count)
+        kept = [k for k, kernel in enumerate(kernels) if len(kernel) == 1]
+        where = np.flatnonzero(points.good)[kept]
+        points.good = np.isin(np.arange(points.count), where)
+        return np.array([kernels[k][0] for k in kept], np.int64).reshape(len(kept), len(self.pairs)).T, points
+
+    def variables(self) -> list[Generator]:
+        """What functions of t and q can be made of, angles first, then coordinates, parameters last."""
+        points = self.points({}, 1)
+        Flow(points, self.forces, 2)
+        own = set(map(ex.Symbol, self.system.coordinates)) | {ex.TIME}
+
+        def rank(generator: Generator) -> int:
+            return {"angle": 0, "exp": 1}.get(generator[0], 2 if generator[1] in own else 3)
+
+        found = [
+            (kind, what) for kind, what in points.values if not (isinstance(what, ex.Velocity) or _holds_velocity(what))
+        ]
+        return sorted(found, key=rank)
+
+    def matrix(self) -> list[Terms]:
+        """The one matrix, or of several the one of least degree."""
+        if self.kernel > 1:
+            from inverse_service.search.lowest_degree import lowest_matrix
+
+            return lowest_matrix(self)
+        return Interpolation(self.matrix_values, self.variables(), self.units).terms()
+
+    def lagrangian(self, integrator: Integrator, entries: Sequence[Terms]) -> ex.Expression | None:
+        """The one with this matrix, up to a factor that is found."""
+        variables = self.variables()
+        matrix = self._oriented(whole_numbers(entries), integrator)
+        scale = self._scale(matrix, variables, integrator)
+        if scale is None:
+            return None
+        phi, drag = scale
+        shown = [angles.shortest(terms) for terms in matrix]
+        kinetic = Terms()
+        for (i, j), terms in zip(self.pairs, shown, strict=True):
+            v, w = (ex.Velocity(self.system.coordinates[k]) for k in (i, j))
+            square = {monomial(v, w): Fraction(1, 2) if i == j else Fraction(1)}
+            kinetic = add_terms(kinetic, multiply_terms(terms, square))
+        wanted = self._wanted(matrix, variables, drag)
+        rest = None if wanted is None else integrator.linear_terms([multiply_terms(phi, w) for w in wanted])
+        return None if rest is None else ex.add(tree_of(phi) * tree_of(kinetic), tree_of(rest))
+
+    def _oriented(self, matrix: Sequence[Terms], integrator: Integrator) -> list[Terms]:
+        """Positive in its first entry on the diagonal that is not 0, at the real point."""
+        entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
+        with suppress(NoRealValue, IrreducibleAtoms):
+            if integrator.table is not None and real_sign(tree_of(entry), integrator.table) < 0:
+                return [{key: -value for key, value in terms.items()} for terms in matrix]
+        return list(matrix)
+
+    def _at(self, points: Points, matrix: Sequence[Terms], order: int) -> tuple[Flow, Numbers]:
+        """The flow, and G and its derivatives along it, (order, points, n, n)."""
+        flow, n = Flow(points, self.forces, order), len(self.forces)
+        values = np.zeros((order, points.count, n, n), np.int64)
+        for (i, j), terms in zip(self.pairs, matrix, strict=True):
+            if terms:
+                values[:, :, i, j] = values[:, :, j, i] = flow.tree(tree_of(terms)).data[0]
+        return flow, values
+
+    def _rates(self, points: Points, matrix: Sequence[Terms]) -> tuple[Numbers, Numbers, Numbers]:
+        """(G, Gamma G, G N + N^T G) at the points, (points, n, n)."""
+        flow, values = self._at(points, matrix, 2)
+        by_velocity, _ = flow.slopes()
+        half = matrix_product(values[0], -by_velocity[0] * pow(2, -1, PRIME) % PRIME)
+        return values[0], values[1], (half + half.transpose(0, 2, 1)) % PRIME
+
+    def _scale(
+        self, matrix: Sequence[Terms], variables: Sequence[Generator], integrator: Integrator
+    ) -> tuple[Terms, Terms] | None:
+        """(phi, T): the factor, and the part of Gamma(log phi) without velocities."""
+        points = self.points({}, 12)
+        _, along, turned = self._rates(points, matrix)
+        good = points.good
+        defect = (turned - along) % PRIME
+        if not defect[good].any():
+            return dict(ONE_TERM), {}
+        for (i, j), terms in zip(self.pairs, matrix, strict=True):
+            if terms and not turned[good][:, i, j].any() and integrator.system:
+                inverse = terms_of(ex.power(tree_of(angles.shortest(terms)), -1))
+                return inverse, self._drag(inverse, integrator)
+        e = next(pair for pair, terms in zip(self.pairs, matrix, strict=True) if terms)
+        n, zeros = len(self.forces), np.zeros
+
+        def rate(points: Points) -> Numbers:
+            values, along, turned = self._rates(points, matrix)
+            return (turned - along)[:, e[0], e[1]] % PRIME * inverses(values[:, e[0], e[1]]) % PRIME
+
+        def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
+            base = self.points(fixed, count)
+            rest = base.again([zeros(count, np.int64)] * n)
+            still = rate(rest)
+            found, good = [np.ones(count, np.int64), still], rest.good
+            for k in range(n):
+                moved = rest.again([np.full(count, int(i == k), np.int64) for i in range(n)])
+                found.append((rate(moved) - still) % PRIME)
+                good = good & moved.good
+            rest.good = good
+            return np.array(found)[:, good], rest
+
+        below, *above = Interpolation(form, variables, self.units).terms()
+        slopes = [tree_of(terms) / tree_of(below) for terms in above]
+        names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
+        ring = exact_ring(slopes, names, 2, Budget.long())
+        found = potential(ring, range(len(names)), [ring.value(tree) for tree in slopes])
+        if found is not None:
+            return terms_of(exponential(ring, found, integrator.table)), terms_of(slopes[0])
+        logarithm = integrator.function_of(names, [terms_of(tree) for tree in factored(slopes, names, Budget.long())])
+        return None if logarithm is None else (integrator.exponential(logarithm), terms_of(slopes[0]))
+
+    def _drag(self, phi: Terms, integrator: Integrator) -> Terms:
+        """d_t log phi."""
+        from inverse_service.expressions.derivative import differentiate
+
+        rate = differentiate(tree_of(phi), ex.TIME)
+        return terms_of(rate / tree_of(phi)) if rate != ex.ZERO else {}
+
+    def _wanted(self, matrix: Sequence[Terms], variables: Sequence[Generator], drag: Terms) -> list[Terms] | None:
+        """-(W_i + F_ij v_j): the Euler-Lagrange expressions that A_i v_i - V has over phi."""
+        n = len(self.forces)
+        places = list(combinations(range(n), 2))
+
+        def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
+            points = self.points(fixed, count).again([np.zeros(count, np.int64)] * n)
+            flow, values = self._at(points, matrix, 2)
+            by_velocity, _ = flow.slopes()
+            forces = np.array([force.data[0, 0] for force in flow.forces]).T
+            pushes = sum(values[0][:, :, m] * forces[:, m, None] % PRIME for m in range(n)) % PRIME
+            fields = (matrix_product(values[0], by_velocity[0]) + values[1]) % PRIME
+            if drag:
+                factor = flow.tree(tree_of(drag)).data[0, 0]
+                fields = (fields + values[0] * factor[:, None, None]) % PRIME
+            if ((fields + fields.transpose(0, 2, 1)) % PRIME)[points.good].any():
+                raise NoFit("f is not that of a multiplier without velocities")
+            found = [np.ones(count, np.int64), *pushes.T, *(fields[:, i, j] for i, j in places)]
+            return np.array(found)[:, points.good], points
+
+        try:
+            below, *above = Interpolation(form, variables, self.units).terms()
+            names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
+            constant = below.keys() == {EMPTY}
+            if constant:
+                above = [{key: value / below[EMPTY] for key, value in terms.items()} for terms in above]
+            else:
+                trees = factored([tree_of(terms) / tree_of(below) for terms in above], names, Budget.long())
+                above = [terms_of(tree) for tree in trees]
+        except NoFit:
+            above = self._in_symbols(matrix, drag, places)
+        above = [angles.shortest(terms) for terms in above]
+        wanted = [{key: -value for key, value in terms.items()} for terms in above[:n]]
+        for (i, j), terms in zip(places, above[n:], strict=True):
+            check()
+            v, w = ({monomial(ex.Velocity(self.system.coordinates[k])): Fraction(1)} for k in (i, j))
+            wanted[i] = add_terms(wanted[i], multiply_terms(terms, w), -1)
+            wanted[j] = add_terms(wanted[j], multiply_terms(terms, v))
+        return wanted
+
+    def _in_symbols(self, matrix: Sequence[Terms], drag: Terms, places: Sequence[tuple[int, int]]) -> list[Terms]:
+        """W and F by exact arithmetic, where f has roots."""
+        from inverse_service.expressions.derivative import differentiate
+
+        n, names = len(self.forces), [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
+        velocities = [ex.Velocity(name) for name in self.system.coordinates]
+        still: dict[ex.Expression, ex.Expression] = dict.fromkeys(velocities, ex.ZERO)
+        table = {pair: tree_of(terms) for pair, terms in zip(self.pairs, matrix, strict=True)}
+        entry = [[table[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
+        forces = [ex.substitute(f, still) for f in self.system.accelerations]
+        slopes = [[ex.substitute(differentiate(f, v), still) for v in velocities] for f in self.system.accelerations]
+        trees = [ex.add(*(entry[i][m] * forces[m] for m in range(n))) for i in range(n)]
+        for i, j in places:
+            moving = differentiate(entry[i][j], ex.TIME) + tree_of(drag) * entry[i][j]
+            trees.append(ex.add(*(entry[i][m] * slopes[m][j] for m in range(n)), moving))
+        return [terms_of(tree) for tree in factored(trees, names, Budget.long())]
+
+
+def _holds_velocity(what: object) -> bool:
+    """Whether a generator's tree or monomial holds a velocity."""
+    trees: list[ex.Expression] = [letter for letter, _ in what] if isinstance(what, frozenset) else [what]  # type: ignore[list-item]
+    return any(map(has_velocity, trees))

@@ -1,0 +1,330 @@
+"""Reduction to other coordinates that the right-hand sides themselves suggest.
+
+A regular Lagrangian stays one under a change of coordinates new = W(old), old = psi(new), one or two at a time:
+shear        X = x + g(y, …) where x + g, or its rate x' + g_y y' + …, stands in f as a sum
+rotation     X = a x + b y, Y = a y - b x where a x + b y stands in f
+exponential  X = e^x where e^x stands in f
+polar        X = r cos u, Y = r sin u where u stands in f under sine and cosine only
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import partial
+
+from inverse_service import bounds
+from inverse_service.deadline import OutOfTime, check, within
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.collecting_trees import merge_powers
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    holds,
+    node_count,
+    number,
+    rebuild,
+    square_root,
+    substitute,
+    walk,
+)
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search.material import Material
+from inverse_service.search.protocol import Smaller
+from inverse_service.search.terms import Monomial, Terms, TooManyTerms, terms_of, tree_of
+from inverse_service.search.tidy import collected_inside
+
+# The terms of a function of position, a set so that equal ones can be counted.
+Form = frozenset[tuple[Monomial, Fraction]]
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """New coordinates named as the old ones: `new` is W, `old` is psi, for those that change.
+
+    `functions` gives functions of the old coordinates in the new ones, where putting psi into them
+    would leave them nested.
+    """
+
+    name: str
+    new: Mapping[str, Expression]
+    old: Mapping[str, Expression]
+    functions: Mapping[Expression, Expression] = field(default_factory=dict)
+
+
+def suggested(material: Material) -> list[Change]:
+    """Changes worth a try, the most conspicuous first."""
+    names = material.analysis.system.coordinates
+    forms = [form for form, _ in _forms(material).most_common()]
+    shears = list(dict.fromkeys(shear for form in forms for shear in _shears(form, names)))[: bounds.FEW]
+    rotations = dict.fromkeys(pair for form in forms for pair in _directions(form, names))
+    return [
+        *(_rotation(*pair) for pair in rotations),
+        *(_shear(x, rest) for x, rest in shears if not _is_multiple(rest)),
+        *_polar_changes(material),
+        *_exponential_changes(material),
+        *(_shear(x, rest) for x, rest in shears if _is_multiple(rest)),
+    ]
+
+
+def _forms(material: Material) -> Counter[Form]:
+    """Functions of position w with w or w' a sum in f, each as a set of terms, with how often they stand there."""
+    names = material.analysis.system.coordinates
+    found: Counter[Form] = Counter()
+    trees = [*material.analysis.system.accelerations, *material.position_letters]
+    for tree in trees:
+        for node in walk(tree):
+            if isinstance(node, Sum):
+                found.update(_primitives(node, names))
+    return found
+
+
+def _primitives(node: Sum, names: Iterable[str]) -> Iterator[Form]:
+    """The sum itself without its constant, or the function of which it is the rate."""
+    try:
+        terms = terms_of(node)
+    except TooManyTerms:
+        return
+    if all(isinstance(p, Symbol) and p.name in names for key in terms for p, _ in key if not isinstance(p, Number)):
+        yield frozenset((key, value) for key, value in terms.items() if key)
+    elif all(sum(isinstance(p, Velocity) for p, _ in key) == 1 for key in terms):
+        whole = _integrated(terms)
+        if whole is not None:
+            yield frozenset(whole.items())
+
+
+def _integrated(terms: Terms) -> Terms | None:
+    """w with w' = sum c y^k y', or None where a term is of another kind."""
+    found: Terms = {}
+    for key, value in terms.items():
+        ((velocity, degree),) = [(p, e) for p, e in key if isinstance(p, Velocity)]
+        assert isinstance(velocity, Velocity)
+        rest = dict(item for item in key if item[0] != velocity)
+        y = Symbol(velocity.coordinate)
+        exponent = rest.pop(y, Fraction(0))
+        if rest or degree != 1 or exponent == -1:
+            return None
+        found[frozenset([(y, exponent + 1)])] = value / (exponent + 1)
+    return found
+
+
+def _shears(form: Form, names: Iterable[str]) -> Iterator[tuple[str, Expression]]:
+    """(x, g) with the form a multiple of x + g, g without x."""
+    table = dict(form)
+    for name in names:
+        single = frozenset([(Symbol(name), Fraction(1))])
+        if single in table and len(table) > 1:
+            rest = {key: value / table[single] for key, value in table.items() if key != single}
+            if not holds(tree_of(rest), Symbol(name)):
+                yield name, tree_of(rest)
+
+
+def _is_multiple(rest: Expression) -> bool:
+    """Whether g is c y: such forms are taken as directions of a rotation first."""
+    terms = terms_of(rest)
+    return len(terms) == 1 and all(e == 1 for key in terms for _, e in key) and len(next(iter(terms))) == 1
+
+
+def _shear(x: str, rest: Expression) -> Change:
+    return Change("shear", {x: Symbol(x) + rest}, {x: Symbol(x) - rest})
+
+
+def _directions(form: Form, names: tuple[str, ...]) -> Iterator[tuple[str, str, Fraction]]:
+    """(x, y, c) for the part x + c y of a linear form, 0 < c up to a turn by a right angle."""
+    single = {Symbol(name): name for name in names}
+    linear = {single[p]: value for key, value in form for p, e in key if len(key) == 1 and e == 1 and p in single}
+    chosen = sorted(linear, key=names.index)
+    for k, x in enumerate(chosen):
+        for y in chosen[k + 1 :]:
+            c = linear[y] / linear[x]
+            yield x, y, c if c > 0 else -1 / c
+
+
+def _rotation(x: str, y: str, c: Fraction) -> Change:
+    """X = a x + b y, Y = a y - b x with b/a = c, a and b whole."""
+    a, b = number(c.denominator), number(c.numerator)
+    length = number(c.denominator**2 + c.numerator**2)
+    first, second = Symbol(x), Symbol(y)
+    new = {x: a * first + b * second, y: a * second - b * first}
+    old = {
+        x: (a * first - b * second) / length,
+        y: (b * first + a * second) / length,
+    }
+    return Change("rotation", new, old)
+
+
+def _exponential_changes(material: Material) -> Iterator[Change]:
+    """For each coordinate x with e^x or e^(k x) in f."""
+    nodes = (node for f in material.analysis.system.accelerations for node in walk(f))
+    arguments = dict.fromkeys(node.argument for node in nodes if isinstance(node, Apply) and node.function == "exp")
+    multiples = [argument.factors for argument in arguments if isinstance(argument, Product)]
+    bare = {factors[-1] for factors in multiples if len(factors) == 2 and isinstance(factors[0], Number)}
+    for name in material.analysis.system.coordinates:
+        if Symbol(name) in arguments or Symbol(name) in bare:
+            yield Change("exponential", {name: Apply("exp", Symbol(name))}, {name: Apply("log", Symbol(name))})
+
+
+def _polar_changes(material: Material) -> Iterator[Change]:
+    """For each angle all other coordinates as radius, those first that its acceleration is divided by."""
+    names = material.analysis.system.coordinates
+    trees = [to_kernels(f) for f in material.analysis.system.accelerations]
+    for angle in names:
+        circular: dict[Expression, Expression] = {
+            Apply("sin", Symbol(angle)): Number(Fraction(3, 5)),
+            Apply("cos", Symbol(angle)): Number(Fraction(4, 5)),
+        }
+        occurs = {node for tree in trees for node in walk(tree)} & set(circular)
+        bare = any(holds(substitute(tree, circular), Symbol(angle)) for tree in trees)
+        divisors = {node.base for node in walk(trees[names.index(angle)]) if isinstance(node, Power)}
+        for radius in sorted(names, key=lambda name: Symbol(name) not in divisors) if occurs and not bare else ():
+            if radius != angle:
+                yield _polar(radius, angle)
+
+
+def _polar(radius: str, angle: str) -> Change:
+    x, y = Symbol(radius), Symbol(angle)
+    sine, cosine = Apply("sin", y), Apply("cos", y)
+    length = square_root(x**2 + y**2)
+    return Change(
+        "polar",
+        {radius: x * cosine, angle: x * sine},
+        {radius: length, angle: Apply("atan", y / x)},
+        {sine: y / length, cosine: x / length},
+    )
+
+
+def applies(material: Material) -> bool:
+    """Whether f suggests other coordinates."""
+    return bool(suggested(material))
+
+
+def in_shorter_coordinates(material: Material, seed: int) -> Iterator[Smaller]:
+    """The system in the shortest of the suggested coordinates; its Lagrangians in the given ones again."""
+    for change, system in shorter(material)[: bounds.FEW]:
+        yield Smaller(
+            (system,), material.motion.with_time, partial(_carried_back, _table(change.new, system.coordinates))
+        )
+
+
+def _carried_back(table: dict[Expression, Expression], found: Sequence[Sequence[Expression]]) -> list[Expression]:
+    return [merge_powers(_plain_arguments(substitute(tree, table))) for tree in found[0]]
+
+
+def _plain_arguments(tree: Expression) -> Expression:
+    """log(w' - v' + v') as log(w')."""
+    tree = rebuild(tree, _plain_arguments)
+    return rebuild(tree, collected_inside) if isinstance(tree, Apply) else tree
+
+
+def shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
+    """The changes that make f shorter, the best first, with the system in the new coordinates."""
+    system = material.analysis.system
+    own = size(system.accelerations)
+    found: list[tuple[Change, SecondOrderSystem]] = []
+    known: dict[Expression, Expression] = {}
+    with suppress(OutOfTime), within(bounds.WORK):
+        own = min(own, size([_settled(f, system.coordinates, known) for f in system.accelerations]))
+        for pair in _transformed(material, own, known):
+            found.append(pair)
+            if 2 * size(pair[1].accelerations) < own:
+                break
+    return sorted(found, key=lambda pair: size(pair[1].accelerations))
+
+
+def size(trees: Sequence[Expression]) -> int:
+    return sum(map(node_count, trees))
+
+
+def _transformed(
+    material: Material, most: int, known: dict[Expression, Expression]
+) -> Iterator[tuple[Change, SecondOrderSystem]]:
+    """The changes that make f smaller than that."""
+    for change in suggested(material):
+        check()
+        try:
+            other = transformed(material.analysis.system, change, most, known)
+        except (ArithmeticError, ValueError):
+            continue
+        if other is not None:
+            yield change, other
+
+
+def transformed(
+    system: SecondOrderSystem, change: Change, most: float = math.inf, known: dict[Expression, Expression] | None = None
+) -> SecondOrderSystem | None:
+    """The system in the new coordinates: Q'' = W_q f + (W_qq v) v with q = psi(Q); None where f gets that large.
+
+    `known` keeps the short forms of parts, which changes have in common.
+    """
+    known = {} if known is None else known
+    names = system.coordinates
+    forces = dict(zip(names, system.accelerations, strict=True))
+    table: dict[Expression, Expression] = {**_table(change.old, names), **change.functions}
+    accelerations = []
+    for name in names:
+        rate = _rate(change.new[name], names) if name in change.new else Velocity(name)
+        along = [differentiate(rate, Velocity(other)) * forces[other] for other in names]
+        whole = add(_rate(rate, names), *along)
+        placed = substitute(to_kernels(whole) if change.functions else whole, table)
+        accelerations.append(_settled(placed, names, known))
+        if size(accelerations) >= most:
+            return None
+    return replace(system, accelerations=tuple(accelerations))
+
+
+def _rate(tree: Expression, names: Sequence[str]) -> Expression:
+    """sum v dF/dq."""
+    return add(ZERO, *(differentiate(tree, Symbol(name)) * Velocity(name) for name in names))
+
+
+def _table(functions: Mapping[str, Expression], names: Sequence[str]) -> dict[Expression, Expression]:
+    """Each coordinate that changes, and its velocity, as functions of the others."""
+    table: dict[Expression, Expression] = {}
+    for name, tree in functions.items():
+        table[Symbol(name)] = tree
+        table[Velocity(name)] = _rate(tree, names)
+    return table
+
+
+def _settled(tree: Expression, names: Sequence[str], known: dict[Expression, Expression]) -> Expression:
+    """Each sum and product, the innermost first, as it is, multiplied out or as a factored quotient: the shortest."""
+    if tree not in known:
+        whole = rebuild(tree, lambda part: _settled(part, names, known))
+        known[tree] = _shortest(whole, names) if isinstance(whole, Sum | Product) else whole
+    return known[tree]
+
+
+def _shortest(tree: Expression, names: Sequence[str]) -> Expression:
+    whole = collect(tree)
+    check(size([tree, whole]))  # about what it costs to multiply out
+    return min((tree, whole, _quotient(whole, names)), key=lambda form: size([form]))
+
+
+def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
+    if isinstance(tree, Number | Symbol | Velocity):
+        return tree
+    symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    budget = Budget.short()
+    try:
+        return factored([tree], symbols, budget)[0]
+    except (TooLarge, ZeroDivisionError):
+        return tree
+    finally:
+        check(1 + budget.done)

@@ -1,0 +1,170 @@
+"""What the search is made of and what it hands over: leaves propose Lagrangians, reductions make smaller systems.
+
+A reduction is asked whether it `accepts` a system, `apply` makes smaller ones of it, and `lift` takes Lagrangians of
+these back. The search itself finds the Lagrangians in between, limits the work, and verifies what is lifted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from inverse_service.deadline import end, left
+from inverse_service.decision.analysis import Analysis, variables_of
+from inverse_service.decision.certify import where_proved
+from inverse_service.decision.solutions import Lagrangian, Matrix
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plainly_positive
+from inverse_service.expressions.tree import (
+    Expression,
+    Number,
+    Power,
+    Sum,
+    Symbol,
+    Velocity,
+    factors_of,
+    multiply,
+    node_count,
+    powers_of,
+    walk,
+)
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.real_point import known_positive
+from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.search.terms import TooManyTerms, terms_of, tree_of
+
+_LONGEST_CHECK = 60.0  # s, of a Lagrangian that is described
+
+if TYPE_CHECKING:
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
+    from inverse_service.search.material import Material
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Regular Lagrangians of one family, the simplest first; `parts` are those that the first is a sum of."""
+
+    lagrangians: tuple[Expression, ...]
+    family: str
+    parts: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SearchOutcome:
+    """What was found, and what was tried with the number of its candidates."""
+
+    found: Found | None
+    tried: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """A method of its own for the systems that it accepts; most costly ones come last.
+
+    `propose(material, seed)` gives regular Lagrangians, the simplest first. Unless they are `exact` by the way they
+    are found, the search verifies them. `reason` is a sentence for people that says where such a Lagrangian comes from.
+    """
+
+    name: str
+    cost: float
+    accepts: Callable[[Material], bool]
+    propose: Callable[[Material, int], Sequence[Expression]]
+    reason: str
+    exact: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Smaller:
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') `with_time`, make Lagrangians of the given one.
+
+    `lift` takes the Lagrangians of each system, the simplest first.
+    """
+
+    systems: tuple[SecondOrderSystem, ...]
+    with_time: bool
+    lift: Callable[[Sequence[Sequence[Expression]]], Sequence[Expression]]
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """A way to make smaller systems out of those that it accepts; `exact` and `reason` as for a leaf."""
+
+    name: str
+    cost: float
+    accepts: Callable[[Material], bool]
+    apply: Callable[[Material, int], Iterator[Smaller]]
+    reason: str
+    exact: bool = False
+
+
+def describe(analysis: Analysis, lagrangian: Expression, family: str) -> Lagrangian:
+    """g = d2L/dv dv, the functions that must not vanish, those that are positive on its domain."""
+    names = analysis.system.coordinates
+    rates = hessian(lagrangian, names)
+    short = {entry: _compact(analysis, entry) for row in rates for entry in row}
+    multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
+    where = where_proved(analysis, lagrangian, min(left(end(), 1.0), _LONGEST_CHECK))
+    zeros = (*where.nonzero, *_distinct(_denominators(lagrangian, multiplier)))
+    nonzero = _that_can_vanish(analysis, zeros, where.positive)
+    return Lagrangian(lagrangian, multiplier, nonzero, family, where.positive)
+
+
+def _that_can_vanish(
+    analysis: Analysis, trees: Sequence[Expression], positive: Sequence[Expression]
+) -> tuple[Expression, ...]:
+    """Those with a factor that is not seen to differ from 0 where all of `positive` are > 0, each factor once."""
+    known = known_positive(positive)
+    factors = {base for tree in positive for base, _ in _powers(analysis, tree)}
+    kept = set[Expression]()
+    for tree in sorted(trees, key=node_count):
+        parts = [base for base, exponent in _powers(analysis, tree) if exponent > 0]
+        if not all(is_plainly_positive(base, known) or is_plainly_nonzero(base, factors) for base in parts):
+            kept.add(tree)
+            factors.update(parts)
+    return tuple(tree for tree in trees if tree in kept)
+
+
+def _powers(analysis: Analysis, tree: Expression) -> list[tuple[Expression, Fraction]]:
+    """The tree as a product of powers, as far as it can be factored."""
+    return powers_of(_factored(analysis, tree))
+
+
+def _compact(analysis: Analysis, entry: Expression) -> Expression:
+    """The entry as a sum of products or, where that is shorter, as one quotient."""
+    try:
+        plain = tree_of(terms_of(entry))
+    except (TooManyTerms, TooLarge):
+        return entry
+    return min(plain, _factored(analysis, plain), key=node_count)
+
+
+def _factored(analysis: Analysis, tree: Expression) -> Expression:
+    if len(factors_of(tree)) == 1 and not any(isinstance(node, Sum) for node in walk(tree)):
+        return tree
+    held = set(walk(tree))
+    moving = variables_of(analysis.system)[: 1 + 2 * len(analysis.system.coordinates)]  # parameters are printed first
+    varying = [variable for variable in moving if variable in held]
+    try:
+        return factored([tree], varying, Budget.short())[0]
+    except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
+        return tree
+
+
+def _varies(tree: Expression) -> bool:
+    return any(isinstance(node, Symbol | Velocity) for node in walk(tree))
+
+
+def _denominators(lagrangian: Expression, multiplier: Matrix) -> Iterable[Expression]:
+    """Bases of negative powers in L and in g, without factors that are numbers."""
+    for tree in (lagrangian, *(entry for row in multiplier for entry in row)):
+        for node in walk(tree):
+            if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value < 0:
+                parts = factors_of(node.base)
+                yield multiply(*filter(_varies, parts))
+
+
+def _distinct(trees: Iterable[Expression]) -> tuple[Expression, ...]:
+    return tuple(dict.fromkeys(tree for tree in trees if _varies(tree)))

@@ -1,0 +1,434 @@
+"""Lagrangians of equations as they are written, each line up to a factor c_i(t, q).
+
+E_i = M_ij q''_j + B_i are Euler-Lagrange equations up to factors where c_i M_ij is symmetric and c_i E_i self-adjoint.
+
+1. Lines are put in an order in which M can be made symmetric: M_ij/M_ji is c_j/c_i along the edges of the graph of
+   nonzero entries, and each closed walk is a test. That leaves one factor for each connected part.
+2. This factor psi solves, by any one entry of G = c M with both indices in the part,
+       D log psi = ((d_vj B_i + d_vi B_j)/2 - D G_ij)/G_ij,   D = d_t + v_k d_k,
+   which has to be affine in v: its coefficients are the gradient of log psi.
+3. Between two parts a, b a constant is left: K_a d_vj B_i + K_b d_vi B_j = 0 or, where both vanish, the same for
+   K_a d_j B_i - K_b d_i B_j at v = 0.
+4. Then G is the velocity Hessian (Helmholtz 1887): a part of G that is homogeneous of degree d in v belongs to
+   G_ij v_i v_j/((d + 1)(d + 2)), what is left of E_i to some A_i(t, q) v_i - V(t, q).
+
+Accelerations that are given are lines with M = 1: then G is diagonal, and d_k log c_i = -d^2 f_i/dv_i dv_k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import combinations, islice
+
+from inverse_service import bounds
+from inverse_service.deadline import check
+from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.expressions import tree as ex
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.real_point import RealTable
+from inverse_service.mechanics.implicit_equations import linear_equation
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
+from inverse_service.search.completion import expressions_without_acceleration
+from inverse_service.search.gradients import ONE_TERM, Integrator, constant_factor, is_zero
+from inverse_service.search.material import Material
+from inverse_service.search.motion_terms import has_velocity, split_velocities
+from inverse_service.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    add_terms,
+    derivative_of_terms,
+    monomial,
+    multiply_terms,
+    split_content,
+    terms_of,
+    times,
+    tree_of,
+)
+
+# Orders of the lines that are tried: Bateman's pair is two damped oscillators in one order, autonomous in the other.
+_ORDERS = 6
+# Steps of the search for these orders.
+_STEPS = 4_000
+_FAILED = (ValueError, TooManyTerms, TooLarge, InputError, ZeroDivisionError, IrreducibleAtoms, KeyError)
+
+Factor = tuple[Fraction, Monomial]
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """E_i = sum_j matrix[i][j] q''_j + rest[i] for the coordinates of a system, in their order."""
+
+    system: SecondOrderSystem
+    matrix: list[list[Terms]]
+    rest: list[Terms]
+
+    @property
+    def places(self) -> range:
+        return range(len(self.rest))
+
+    @property
+    def coordinates(self) -> list[ex.Symbol]:
+        return list(map(ex.Symbol, self.system.coordinates))
+
+    @property
+    def velocities(self) -> list[ex.Velocity]:
+        return list(map(ex.Velocity, self.system.coordinates))
+
+    def times(self, factors: Sequence[Terms]) -> Lines:
+        """Each line times its factor."""
+        matrix = [[multiply_terms(c, entry) for entry in row] for c, row in zip(factors, self.matrix, strict=True)]
+        return replace(
+            self, matrix=matrix, rest=[multiply_terms(*pair) for pair in zip(factors, self.rest, strict=True)]
+        )
+
+
+def lagrangians_of_lines(
+    system: SecondOrderSystem, given: Sequence[ex.Expression], table: RealTable | None = None, signs: bool = False
+) -> Iterator[ex.Expression]:
+    """Those of the equations E = 0 as given and of q'' - f, each for the caller to check.
+
+    `signs`: integrals that are not elementary may stay.
+    """
+    solved = (
+        []
+        if system.is_unsolved
+        else [ex.Acceleration(q) - f for q, f in zip(system.coordinates, system.accelerations, strict=True)]
+    )
+    for equations in dict.fromkeys((tuple(given), tuple(solved))):
+        if len(equations) != len(system.coordinates):
+            continue
+        try:
+            lines = lines_of(system, equations)
+        except _FAILED:
+            continue
+        for scaled in islice(symmetric_lines(lines), _ORDERS):
+            check()
+            with suppress(*_FAILED):
+                found = _lagrangian(scaled, Integrator(system, table, signs))
+                if found is not None:
+                    yield found
+
+
+def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
+    """Those of q'' - f; without t where L(q, q') is asked for."""
+    system = material.analysis.system
+    for signs in (False, True):
+        for tree in lagrangians_of_lines(system, (), material.analysis.real_point, signs):
+            if material.motion.with_time or not ex.holds(tree, ex.TIME):
+                return [tree]
+    return []
+
+
+def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[ex.Expression] = ()) -> ex.Expression | None:
+    """The first of them that is free of integral signs, unchecked; None where there is none."""
+    return next(lagrangians_of_lines(system, given), None)
+
+
+def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> Lines:
+    """InputError where an acceleration does not enter linearly, TooManyTerms where a sum is long."""
+    parts = [linear_equation(equation) for equation in equations]
+    names = system.coordinates
+    matrix = [[terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names] for part in parts]
+    return Lines(system, matrix, [terms_of(part.rest) for part in parts])
+
+
+def symmetric_lines(lines: Lines) -> Iterator[Lines]:
+    """The lines in each order in which factors make the matrix symmetric, times these; denominators cleared."""
+    matrix, size = lines.matrix, len(lines.rest)
+    ratios: dict[tuple[int, int, int, int], Factor | None] = {}
+    steps = 0
+
+    def ratio(row: int, j: int, other: int, i: int) -> Factor | None:
+        """c with c_other = c c_row from c_row matrix[row][j] = c_other matrix[other][i]."""
+        key = row, j, other, i
+        if key not in ratios:
+            ratios[key] = _factor(matrix[row][j], matrix[other][i])
+        return ratios[key]
+
+    def extended(
+        order: list[int], factors: list[Factor], parts: list[int]
+    ) -> Iterator[tuple[list[int], list[Factor], list[int]]]:
+        """Orders of all lines that begin with `order`; lines in one part have factors relative to each other."""
+        nonlocal steps
+        i = len(order)
+        if i == size:
+            yield order, factors, parts
+            return
+        for row in dict.fromkeys((i, *range(size))):
+            steps += 1
+            if row in order or steps > _STEPS:
+                continue
+            placed = _placed(row, i, order, factors, parts)
+            if placed is not None:
+                yield from extended([*order, row], *placed)
+
+    def _placed(
+        row: int, i: int, order: list[int], factors: list[Factor], parts: list[int]
+    ) -> tuple[list[Factor], list[int]] | None:
+        own: Factor | None = None
+        part, known, labels = i, list(factors), list(parts)
+        for j, other in enumerate(order):
+            here, there = bool(matrix[row][j]), bool(matrix[other][i])
+            if here != there:
+                return None
+            if not here:
+                continue
+            step = ratio(other, i, row, j)
+            if step is None:
+                return None
+            wanted = known[j][0] * step[0], times(known[j][1], step[1])
+            if own is None or labels[j] == part:
+                if own is not None and own != wanted:
+                    return None
+                own = wanted
+                if part != labels[j]:
+                    labels = [labels[j] if label == part else label for label in labels]
+                    part = labels[j]
+            else:  # two parts are joined: all of that part is scaled
+                shift = own[0] / wanted[0], times(own[1], wanted[1], -1)
+                for k, label in enumerate(labels):
+                    if label == labels[j] and k != j:
+                        known[k] = known[k][0] * shift[0], times(known[k][1], shift[1])
+                known[j] = known[j][0] * shift[0], times(known[j][1], shift[1])
+                labels = [part if label == parts[j] else label for label in labels]
+        return [*known, own or (Fraction(1), EMPTY)], [*labels, part]
+
+    constants = set(map(ex.Symbol, lines.system.parameters))
+    for order, factors, parts in extended([], [], []):
+        cleared = _cleared(factors, parts, constants)
+        chosen = Lines(lines.system, [matrix[row] for row in order], [lines.rest[row] for row in order])
+        yield chosen.times([{m: a} for a, m in cleared])
+
+
+def _factor(left: Terms, right: Terms) -> Factor | None:
+    """c(t, q) with c right = left, one monomial."""
+    found = constant_factor(left, right)
+    if found is None:
+        return None
+    ((key, value),) = found.items()
+    return None if any(has_velocity(letter) for letter, _ in key) else (value, key)
+
+
+def _cleared(factors: Sequence[Factor], parts: Sequence[int], constants: set[ex.Symbol]) -> list[Factor]:
+    """The factors of each part without constant denominators and common constants."""
+    found = list(factors)
+    for part in dict.fromkeys(parts):
+        members = [k for k, label in enumerate(parts) if label == part]
+        tables = [dict(found[k][1]) for k in members]
+        letters = dict.fromkeys(p for table in tables for p in table if _is_constant(p, constants))
+        least = frozenset((p, e) for p in letters if (e := min(table.get(p, Fraction(0)) for table in tables)))
+        for k in members:
+            found[k] = found[k][0], times(found[k][1], least, -1)
+    return found
+
+
+def _is_constant(letter: ex.Expression, constants: set[ex.Symbol]) -> bool:
+    leaves = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)]
+    return bool(leaves) and all(leaf in constants for leaf in leaves)
+
+
+def _lagrangian(lines: Lines, integrator: Integrator) -> ex.Expression | None:
+    """L of lines with a symmetric matrix, each connected part of them times its function and its constant."""
+    parts = connected(list(lines.places), [{i, j} for i in lines.places for j in lines.places if lines.matrix[i][j]])
+    functions = [_common_function(lines, part, integrator) for part in parts]
+    if any(function is None for function in functions):
+        return None
+    table = {i: function for part, function in zip(parts, functions, strict=True) if function for i in part}
+    scaled = lines.times([table[i] for i in lines.places]) if any(f != ONE_TERM for f in table.values()) else lines
+    constants = _constants(scaled, parts)
+    if constants is None:
+        return None
+    if any(c != ONE_TERM for c in constants.values()):
+        scaled = scaled.times([constants[i] for i in lines.places])
+    kinetic = _kinetic(scaled)
+    if kinetic is None:
+        return None
+    own = expressions_without_acceleration(lines.system.coordinates, kinetic)
+    rest = integrator.linear_terms([add_terms(terms, part, -1) for terms, part in zip(scaled.rest, own, strict=True)])
+    if rest is None:
+        return None
+    sign = -1 if all(value < 0 for value in kinetic.values()) else 1
+    total = add_terms(kinetic, rest)
+    return ex.add(tree_of(_scaled(kinetic, sign)), tree_of(_scaled(rest, sign))) if total else None
+
+
+def _scaled(terms: Terms, factor: int) -> Terms:
+    return {key: value * factor for key, value in terms.items()}
+
+
+def _common_function(lines: Lines, part: Sequence[int], integrator: Integrator) -> Terms | None:
+    """psi(t, q) for the lines of one connected part; None where no function of these will do."""
+    pairs = [(i, j) for i in part for j in part if i <= j and lines.matrix[i][j]]
+    i, j = min(pairs, key=lambda pair: (len(lines.matrix[pair[0]][pair[1]]), pair[0] != pair[1], pair))
+    entry = lines.matrix[i][j]
+    rate = _rate(lines, i, j)
+    if is_zero(rate):
+        return dict(ONE_TERM)
+    zeros = [(i, j) for i in part for j in part if i <= j and not lines.matrix[i][j]]
+    if not all(is_zero(_rate(lines, *pair)) for pair in zeros):
+        return None  # (H2) for an entry that is 0
+    slope = _divided(rate, entry, integrator)
+    form: list[Terms] = [{} for _ in range(1 + len(lines.rest))]
+    places = {v: 1 + k for k, v in enumerate(lines.velocities)}
+    for key, value in slope.items():
+        outside, moving = split_velocities(key)
+        if not moving:
+            form[0] = add_terms(form[0], {outside: value})
+            continue
+        ((letter, e), *more) = moving
+        if more or e != 1 or letter not in places:
+            return None
+        form[places[letter]] = add_terms(form[places[letter]], {outside: value})
+    logarithm = integrator.function_of([ex.TIME, *lines.coordinates], form)
+    return None if logarithm is None else integrator.exponential(logarithm)
+
+
+def _rate(lines: Lines, i: int, j: int) -> Terms:
+    """(d_vj B_i + d_vi B_j)/2 - D G_ij."""
+    velocities, entry = lines.velocities, lines.matrix[i][j]
+    total = _scaled(derivative_of_terms(entry, ex.TIME), -1)
+    for q, v in zip(lines.coordinates, velocities, strict=True):
+        total = add_terms(total, multiply_terms(derivative_of_terms(entry, q), {monomial(v): Fraction(1)}), -1)
+    half = Fraction(1, 2)
+    total = add_terms(total, derivative_of_terms(lines.rest[i], velocities[j]), half)
+    return add_terms(total, derivative_of_terms(lines.rest[j], velocities[i]), half)
+
+
+def _divided(left: Terms, right: Terms, integrator: Integrator) -> Terms:
+    """left/right as a sum, common factors cancelled."""
+    if len(right) == 1:
+        ((key, value),) = right.items()
+        return {times(one, key, -1): a / value for one, a in left.items()}
+    found = constant_factor(left, right)
+    if found is not None:
+        return found
+    names = integrator.system.coordinates
+    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
+    return terms_of(factored([tree_of(left) / tree_of(right)], symbols, Budget.short())[0])
+
+
+def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, Terms] | None:
+    """K for each line, one in each connected part, so that terms between different parts fit; None where none does."""
+    own = {i: k for k, part in enumerate(parts) for i in part}
+    constants = set(map(ex.Symbol, lines.system.parameters))
+    edges: dict[int, dict[int, Factor]] = {}
+    for i, j in combinations(lines.places, 2):
+        a, b = own[i], own[j]
+        if a == b or b in edges.get(a, {}):
+            continue
+        left = derivative_of_terms(lines.rest[i], lines.velocities[j])
+        right = _scaled(derivative_of_terms(lines.rest[j], lines.velocities[i]), -1)
+        if not left and not right:
+            left = _at_rest(derivative_of_terms(lines.rest[i], lines.coordinates[j]))
+            right = _at_rest(derivative_of_terms(lines.rest[j], lines.coordinates[i]))
+        if not left and not right:
+            continue
+        ratio = _factor(left, right) or _quotient(lines, left, right)  # K_b = ratio K_a
+        if ratio is None or not all(_is_constant(p, constants) or isinstance(p, ex.Number) for p, _ in ratio[1]):
+            return None
+        edges.setdefault(a, {})[b] = ratio
+        edges.setdefault(b, {})[a] = 1 / ratio[0], times(EMPTY, ratio[1], -1)
+    found: dict[int, Factor] = {}
+    roots: dict[int, int] = {}
+    for start in range(len(parts)):
+        if start in found:
+            continue
+        found[start], roots[start], queue = (Fraction(1), EMPTY), start, [start]
+        for a in queue:
+            for b, (value, key) in edges.get(a, {}).items():
+                wanted = found[a][0] * value, times(found[a][1], key)
+                if b not in found:
+                    found[b], roots[b] = wanted, start
+                    queue.append(b)
+                elif found[b] != wanted:
+                    return None
+    order = range(len(parts))
+    cleared = _cleared([found[k] for k in order], [roots[k] for k in order], constants)
+    if sum(value < 0 for value, _ in cleared) > len(parts) / 2:
+        cleared = [(-value, key) for value, key in cleared]
+    return {i: {cleared[k][1]: cleared[k][0]} for k, part in enumerate(parts) for i in part}
+
+
+def _quotient(lines: Lines, left: Terms, right: Terms) -> Factor | None:
+    """left/right where relations among their letters make it one monomial."""
+    if is_zero(left) or is_zero(right):
+        return None
+    found = _divided(left, right, Integrator(lines.system))
+    return next(((value, key) for key, value in found.items()), None) if len(found) == 1 else None
+
+
+def _at_rest(terms: Terms) -> Terms:
+    return {key: value for key, value in terms.items() if not split_velocities(key)[1]}
+
+
+def _kinetic(lines: Lines) -> Terms | None:
+    """sum G_ij v_i v_j/((d + 1)(d + 2)); None where a part of G is of degree -1 or -2, or not a polynomial in v."""
+    total: Terms = {}
+    for row, v in zip(lines.matrix, lines.velocities, strict=True):
+        for entry, w in zip(row, lines.velocities, strict=True):
+            for key, value in entry.items():
+                _, moving = split_velocities(key)
+                degree = sum((e for _, e in moving), Fraction(0))
+                if not all(isinstance(letter, ex.Velocity) for letter, _ in moving) or degree in (-1, -2):
+                    return None
+                term = {times(key, monomial(v, w)): value / ((degree + 1) * (degree + 2))}
+                total = add_terms(total, term)
+    return total
+
+
+def with_written_masses(
+    lagrangian: ex.Expression, system: SecondOrderSystem, given: Sequence[ex.Expression]
+) -> ex.Expression | None:
+    """A constant multiple of L whose Hessian has the constants of the equations as written.
+
+    None where L is not quadratic in the velocities, its Hessian no multiple of dE_i/dq''_j, or nothing changes.
+    """
+    try:
+        lines = lines_of(system, given) if len(given) == len(system.coordinates) <= bounds.COORDINATES else None
+        written = None if lines is None else next((one.matrix for one in symmetric_lines(lines)), None)
+        hessian = _hessian(terms_of(lagrangian), system.coordinates)
+    except (TooManyTerms, InputError):
+        return None
+    if written is None or hessian is None or not _is_multiple(hessian, written):
+        return None
+    parameters: set[ex.Expression] = {ex.Symbol(name) for name in system.parameters}
+    (number, wanted), (value, known) = _constant(written[0][0], parameters), _constant(hessian[0][0], parameters)
+    factor, ratio = times(wanted, known, -1), abs(number / value)
+    # The factor stays in one piece, so that it cancels: (m + M)/(m + M).
+    return tree_of({times(key, factor): ratio * c for key, c in terms_of(lagrangian).items()}) if factor else None
+
+
+def _hessian(terms: Terms, names: Sequence[str]) -> list[list[Terms]] | None:
+    """d^2 L/dv_i dv_j; None where L is not of degree 2 in the velocities."""
+    places = {ex.Velocity(name): k for k, name in enumerate(names)}
+    found: list[list[Terms]] = [[{} for _ in names] for _ in names]
+    for key, value in terms.items():
+        rest, moving = split_velocities(key)
+        if any(v not in places or e not in (1, 2) for v, e in moving) or sum(e for _, e in moving) > 2:
+            return None
+        rates = [places[v] for v, e in moving if isinstance(v, ex.Velocity) for _ in range(int(e))]
+        if len(rates) == 2:
+            i, j = rates
+            found[i][j][rest] = found[j][i][rest] = value * (2 if i == j else 1)
+    return found
+
+
+def _is_multiple(left: Sequence[Sequence[Terms]], right: Sequence[Sequence[Terms]]) -> bool:
+    """Whether left = h right with any function h."""
+    first, other = left[0][0], right[0][0]
+    pairs = [pair for rows in zip(left, right, strict=True) for pair in zip(*rows, strict=True)]
+    return bool(first and other) and all(multiply_terms(a, other) == multiply_terms(first, b) for a, b in pairs)
+
+
+def _constant(terms: Terms, parameters: set[ex.Expression]) -> tuple[Fraction, Monomial]:
+    """The factor of a sum that is made of numbers and parameters alone, a sum of parameters as one letter."""
+    content, common, rest = split_content(terms)
+    outside: Monomial = frozenset(item for item in common if item[0] in parameters)
+    whole = rest != ex.ONE and {letter for key in terms_of(rest) for letter, _ in key} <= parameters
+    return content, times(outside, monomial(rest)) if whole else outside

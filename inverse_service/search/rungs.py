@@ -1,0 +1,132 @@
+"""The rungs of the search, by cost: leaves, reductions, and the rows of the ansatz."""
+
+from __future__ import annotations
+
+from inverse_service import bounds
+from inverse_service.search import (
+    holomorphic,
+    one_matrix,
+    other_coordinates,
+    reductions,
+    row_factors,
+    scalar_multiplier,
+    shapes,
+)
+from inverse_service.search.families import Family
+from inverse_service.search.linear_systems.time_dependent import is_linear, linear_lagrangians
+from inverse_service.search.one_coordinate import last_multiplier
+from inverse_service.search.protocol import Leaf, Reduction
+
+Rung = Leaf | Reduction | Family
+
+LEAVES = (
+    Leaf(
+        "each equation times a function",
+        0.1,
+        lambda material: True,
+        row_factors.propose,
+        "Each equation times a function of `t` and the coordinates, the equations are self-adjoint: then the matrix of "
+        "their accelerations is the Hessian of `L`, which follows by integration.",
+        exact=True,
+    ),
+    Leaf(
+        "one matrix",
+        0.4,
+        one_matrix.accepts,
+        one_matrix.propose,
+        "The algebraic conditions leave one matrix `G(t, q)` up to a factor, which is computed from them; the "
+        "derivatives of the factor, of `A` and of `V` in `L = phi G_ij v^i v^j/2 + A_i v^i - V` follow from it.",
+    ),
+    Leaf(
+        "one function times a constant matrix",
+        0.5,
+        lambda material: True,
+        scalar_multiplier.propose,
+        "The divergence of `f` is that of a multiplier `g = phi(t, q) G` with constant `G`: `phi` is an integral and "
+        "`G` solves linear equations; then `L = phi G_ij v^i v^j/2 + A_i v^i - V`, and `A` and `V` follow by "
+        "integration.",
+        exact=True,
+    ),
+    Leaf(
+        "linear systems, multipliers in t alone",
+        1.5,
+        is_linear,
+        linear_lagrangians,
+        "The system is linear: a `g` that depends on `t` alone has to solve `g' = g N + (g N)^T` and keep `g Phi` "
+        "symmetric.",
+    ),
+    Leaf(
+        "one coordinate, products of Darboux factors",
+        6.5,
+        last_multiplier.applies,
+        last_multiplier.propose,
+        "For one coordinate `g` has to solve `Gamma(g) + g df/dv = 0`; a product of factors that `Gamma` takes to "
+        "multiples of themselves solves it, and `L` is `g` integrated twice by `v`.",
+    ),
+    Leaf(
+        "one coordinate, a function of the velocity",
+        4.2,
+        scalar_multiplier.is_of_one_coordinate,
+        last_multiplier.propose_function_of_velocity,
+        "With `P' = 1/F` and `Q' = v/F`, `f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where "
+        "`phi_t = A phi` and `phi_x = B phi`; then `L = phi (v P - Q) + int phi G d x`.",
+        exact=True,
+    ),
+    Leaf(
+        "one coordinate, a function of the velocity by quadratures",
+        9.5,
+        scalar_multiplier.is_of_one_coordinate,
+        last_multiplier.propose_with_integrals,
+        "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
+        "`phi_t = A phi` and `phi_x = B phi`; what is not elementary stays under integral signs.",
+        exact=True,
+    ),
+)
+REDUCTIONS = (
+    Reduction(
+        "uniform damping, e^(ct) L_0",
+        1.8,
+        reductions.is_damped,
+        reductions.without_damping,
+        "Without a common damping `-c q'` the system has a Lagrangian `L_0`; the factor `e^(c t)`, for `c(t)` the "
+        "exponential of its integral, brings the damping back.",
+    ),
+    Reduction(
+        "other coordinates",
+        3.5,
+        other_coordinates.applies,
+        other_coordinates.in_shorter_coordinates,
+        "In other coordinates `f` is shorter; a Lagrangian found there is carried back.",
+        exact=True,
+    ),
+    Reduction(
+        "decoupled blocks one by one",
+        3.55,
+        reductions.is_decoupled,
+        reductions.into_blocks,
+        "The system decouples; the Lagrangian is the sum over the blocks.",
+        exact=True,
+    ),
+    Reduction(
+        "real and imaginary parts of complex Lagrangians",
+        3.6,
+        holomorphic.is_even,
+        holomorphic.real_systems,
+        "The system is one of fewer complex coordinates; part of a Lagrangian of that one is a Lagrangian of this.",
+    ),
+)
+ANSATZ = (
+    Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
+    Family("quadratic in the velocities, short factors", 2, shapes.quadratic, bounds.SMALL),
+    Family("functions of velocities as in f, short factors", 3.74, shapes.as_in_force, bounds.SMALL),
+    Family("functions of velocities, constant coefficients", 3.75, shapes.of_velocities, 0),
+    Family("ratios of velocities, short factors", 3.7, shapes.ratios, bounds.SMALL),
+    Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, bounds.LARGE),
+    Family("functions of velocities, short factors", 4, shapes.functions, bounds.SMALL),
+    Family("products of up to four velocities", 7, shapes.polynomials, bounds.LARGE),
+    Family("squares times powers of a velocity", 7.5, shapes.carried, bounds.LARGE),
+    Family("products, roots and logarithms of velocities", 8, shapes.products_and_roots, bounds.LARGE),
+    Family("logarithms and arctangents of two velocities", 9, shapes.complex_logarithms, bounds.SMALL),
+)
+RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)
+REASONS = {rung.name: rung.reason for rung in (*LEAVES, *REDUCTIONS)}

@@ -1,0 +1,408 @@
+"""A Lagrangian written shorter: terms with the same velocities and parameters over one denominator.
+
+Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k atan u) = ((1 + i u)/sqrt(1 + u^2))^k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from fractions import Fraction
+from functools import lru_cache, partial
+from itertools import combinations
+from math import comb
+
+from inverse_service import bounds
+from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.collecting_trees import minus_inside, numbers_outside
+from inverse_service.expressions.tree import (
+    MINUS_ONE,
+    ONE,
+    TIME,
+    TWO,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    distinct_nodes,
+    factors_of,
+    holds,
+    is_exponential,
+    multiply,
+    node_count,
+    number,
+    rebuild,
+    square_root,
+    substitute,
+    walk,
+)
+from inverse_service.field.exact_atoms import factored
+from inverse_service.field.point import variables_in
+from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.mechanics.quadratic_forms import short_forms
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.writing import joined
+from inverse_service.search.motion_terms import has_velocity
+from inverse_service.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    monomial_tree,
+    split_content,
+    terms_of,
+    times,
+    tree_of,
+)
+
+_LARGEST = 4
+
+
+def without_arctangents(tree: Expression) -> Expression:
+    """The tree with every sin and cos of a small multiple of an arctangent replaced by its algebraic form."""
+    while table := {node: form for node in distinct_nodes((tree,)) if (form := _algebraic(node)) is not None}:
+        tree = substitute(tree, table)
+    return tree
+
+
+def _algebraic(node: Expression) -> Expression | None:
+    if not (isinstance(node, Apply) and node.function in ("sin", "cos")):
+        return None
+    turns, arctangent = _multiple(node.argument)
+    if arctangent is None or turns.denominator != 1 or not 1 <= abs(turns) <= _LARGEST:
+        return None
+    u, k = arctangent.argument, abs(int(turns))
+    # The real or the imaginary part of (1 + i u)^k.
+    terms = [((-1) ** (e // 2) * comb(k, e), e) for e in range(node.function == "sin", k + 1, 2)]
+    sign = -1 if turns < 0 and node.function == "sin" else 1
+    above = add(*(sign * a * u**e for a, e in terms))
+    norm = 1 + u**2
+    return above / (norm ** (k // 2) if k % 2 == 0 else norm ** (k // 2) * square_root(norm))
+
+
+def _multiple(argument: Expression) -> tuple[Fraction, Apply | None]:
+    """(k, atan u) of k atan u; (1, None) of anything else."""
+    match argument:
+        case Apply("atan", _):
+            return Fraction(1), argument
+        case Product((Number(value), Apply("atan", _) as inner)):
+            return value, inner
+    return Fraction(1), None
+
+
+_BEFORE_A_BRACKET = 12
+# Terms of a potential stay apart, as they are known, where one bracket is not much shorter.
+_MUCH = 2
+
+_FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputError, ValueError)
+
+
+def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """A tree with fewer nodes, equal up to a constant factor, or the same one; to be verified like any other.
+
+    Circular functions of arctangents are algebraic in it, even where that is longer.
+    Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
+    """
+    tree = _merged(without_arctangents(tree))
+    with suppress(*_FAILED):
+        tree = _finite(tree, system)
+    if _size(tree) > bounds.TERMS:
+        return tree
+    while (shorter := _shortest(tree, system)) != tree:
+        tree = shorter
+    return kinetic_first(numbers_outside(minus_inside(_as_written(joined(tree), system))))
+
+
+def _finite(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """With another constant in the potential, where it then divides by fewer constants, as f does.
+
+    a^2/(2 k (1 + k x^2)) less a^2/(2 k) is -a^2 x^2/(2 (1 + k x^2)), which has a value for k = 0.
+    """
+    terms = tree.terms if isinstance(tree, Sum) else (tree,)
+    rest = [term for term in terms if not has_velocity(term)]
+    parameters = _parameters(system)
+    divisors = _constant_divisors(rest, parameters) - _constant_divisors(system.accelerations, parameters)
+    if not divisors or any(holds(term, TIME) for term in rest):
+        return tree
+    potential = add(*rest)
+    start = substitute(potential, {Symbol(name): ZERO for name in system.coordinates})
+    symbols: list[Symbol | Velocity] = [*map(Symbol, (*system.parameters, *system.coordinates))]
+    (moved,) = factored([potential - start], symbols, Budget.short())
+    left = _constant_divisors([moved], parameters) & divisors
+    return tree if len(left) >= len(divisors) else add(*(t for t in terms if t not in rest), moved)
+
+
+def _constant_divisors(trees: Iterable[Expression], parameters: frozenset[Symbol]) -> set[Expression]:
+    """What trees divide by that holds parameters alone."""
+    powers = (node for node in distinct_nodes(trees) if isinstance(node, Power) and isinstance(node.exponent, Number))
+    bases = (node.base for node in powers if node.exponent.value < 0)  # type: ignore[union-attr]
+    return {base for base in bases if parameters.issuperset(variables_in(base))}
+
+
+def _shortest(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """The shortest of all forms; the tree itself where none is shorter."""
+    kept = _velocity_sums(tree)
+    others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
+    return min([tree, *others], key=_preference)
+
+
+def kinetic_first(tree: Expression) -> Expression:
+    """T before the terms linear in velocities, these before the potential, otherwise in their order: T + A v - V."""
+    if isinstance(tree, Product):
+        return multiply(*map(kinetic_first, tree.factors))
+    return add(*sorted(tree.terms, key=_place)) if isinstance(tree, Sum) else tree
+
+
+def _place(term: Expression) -> tuple[int, bool]:
+    """By the degree in the velocities, 2 and more alike; a kinetic energy does not begin with a minus."""
+    degree = min(_degree(term), 2)
+    negative = isinstance(term, Product) and isinstance(term.factors[0], Number) and term.factors[0].value < 0
+    return -degree, degree == 2 and negative
+
+
+def _degree(tree: Expression) -> int:
+    """The degree in the velocities, 2 for what is no polynomial in them."""
+    match tree:
+        case Velocity():
+            return 1
+        case Sum(terms):
+            return max(map(_degree, terms))
+        case Product(factors):
+            return sum(map(_degree, factors))
+        case _:
+            return 2 if has_velocity(tree) else 0
+
+
+def _as_written(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """The sums of f that are short as they are written in it, (x + m)^2 + y^2, in the place of their expansions."""
+    table: dict[Expression, Expression] = {}
+    for node in distinct_nodes(system.accelerations):
+        if isinstance(node, Sum):
+            with suppress(TooManyTerms):
+                terms = terms_of(node)
+                content, common, expansion = split_content(terms) if terms else (Fraction(0), EMPTY, node)
+                if not common and content == 1 and _size(node) < _size(expansion):
+                    table[expansion] = node
+    return substitute(tree, table)
+
+
+def _merged(tree: Expression) -> Expression:
+    """Products with each base once: t^c/t is t^(c - 1), (1 - t^2)^m/((1 - t)(1 + t)) is (1 - t^2)^(m - 1).
+
+    (u^(1/2))^2 is u.
+    """
+    tree = rebuild(tree, _merged)
+    match tree:
+        case Power(Power(base, Number(inner)), Number(outer)) if outer.denominator == 1:
+            return base ** (inner * outer)
+    if not isinstance(tree, Product) or not any(
+        isinstance(f, Power) and not isinstance(f.exponent, Number) for f in tree.factors
+    ):
+        return tree
+    table: dict[Expression, Expression] = {}
+    for factor in tree.factors:
+        base, e = (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, ONE)
+        table[base] = table.get(base, ZERO) + e
+    numbers = [base ** table.pop(base) for base in list(table) if isinstance(base, Number)]
+    for base in [base for base, e in table.items() if isinstance(base, Sum) and not isinstance(e, Number)]:
+        numbers += _absorbed(base, table)
+    return multiply(*numbers, *(base ** _ordered(e) for base, e in table.items()))
+
+
+def _ordered(exponent: Expression) -> Expression:
+    return tree_of(terms_of(exponent))
+
+
+def _absorbed(base: Expression, table: dict[Expression, Expression]) -> list[Expression]:
+    """What is left of sums to one power whose product is a multiple of the base: they are counted in there."""
+    whole = terms_of(base)
+    sums = [p for p, e in table.items() if isinstance(p, Sum) and isinstance(e, Number) and e.value.denominator == 1]
+    for chosen in (some for k in (1, 2) for some in combinations(sums, k)):
+        found = terms_of(multiply(*chosen))
+        ratio = next((found.get(key, Fraction(0)) / a for key, a in whole.items()), Fraction(0))
+        if ratio and found == {key: ratio * a for key, a in whole.items()} and len({table[p] for p in chosen}) == 1:
+            exponents = [table.pop(p) for p in chosen]
+            table[base] = table[base] + exponents[0]
+            return [number(ratio) ** exponents[0]]
+    return []
+
+
+def _velocity_sums(tree: Expression) -> int:
+    """How many different sums of velocities stand under powers other than squares, or in functions.
+
+    Not 3 (w' + 2 u'/3) - 2 u', which is 3 w'.
+    """
+    found = set()
+    for node in walk(tree):
+        match node:
+            case Power(Sum() as inner, exponent) if exponent != TWO:
+                found.add(inner)
+            case Apply(_, Sum() as inner):
+                found.add(inner)
+    moving = [inner for inner in found if any(isinstance(node, Velocity) for node in walk(inner))]
+    return sum(isinstance(collect(inner), Sum) for inner in moving)
+
+
+def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
+    found = []
+    constants, rates = partial(_by_parameters, _parameters(system)), partial(_by_rates, system)
+    common = partial(_with_common_factor, constants)
+    for form in (collected_inside, common, partial(_grouped, system), constants, rates):
+        try:
+            found.append(form(tree))
+        except _FAILED:
+            continue
+    return [*found, *short_forms(tree, [Velocity(name) for name in system.coordinates])]
+
+
+@lru_cache(maxsize=1024)
+def _size(tree: Expression) -> int:
+    """The nodes; a minus sign counts nothing, but much before a bracket."""
+    return node_count(tree) + sum(map(_sign, walk(tree)))
+
+
+def _preference(tree: Expression) -> tuple[int, int]:
+    """Fewer nodes first, then fewer terms."""
+    return _size(tree), len(tree.terms) if isinstance(tree, Sum) else 1
+
+
+def _sign(node: Expression) -> int:
+    if not isinstance(node, Product) or node.factors[0] != MINUS_ONE:
+        return 0
+    if len(node.factors) > 2:
+        return -1
+    return _BEFORE_A_BRACKET if isinstance(node.factors[1], Sum) else -2
+
+
+def collected_inside(tree: Expression) -> Expression:
+    """Every sum collected by itself where that makes it shorter."""
+    tree = rebuild(tree, collected_inside)
+    return min(tree, collect(tree), key=_size) if isinstance(tree, Sum) else tree
+
+
+def _with_common_factor(form: Callable[[Expression], Expression], tree: Expression) -> Expression:
+    """An exponential of t that all terms share before a bracket, kinetic terms in that form: e^(ct) (x'^2 - x^2)/2."""
+    terms = terms_of(tree)
+    content, shared, _ = split_content(terms) if terms else (Fraction(0), EMPTY, tree)
+    common: Monomial = frozenset((p, e) for p, e in shared if _is_exponential_of_time(p))
+    if not common:
+        return tree
+    content = content if content == Fraction(1, 2) else Fraction(1)
+    rest = {times(key, common, -1): value / content for key, value in terms.items()}
+    moving = {key: value for key, value in rest.items() if any(has_velocity(p) for p, _ in key)}
+    kinetic = min(tree_of(moving), form(tree_of(moving)), key=_preference)
+    inside = kinetic + tree_of({key: value for key, value in rest.items() if key not in moving})
+    return content * monomial_tree(common) * inside
+
+
+def _is_exponential_of_time(letter: Expression) -> bool:
+    return is_exponential(letter) and holds(letter, TIME)
+
+
+def _split(terms: Terms, is_outside: Callable[[Expression], bool]) -> dict[Monomial, Terms]:
+    """The sum over products of the letters that are outside: what each is multiplied with."""
+    groups: dict[Monomial, Terms] = {}
+    for key, value in terms.items():
+        outer: Monomial = frozenset(item for item in key if is_outside(item[0]))
+        groups.setdefault(outer, {})[key - outer] = value
+    return groups
+
+
+def _by_parameters(parameters: frozenset[Symbol], tree: Expression) -> Expression:
+    """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
+    groups = _split(terms_of(tree), lambda letter: letter not in parameters)
+    coefficients = factored([tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), Budget.short())
+    return add(*(c * monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
+
+
+def _by_rates(system: SecondOrderSystem, tree: Expression) -> Expression:
+    """The sum over products of velocities, each with one coefficient in its shortest form.
+
+    The terms without velocities stay apart where one bracket is not much shorter.
+    """
+    parts = []
+    for rates, inner in _split(_without_squares(terms_of(tree), _parameters(system)), has_velocity).items():
+        terms = {key | rates: value for key, value in inner.items()}
+        forms = [tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
+        whole = _part(rates, inner, system)
+        if rates or _MUCH * _size(whole) < min(map(_size, forms)):
+            forms.append(whole)
+        parts.append(min(forms, key=_preference))
+    return add(*parts)
+
+
+def _by_both(system: SecondOrderSystem, terms: Terms) -> Expression:
+    """By parameters where several belong to the same product of other letters; the rest by these letters."""
+    parameters = _parameters(system)
+    groups = _split(terms, lambda letter: letter not in parameters)
+    several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
+    rest = {key: value for key, value in terms.items() if key not in several}
+    return _by_parameters(parameters, tree_of(several)) + _by_letters(system, rest)
+
+
+def _grouped(system: SecondOrderSystem, tree: Expression) -> Expression:
+    """The sum over velocities and parameters of their coefficients, each in its shortest form."""
+    return _by_letters(system, _without_squares(terms_of(tree), _parameters(system)))
+
+
+def _by_letters(system: SecondOrderSystem, terms: Terms) -> Expression:
+    parameters = _parameters(system)
+    groups = _split(terms, lambda letter: letter in parameters or has_velocity(letter))
+    return add(*(_part(outer, inner, system) for outer, inner in groups.items()))
+
+
+def _parameters(system: SecondOrderSystem) -> frozenset[Symbol]:
+    return frozenset(Symbol(name) for name in system.parameters)
+
+
+def _without_squares(terms: Terms, parameters: frozenset[Symbol]) -> Terms:
+    """Even powers of parameters that all terms share left out: a positive multiple is as good a Lagrangian."""
+    shared = frozenset.intersection(*terms) if terms else EMPTY
+    common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)
+    return {times(key, common, -1): value for key, value in terms.items()}
+
+
+def _part(outer: Monomial, inner: Terms, system: SecondOrderSystem) -> Expression:
+    plain = tree_of(inner)
+    moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
+    constant, rates = monomial_tree(outer - moving), monomial_tree(moving)
+    content, common, rest = split_content(inner) if moving else (Fraction(1), EMPTY, plain)
+    whole = content * constant * monomial_tree(common) * rest * rates
+    if len(inner) == 1 and next(iter(inner)) == EMPTY:
+        return whole
+    quotient = _quotient(plain, system.parameters, system.coordinates)
+    if quotient is None or _is_sum_of(quotient, len(inner)):
+        return whole
+    return min(whole, constant * _constants_first(quotient, system) * rates, key=_size)
+
+
+@lru_cache(maxsize=256)
+def _quotient(tree: Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> Expression | None:
+    """The sum as one quotient in factors, None where it is too large; several forms ask for the same ones."""
+    constants = list(map(Symbol, parameters))
+    symbols: list[Symbol | Velocity] = [*constants, TIME, *map(Symbol, names), *map(Velocity, names)]
+    try:
+        return factored([tree], symbols, Budget.short())[0]
+    except (TooLarge, ZeroDivisionError):
+        return None
+
+
+def _constants_first(tree: Expression, system: SecondOrderSystem) -> Expression:
+    """A product with its factors that do not vary in front."""
+    varying = {TIME, *map(Symbol, system.coordinates)}
+    factors = factors_of(tree)
+    return multiply(*sorted(factors, key=lambda factor: holds(factor, *varying)))
+
+
+def _is_sum_of(tree: Expression, count: int) -> bool:
+    """Whether it is a number times a sum of so many terms: nothing was gained then."""
+    if isinstance(tree, Product) and isinstance(tree.factors[0], Number):
+        tree = multiply(*tree.factors[1:])
+    return isinstance(tree, Sum) and len(tree.terms) >= count

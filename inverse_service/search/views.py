@@ -1,0 +1,168 @@
+"""A system as the search looks at it: f as plain as it can be made, and letters for long numbers.
+
+398600.4418 is 1993002209/5000, and a coefficient with more than some nine digits cannot be told from its residue modulo
+one prime of 61 bits. A system with a letter instead has coefficients as short as its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache, partial
+
+import mpmath
+
+from inverse_service import bounds
+from inverse_service.decision.analysis import Analysis, analyze
+from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.tree import (
+    ONE,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    add,
+    distinct_nodes,
+    dot,
+    node_count,
+    number,
+    rebuild,
+    substitute,
+    walk,
+)
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.real_point import varies
+from inverse_service.field.rules import AngleRule
+from inverse_service.field.tower import Tower
+from inverse_service.search.protocol import Found
+from inverse_service.search.tidy import collected_inside, without_arctangents
+
+
+@dataclass(frozen=True, slots=True)
+class Lettered:
+    """The system with letters, and the positive numbers that they stand for."""
+
+    analysis: Analysis
+    numbers: dict[Expression, Expression]
+
+    def put_back(self, tree: Expression) -> Expression:
+        """A formula with the numbers again."""
+        return substitute(tree, self.numbers) if self.numbers else tree
+
+    def restored(self, found: Found | None) -> Found | None:
+        """What a search found for the letters, with the numbers."""
+        if found is None:
+            return None
+        trees, parts = (tuple(map(self.put_back, each)) for each in (found.lagrangians, found.parts))
+        return replace(found, lagrangians=trees, parts=parts)
+
+
+def views(analysis: Analysis) -> Iterator[Lettered]:
+    """The system with letters for its long numbers, where there are such, and as it is, f as plain as it can be made.
+
+    Lagrangians that hold for the latter are checked with f as it was given.
+    """
+    forces = with_few_constants(tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations)))
+    if forces != analysis.system.accelerations:
+        with suppress(IrreducibleAtoms):
+            analysis = analyze(replace(analysis.system, accelerations=forces))
+    lettered = with_letters(analysis)
+    if lettered is not None:
+        yield lettered
+    yield Lettered(analysis, {})
+
+
+def _plainer(tower: Tower, force: Expression) -> Expression:
+    """Nested roots denested; atoms that follow from others, such as e^(log x), written by these if that is shorter."""
+    force = denested(force)
+    plain = to_kernels(without_arctangents(force))
+    for rule in reversed(tower.rules):
+        if not isinstance(rule, AngleRule) and not rule.free:
+            plain = substitute(plain, {rule.atom: rule.tree})
+    with suppress(InputError):
+        plain = plain if plain == force else collected_inside(plain)
+    return min(force, plain, key=node_count)
+
+
+@lru_cache(maxsize=256)
+def denested(tree: Expression) -> Expression:
+    """The tree with each root of a constant sum of roots as a short sum of these, where it is one to 60 digits."""
+    match tree:
+        case Power(Sum() as base, Number(exponent)) if exponent.denominator > 1 and _is_constant(base):
+            with suppress(NoRealValue):
+                return _short_sum(tree, base) or tree
+            return tree
+        case _:
+            return rebuild(tree, denested)
+
+
+def _is_constant(tree: Expression) -> bool:
+    return all(isinstance(node, Number | Power | Sum | Product) for node in walk(tree))
+
+
+def _short_sum(tree: Expression, base: Expression) -> Expression | None:
+    """Rationals times 1 and the roots in the base that add up to the tree."""
+    basis: list[Expression] = [ONE]
+    basis += dict.fromkeys(node for node in walk(base) if isinstance(node, Power))
+    basis = basis[: 1 + bounds.FEW]
+    with mpmath.workdps(bounds.DIGITS):
+        values = [evaluate(part, {}) for part in (tree, *basis)]
+        relation = mpmath.pslq(values, maxcoeff=bounds.RATIO, maxsteps=bounds.RATIO)
+    if not relation or not relation[0]:
+        return None
+    weights = (number(Fraction(-c, relation[0])) for c in relation[1:])
+    return dot(weights, basis)
+
+
+def with_few_constants(forces: tuple[Expression, ...]) -> tuple[Expression, ...]:
+    """The trees with cos(pi/5) and the like as short sums of the roots in them, where they are to 60 digits."""
+    nodes = [node for node in distinct_nodes(forces) if not varies(node)]
+    roots = dict.fromkeys(node for node in nodes if isinstance(node, Power) and _is_constant(node))
+    table: dict[Expression, Expression] = {}
+    for node in nodes if roots else ():
+        if isinstance(node, Apply):
+            with suppress(NoRealValue):
+                found = _short_sum(node, add(*roots))
+                table |= {} if found is None else {node: found}
+    return tuple(substitute(force, table) for force in forces) if table else forces
+
+
+def with_letters(analysis: Analysis) -> Lettered | None:
+    """The analysis of the system with a letter for each long number; None where there is none, or too many."""
+    system, found = analysis.system, dict[Expression, Symbol]()
+    taken = {*system.coordinates, *system.parameters, *dict(system.functions)}
+    names = (name for k in range(1, 10**6) if (name := f"number_{k}") not in taken)
+
+    def letter(size: Number) -> Symbol:
+        if size not in found:
+            found[size] = Symbol(next(names))
+        return found[size]
+
+    forces = tuple(_rewritten(force, letter) for force in system.accelerations)
+    if not found or len(found) > bounds.CANDIDATES:
+        return None
+    letters = tuple(found.values())
+    branch = system.branch and replace(system.branch, positive=(*system.branch.positive, *letters))
+    parameters = (*system.parameters, *(symbol.name for symbol in letters))
+    try:
+        changed = analyze(replace(system, accelerations=forces, parameters=parameters, branch=branch))
+    except IrreducibleAtoms:
+        return None
+    return Lettered(changed, {symbol: size for size, symbol in found.items()})
+
+
+def _rewritten(tree: Expression, letter: Callable[[Number], Symbol]) -> Expression:
+    """The tree with letters for long numbers that are no exponents."""
+    match tree:
+        case Number(value) if max(abs(value.numerator), value.denominator) > bounds.NUMBER:
+            return (1 if value > 0 else -1) * letter(number(abs(value)))
+        case Power(base, exponent):
+            return _rewritten(base, letter) ** exponent
+        case _:
+            return rebuild(tree, lambda part: _rewritten(part, letter))

@@ -1,0 +1,462 @@
+"""One system, both questions: decide, find a Lagrangian, certify, check, explain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from inverse_service import bounds
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.formulas import MAX_TEXT
+from inverse_service.deadline import OutOfTime, left, now, until
+from inverse_service.decision import cells, certify
+from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import Decision, decide
+from inverse_service.decision.solutions import Answer, Conditions, Solution, SolveOptions, Step
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.explanation.finding import (
+    as_given_steps,
+    branch_steps,
+    existence_steps,
+    not_found,
+    of_lagrangian,
+    search_steps,
+    series_steps,
+)
+from inverse_service.explanation.wording import printed_conditions, said, with_shared_letters
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.notation import multiplier_beside
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import TIME, Expression, holds, node_count, walk
+from inverse_service.field.real_point import are_positive
+from inverse_service.linear_pde.involutive_form import MOST_UNKNOWNS, OUT_OF_TIME, Limits
+from inverse_service.mechanics.second_order_system import (
+    MOST_BRANCHES,
+    MOST_COUNTED,
+    SecondOrderSystem,
+    branches_of,
+    on_branch,
+)
+from inverse_service.search.motion_terms import reading_class
+from inverse_service.search.protocol import Found, SearchOutcome
+from inverse_service.search.row_factors import lagrangians_of_lines, with_written_masses
+from inverse_service.search.terms import TooManyTerms
+from inverse_service.search.tidy import tidied
+from inverse_service.solving.confirming import (
+    NOT_YET,
+    Progress,
+    Work,
+    check,
+    completed,
+    confirmed,
+    hand_over,
+    is_confirmed,
+    named,
+    tell,
+    telling,
+)
+
+if TYPE_CHECKING:
+    from inverse_service.mechanics.first_integrals import FirstIntegral
+
+# Of the time left after the decision, the part that the search for a closed form may take.
+_SEARCH_SHARE = 0.5
+# Of the time left, what the decision on the first of two questions may take.
+_SHARE_OF_FIRST = 0.6
+# Seeds of points on other parts of a set.
+_OTHER_POINTS = range(2, 8)
+_UNSOLVED = (
+    "the accelerations, solved for, are too long to decide about, and the equations as given have no Lagrangian of "
+    "their own that answers this"
+)
+AS_GIVEN = "the equations as given"
+# Coordinates of systems whose conditions are printed and whose freedom is counted beside a known Lagrangian.
+_MOST_COORDINATES = 8
+# First integrals may take so many seconds, and such a share of the time.
+_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1
+# Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
+_MOST_FOR_FREEDOM = 30_000
+# Rational functions of the velocities, and what is harder to read (`reading_class`).
+_RATIONAL = 2
+# The costs up to which something nicer is searched for where a complete answer is known, where one without H in closed
+# form is.
+_QUICK, _FAIR = 1.9, 3.65
+
+
+def solve_branches(
+    system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
+) -> tuple[tuple[Solution, ...], tuple[cells.Left, ...]]:
+    """The answers on all cells of the system, and the cells without one.
+
+    Cells begin with the open sets on which roots of squares, |u| and the like are single formulas; what is beyond the
+    sides that the proof of an answer depends on is a cell of its own. Each has its share of the time. More than
+    `MOST_BRANCHES` sets give one undetermined answer.
+    """
+    branches = branches_of(system)
+    if len(branches) > MOST_BRANCHES:
+        number = f"{len(branches)} or more" if len(branches) == MOST_COUNTED else str(len(branches))
+        reason = (
+            f"roots of squares and the like make {number} cases of signs, each with an answer of its own; "
+            f"at most {MOST_BRANCHES} are solved: write the formulas of one"
+        )
+        return (_unreduced(system, options, None, reason),), ()
+    told, end, solutions = options.hand_over, now() + options.time_limit, list[Solution]()
+
+    def answer(
+        branch: SecondOrderSystem, waiting: Sequence[SecondOrderSystem]
+    ) -> tuple[Solution, Sequence[Expression]]:
+        alone = not waiting and not solutions
+        share = (end - now()) / (1 + len(waiting))
+        chosen = options if alone else replace(options, hand_over=None)
+        found = solve(branch, replace(chosen, time_limit=max(0.1, share)), progress)
+        solutions.append(found)
+        if told is not None and not alone:
+            open_ones = tuple(cells.Left(tuple(map(collect, each.positive)), None, NOT_YET) for each in waiting)
+            known = tuple(solutions)
+            told((), lambda: (known, open_ones))
+        return found, sides_of(found)
+
+    _, open_cells = cells.answered(branches, answer, end)
+    open_cells += cells.beyond(system, [sides_of(one) for one in solutions])
+    open_cells += (one for found in solutions if (one := _other_part(found, end)) is not None)
+    return tuple(solutions), tuple(open_cells)
+
+
+def _other_part(solution: Solution, end: float) -> cells.Left | None:
+    """A point of the set of an answer for one part of it, at which its proof is none; None where all have it."""
+    for answer in (solution.autonomous, solution.with_time):
+        if answer is None or not answer.one_side or answer.certificate is None:
+            continue
+        for seed in _OTHER_POINTS:
+            point = cells.point_of(solution.system, seed)
+            if point is None or not are_positive(answer.sides, point) or now() > end:
+                continue
+            moved = dict(answer.certificate) | {"near": certify.moved_to(answer.certificate["near"], point)}
+            if check_certificate(moved, time_limit=left(end, 1.0)).verdict != "valid":
+                return cells.Left(sides_of(solution), point, "this part is not connected with the one answered")
+    return None
+
+
+def sides_of(solution: Solution) -> tuple[Expression, ...]:
+    """The trees that are positive on the cell of an answer, as far as its proofs depend on their signs."""
+    answers = [one for one in (solution.autonomous, solution.with_time) if one is not None]
+    sides = [*map(collect, solution.system.positive), *(side for one in answers for side in one.sides)]
+    return tuple(dict.fromkeys(sides))
+
+
+def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None) -> Solution:
+    """The answers on the first branch of the system; mathematics that cannot be settled is an outcome.
+
+    Raises CertificateRefused where our own checker finds our certificate invalid: a fault of ours.
+    """
+    with multiplier_beside({*system.coordinates, *system.parameters, *dict(system.functions)}):
+        return _solve(system, options, progress)
+
+
+def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
+    began = now()
+    system = branches_of(system)[0]
+    if max(len(to_text(tree)) for tree in system.accelerations) > MAX_TEXT:
+        reason = f"an acceleration, solved for, has more than {MAX_TEXT:,} characters, too many for a certificate"
+        return _unreduced(system, options, None, reason)
+    report = progress or (lambda _: None)
+    printed, left_out = None, "the equations are not solved for the accelerations" if system.is_unsolved else ""
+    if len(system.coordinates) > _MOST_COORDINATES:
+        left_out = left_out or f"a system of more than {_MOST_COORDINATES} coordinates has them by the thousand"
+    if options.conditions and not left_out:
+        report("conditions")
+        printed, left_out = printed_conditions(system)
+    seconds = {"conditions": now() - began}
+    try:
+        analysis = analyze(system)
+    except IrreducibleAtoms as problem:
+        return _unreduced(system, options, printed, problem.detail)
+    seconds["analysis"] = now() - began - seconds["conditions"]
+    work = Work(analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed)
+    hand_over(work, "conditions")
+    autonomous, with_time = _placed(_explained(_answers(work), system), system)
+    provenance: dict[str, Any] = {
+        "seed": options.seed,
+        "time_limit": options.time_limit,
+        "points": [dict(point) for point in work.points],
+        "conditions_left_out": left_out,
+    }
+    if work.refused:
+        provenance["refused_lagrangians"] = len(work.refused)
+    kept = _first_integrals(work, autonomous, with_time)
+    provenance["seconds"] = {stage: round(value, 4) for stage, value in seconds.items()}
+    return Solution(system, autonomous, with_time, printed, provenance, work.cut, kept)
+
+
+def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
+    """What is constant along the motion: by the Lagrangian where there is one, by the equations alone where not."""
+    system = work.analysis.system
+    if not work.options.first_integrals or system.is_unsolved:
+        return ()
+    from inverse_service.mechanics.first_integrals import first_integrals, motion_of
+
+    began = now()
+    work.progress("first integrals")
+    known = next((one.lagrangian for one in answers if one is not None and one.lagrangian is not None), None)
+    positive = system.positive if known is None else known.positive
+    limit = min(_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
+    tree = None if known is None else known.expression
+    found = first_integrals(motion_of(system), tree, positive, work.options.seed, limit)
+    work.add_seconds("first integrals", began)
+    return found
+
+
+def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:
+    answer = Answer("undetermined", reason=reason, positive=tuple(map(collect, system.positive)))
+    autonomous = None if system.depends_on_time or options.time_dependent is True else answer
+    with_time = None if options.time_dependent is False and not system.depends_on_time else answer
+    return Solution(system, autonomous, with_time, found, {"seed": options.seed})
+
+
+def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
+    """(L(q, v), L(t, q, v)); an autonomous Lagrangian answers the second question too."""
+    wanted, depends = work.options.time_dependent, work.analysis.system.depends_on_time
+    given = _as_given(work)
+    if given is not None and not _holds_time(given):
+        return None if depends or wanted else given, None if wanted is False and not depends else given
+    if given is not None:
+        return None if depends or wanted else _answer(work, with_time=False), given
+    autonomous = None if depends or wanted is True else _answer(work, with_time=False)
+    if wanted is False and not depends:
+        return autonomous, None
+    if autonomous is not None and autonomous.verdict == "variational":
+        plain = _is_complete(autonomous) and reading_class(_expression(autonomous)) < _RATIONAL
+        with_time = autonomous if plain else _with_time_instead(work, autonomous)
+        same = _without_time(work, with_time) if with_time is not autonomous else None
+        return (same, same) if same is not None else (autonomous, with_time)
+    return autonomous, _answer(work, with_time=True)
+
+
+def _as_given(work: Work) -> Answer | None:
+    """The answer by factors for each equation as written, without t where there is one; needs no decision."""
+    system, table = work.analysis.system, work.analysis.real_point
+    began = now()
+    work.progress("the equations as given")
+    written = tuple(on_branch(equation, system) for equation in work.options.given)
+    without_time = work.options.time_dependent is False and not system.depends_on_time
+    best: Expression | None = None
+    for signs in (False, True):
+        for tree in () if best is not None else lagrangians_of_lines(system, written, table, signs):
+            if (best is not None and holds(tree, TIME)) or (holds(tree, TIME) and without_time):
+                continue
+            best = next(
+                (f for f in dict.fromkeys((tidied(tree, system), tree)) if is_confirmed(work, f, holds(f, TIME))), best
+            )
+            if best is not None and not holds(best, TIME):
+                break
+    work.add_seconds("search", began)
+    if best is None:
+        return None
+    with_time = holds(best, TIME)
+    short = not (system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES)
+    short = short and sum(map(node_count, system.accelerations)) <= bounds.TERMS
+    decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
+    found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(best), decision)
+    others = _with_other_matrices(work, with_time) if short else None
+    return completed(work, replace(found, checked="valid"), others, with_time)
+
+
+def _with_other_matrices(work: Work, with_time: bool) -> Found | None:
+    """Lagrangians for which another constant matrix stands in the multiplier of the one that is known."""
+    if len(work.analysis.system.coordinates) == 1:
+        return None
+    from inverse_service.search import scalar_multiplier
+    from inverse_service.search.material import gather
+
+    try:
+        with until(now() + _SEARCH_SHARE * work.left()):
+            trees = tuple(scalar_multiplier.propose(gather(work.analysis, with_time), work.options.seed))
+    except (TooManyTerms, OutOfTime):
+        return None
+    return Found(tuple(tidied(tree, work.analysis.system) for tree in trees), AS_GIVEN, ()) if trees else None
+
+
+def _holds_time(answer: Answer) -> bool:
+    return answer.lagrangian is not None and TIME in walk(answer.lagrangian.expression)
+
+
+def _explained(
+    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
+) -> tuple[Answer | None, Answer | None]:
+    """Both with a word on letters that have two meanings; one answer to both questions stays one."""
+    autonomous, with_time = (answer and with_shared_letters(answer, system) for answer in answers)
+    return autonomous, autonomous if answers[0] is answers[1] else with_time
+
+
+def _placed(
+    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
+) -> tuple[Answer | None, Answer | None]:
+    """Both with a word on the set on which they hold; one answer to both questions stays one."""
+
+    def placed(answer: Answer | None) -> Answer | None:
+        if answer is None or not answer.explanation:
+            return answer
+        steps = branch_steps(system, answer.positive, answer.nonzero)
+        return replace(answer, explanation=(*steps, *answer.explanation))
+
+    autonomous = placed(answers[0])
+    return autonomous, autonomous if answers[0] is answers[1] else placed(answers[1])
+
+
+def _is_complete(answer: Answer) -> bool:
+    """Whether the answer has a Lagrangian and a Hamiltonian in closed form."""
+    return answer.lagrangian is not None and answer.hamiltonian is not None and not answer.hamiltonian.implicit
+
+
+def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
+    """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
+    from inverse_service.search.integrating import is_free_of_divergence
+
+    if autonomous.lagrangian is not None and is_free_of_divergence(work.analysis, work.options.seed):
+        return autonomous  # no factor e^(ct) is asked for, so the search would go the same way
+    decision = _decide(work, with_time=True)
+    if decision.verdict != "variational":
+        return autonomous
+    complete = _is_complete(autonomous)
+    answer = _by_lagrangian(work, decision, _highest(autonomous))
+    if answer is None or (autonomous.lagrangian is not None and not _is_complete(answer)):
+        return autonomous
+    nicer = not complete or reading_class(_expression(answer)) < reading_class(_expression(autonomous))
+    return answer if nicer else autonomous
+
+
+def _highest(autonomous: Answer) -> float:
+    """Up to which cost a better L(t, q, v) is searched for; the large rows of several velocities have found none."""
+    if autonomous.lagrangian is None:
+        return math.inf
+    one = len(autonomous.lagrangian.multiplier) == 1
+    return _QUICK if _is_complete(autonomous) else math.inf if one else _FAIR
+
+
+def _expression(answer: Answer) -> Expression:
+    assert answer.lagrangian is not None
+    return answer.lagrangian.expression
+
+
+def _without_time(work: Work, answer: Answer) -> Answer | None:
+    """The answer to the question for L(q, v), where a search for L(t, q, v) found one that holds no t."""
+    if answer.lagrangian is None or _holds_time(answer) or work.autonomous is None:
+        return None
+    found = _proposed(work, work.autonomous, answer.lagrangian.expression)
+    if check(work, found.certificate or {}).verdict != "valid":
+        return None
+    return completed(work, replace(found, checked="valid"), None, with_time=False)
+
+
+def _answer(work: Work, with_time: bool) -> Answer:
+    decision = _decide(work, with_time)
+    work.autonomous = work.autonomous if with_time else decision
+    if decision.verdict == "undetermined":
+        return Answer("undetermined", reason=decision.reason)
+    if decision.verdict == "not_variational":
+        return _negative(work, decision)
+    return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
+
+
+def _decide(work: Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Decision:
+    if work.analysis.system.is_unsolved:
+        return Decision("undetermined", with_time, 0, _UNSOLVED)
+    stage = "decision with time" if with_time else "decision"
+    work.progress(stage)
+    is_first = not with_time and work.options.time_dependent is None  # the other question has its share, too
+    limits = Limits(deadline=now() + (_SHARE_OF_FIRST if is_first else 1.0) * work.left(), unknowns=unknowns)
+    decision = decide(work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis)
+    work.seconds[stage] = decision.seconds
+    work.points.extend(decision.points)
+    if decision.reason.startswith(OUT_OF_TIME):
+        work.cut[named("existence", with_time)] = decision.reason
+    return decision
+
+
+def _negative(work: Work, decision: Decision) -> Answer:
+    """The proof that the checker confirms, and then what it says in sentences."""
+    certificate = certify.of_decision(work.analysis, decision)
+    answer = confirmed(work, Answer("not_variational", certificate=certificate))
+    if answer.verdict == "undetermined":
+        return answer
+    tell(work, answer, decision.with_time)
+    began = now()
+    work.progress("explanation")
+    try:
+        steps = _reasons(work, decision.with_time)
+    except IrreducibleAtoms as problem:
+        steps = (said(f"The conditions could not be written out: {problem.detail}.".replace("`", "")),)
+    work.add_seconds("explanation", began)
+    return replace(answer, explanation=steps)
+
+
+def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
+    """Why there is no Lagrangian; algebraic conditions exclude it with t as without, and are argued once."""
+    from inverse_service.explanation.hierarchy import smallest_sufficient_set
+    from inverse_service.explanation.negative import explain_negative
+
+    if work.reasons:
+        return work.reasons
+    chosen = smallest_sufficient_set(work.analysis, work.options.seed)
+    steps = explain_negative(work.analysis, chosen, with_time, work.options.seed).steps
+    if chosen is not None:
+        work.reasons = steps
+    return steps
+
+
+def _by_existence(work: Work, decision: Decision) -> Answer:
+    certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
+    series = series_steps(work.analysis, decision, work.options.series_order)
+    steps, known = (not_found(decision.space), *series), existence_steps(decision)
+    return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
+
+
+def _by_lagrangian(work: Work, decision: Decision, highest: float = math.inf) -> Answer | None:
+    """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found up to that cost."""
+    work.outcome = _searched(work, decision, highest)
+    if work.outcome.found is None:
+        return None
+    found = work.outcome.found
+    answer = replace(_proposed(work, decision, _as_written(work, decision, found.lagrangians[0])), checked="valid")
+    return completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time)
+
+
+def _as_written(work: Work, decision: Decision, tree: Expression) -> Expression:
+    """The confirmed Lagrangian, or its multiple with the masses of the equations as written where that is confirmed."""
+    system = work.analysis.system
+    given = tuple(on_branch(equation, system) for equation in work.options.given)
+    multiple = with_written_masses(tree, system, given)
+    form = None if multiple is None else tidied(multiple, system)
+    return form if form is not None and is_confirmed(work, form, decision.with_time) else tree
+
+
+def _proposed(work: Work, decision: Decision, tree: Expression) -> Answer:
+    assert work.outcome is not None
+    assert work.outcome.found is not None
+    how = search_steps(work.outcome, tree)
+    return of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
+
+
+def _searched(work: Work, decision: Decision, highest: float) -> SearchOutcome:
+    """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
+    from inverse_service.search.ladder import search
+
+    began, checked = now(), work.seconds.get("check", 0.0)
+    limit = now() + _SEARCH_SHARE * work.left()
+    with until(limit):
+        outcome = search(
+            work.analysis,
+            decision.with_time,
+            work.options.seed,
+            math.inf,
+            telling(work, decision),
+            work.options.ansatz,
+            lambda tree: is_confirmed(work, tree, decision.with_time),
+            highest,
+        )
+    work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
+    if outcome.found is None and now() >= limit:
+        work.cut[named("lagrangian", decision.with_time)] = "The time for the search was over."
+    return outcome

@@ -1,0 +1,258 @@
+"""Where an algebraic elimination may go another way: the factors that it divides by.
+
+Conditions of the hierarchy are solved for the entries of g one after the other, with the parameters
+as letters. A divisor is a polynomial in t, q, v, the functions and the parameters; for given values of
+the parameters it vanishes identically exactly when all its coefficients with respect to the others do.
+These coefficients generate an ideal. Off the zero sets of all ideals of an elimination it goes through
+as it stands, so its outcome holds there. Jets of arbitrary functions, and the coordinates that these
+depend on, count as parameters; `functional` says that they occur.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from flint import fmpq, fmpq_mpoly
+
+from inverse_service.decision.analysis import Analysis
+from inverse_service.explanation.elimination import eliminate
+from inverse_service.explanation.hierarchy import EquationName, hierarchy, local_motion, tensors_at
+from inverse_service.explanation.negative import exact_equations
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    add,
+    children,
+    walk,
+)
+from inverse_service.field.exact_atoms import exact_ring
+from inverse_service.field.exact_ring import ExactRing, polynomial_tree
+from inverse_service.field.rational_functions import Budget, Quotient, coefficients_of
+from inverse_service.mechanics.conditions import motion_in_ring
+from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.mechanics.quotient_matrices import determinant
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search.reductions import decoupled_blocks
+from inverse_service.solving.special_cases.strata import ParameterSpace, factors
+
+
+@dataclass(frozen=True)
+class Ideal:
+    """What vanishes together in a special case: polynomials in the parameters, or trees that hold functions."""
+
+    polynomials: tuple[fmpq_mpoly, ...]
+    functional: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True)
+class SideConditions:
+    """The ideals of an elimination; `doubtful` says that functions in f may hide further special values."""
+
+    ideals: tuple[Ideal, ...]
+    doubtful: bool
+
+
+def of_conditions(
+    analysis: Analysis, space: ParameterSpace, names: Sequence[EquationName], budget: Budget, seed: int = 1
+) -> SideConditions:
+    """Those of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
+    depth = max((name.condition.order for name in names), default=2) - 2
+    exact = motion_in_ring(analysis.system, depth + 2, budget)
+    table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
+    tensors = hierarchy(exact.motion, depth)
+    equations = exact_equations(exact, tensors, names)
+    reader = Reader.of(exact.ring, space)
+    result = eliminate({name: equations[name] for name in names if equations[name]}, table)
+    divisors = [part for step in result.solved for part in (step.content, step.divisor)]
+    ideals = [*(ideal for part in divisors for ideal in reader.ideals(part)), *reader.inside_functions()]
+    return SideConditions(tuple(ideals), any(map(reader.is_doubtful, divisors)))
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Reads polynomials of a ring by their coefficients in what is not a parameter.
+
+    `kept` maps generators to parameters by index; `jets` are generators of arbitrary functions and of
+    the coordinates these depend on.
+    """
+
+    ring: ExactRing
+    space: ParameterSpace
+    kept: Mapping[int, int]
+    jets: frozenset[int]
+
+    @classmethod
+    def of(cls, ring: ExactRing, space: ParameterSpace) -> Reader:
+        kept, jets = {}, set[int]()
+        arguments: set[Expression] = set()
+        for index, tree in ring.trees.items():
+            if isinstance(tree, Symbol) and tree.name in space.names:
+                kept[index] = space.names.index(tree.name)
+            if isinstance(tree, Arbitrary):
+                jets.add(index)
+                arguments |= {node for node in walk(tree) if isinstance(node, Symbol | Velocity)}
+        jets |= {index for index, tree in ring.trees.items() if tree in arguments} if jets else set()
+        return cls(ring, space, kept, frozenset(jets - kept.keys()))
+
+    @property
+    def parametric(self) -> list[int]:
+        """Generators that are functions, roots or powers of something with a parameter in it."""
+        names = {Symbol(name) for name in self.space.names}
+        return [
+            index
+            for index, tree in self.ring.trees.items()
+            if isinstance(tree, Apply | Power) and names & set(walk(tree))
+        ]
+
+    def inside_functions(self) -> list[Ideal]:
+        """Where what stands in such a function becomes zero or constant, or an exponent a small integer."""
+        found: list[Ideal] = []
+        for index in self.parametric:
+            tree = self.ring.trees[index]
+            for part in children(tree):
+                found += self._special_values(part, isinstance(tree, Power) and part == children(tree)[1])
+        return found
+
+    def _special_values(self, tree: Expression, is_exponent: bool) -> list[Ideal]:
+        if isinstance(tree, Number):
+            return []
+        try:
+            value = self.ring.value(tree)
+        except (KeyError, ZeroDivisionError):
+            return []
+        if is_exponent:
+            shifted = [value + self.ring.constant(k) for k in range(-3, 3)]
+            return [ideal for each in shifted for ideal in self.ideals(each)]
+        constant = [part for part in self._by_others(value.numerator) if any(part[0])]
+        moving = Ideal(tuple(polynomial for _, polynomial in constant))
+        return [*self.ideals(value), *([moving] if constant and not any(p.is_constant() for _, p in constant) else [])]
+
+    def is_doubtful(self, quotient: Quotient) -> bool:
+        """Whether the element may vanish for parameters at which functions in it become dependent.
+
+        One exp, log, sin or cos of a moving argument is independent of rational functions for all
+        parameters; two with different arguments, roots and powers need not be.
+        """
+        involved = [k for k in self.parametric if quotient.numerator.degrees()[k]]
+        shapes = {tuple(int(exponents[k]) for k in involved) for exponents, _ in quotient.numerator.terms()}
+        if len(shapes) < 2:
+            return False
+        trees = [self.ring.trees[k] for k in involved]
+        return any(isinstance(tree, Power) for tree in trees) or len({children(tree) for tree in trees}) > 1
+
+    def ideals(self, quotient: Quotient) -> list[Ideal]:
+        """Their zero sets together are where the numerator vanishes identically."""
+        numerator = quotient.numerator
+        if any(e and index in self.jets for index, e in enumerate(numerator.degrees())):
+            return self._functional(numerator)
+        parts = self.coefficients(numerator)
+        return [] if any(part.is_constant() for part in parts) else [Ideal(tuple(parts))]
+
+    def coefficients(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
+        """The coefficients in the generators that are no parameters, as polynomials in the parameters."""
+        return [part for _, part in self._by_others(polynomial)]
+
+    def _by_others(self, polynomial: fmpq_mpoly) -> list[tuple[tuple[int, ...], fmpq_mpoly]]:
+        """(exponents of what is no parameter, coefficient)."""
+        tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
+        for exponents, value in polynomial.terms():
+            key = [0] * max(len(self.space.names), 1)
+            rest = [int(e) for e in exponents]
+            for index, place in self.kept.items():
+                key[place], rest[index] = rest[index], 0
+            tables.setdefault(tuple(rest), {})[tuple(key)] = value
+        return [(rest, self.space.context.from_dict(table)) for rest, table in tables.items()]
+
+    def _functional(self, polynomial: fmpq_mpoly) -> list[Ideal]:
+        """One for each common factor of the coefficients, and one for all that is left of them."""
+        others = [k for k in range(len(polynomial.degrees())) if k not in self.jets and k not in self.kept]
+        parts = list(coefficients_of(polynomial, others).values())
+        common = functools.reduce(lambda a, b: a.gcd(b), parts)
+        found = [self._of_parts([factor]) for factor in factors(common)]
+        left = [part / common for part in parts]
+        return found if any(part.is_constant() for part in left) else [*found, self._of_parts(left)]
+
+    def _of_parts(self, parts: Sequence[fmpq_mpoly]) -> Ideal:
+        if any(e and index in self.jets for part in parts for index, e in enumerate(part.degrees())):
+            return Ideal((), tuple(polynomial_tree(self.ring, part) for part in parts))
+        return Ideal(tuple(self.coefficients(part)[0] for part in parts))
+
+
+def all_conditions(analysis: Analysis, depth: int, seed: int = 1) -> list[EquationName]:
+    """The names of the equations of the hierarchy to `depth` that are not zero at a generic point."""
+    table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
+    return [name for name, row in table.rows.items() if any(row)]
+
+
+@dataclass(frozen=True)
+class Regularity:
+    """L is a regular Lagrangian off the zeros of the ideals; `proved` is False where more may be special."""
+
+    ideals: tuple[Ideal, ...]
+    proved: bool
+
+
+def regularity(system: SecondOrderSystem, lagrangian: Expression, space: ParameterSpace, budget: Budget) -> Regularity:
+    """For a Lagrangian of the system; raises TooLarge or ZeroDivisionError."""
+    entries = hessian(lagrangian, system.coordinates)
+    names = system.coordinates
+    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    ring = exact_ring([*(entry for row in entries for entry in row), lagrangian], variables, 0, budget)
+    matrix = [[ring.value(entry) for entry in row] for row in entries]
+    # The value of L itself lists its denominators.
+    ring.value(lagrangian)
+    reader = Reader.of(ring, space)
+    whole = determinant(matrix, ring.constant(1))
+    ideals = [*reader.ideals(whole), *_denominators(reader), *reader.inside_functions()]
+    return Regularity(tuple(ideals), not reader.is_doubtful(whole))
+
+
+def _denominators(reader: Reader) -> list[Ideal]:
+    """Where a denominator of L vanishes identically."""
+    found = [Quotient(reader.ring.field, denominator, ()) for denominator in reader.ring.field.denominators]
+    return [ideal for quotient in found for ideal in reader.ideals(quotient)]
+
+
+def has_one_everywhere(system: SecondOrderSystem) -> bool:
+    """Whether a theorem gives an L(q, q') for all values of the parameters, with no exception.
+
+    An equation for one coordinate has one, and so has u'' = a u' + b u + c over any algebra R[M], analytic in a, b,
+    c, u, u': a linear form of it that does not degenerate (R[M] has one) is a Lagrangian of the real system. So
+    q'' = A q' + B q + c has one where A and B are polynomials in one real matrix: one is a number times 1, or
+    n = 2 and A B = B A.
+    """
+    blocks = () if system.depends_on_time else decoupled_blocks(system)
+    return bool(blocks) and all(len(block.coordinates) == 1 or _is_over_an_algebra(block) for block in blocks)
+
+
+def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
+    names: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
+    rows = [[collect(differentiate(f, name)) for name in names] for f in system.accelerations]
+    if any(node in names or isinstance(node, Arbitrary) for row in rows for entry in row for node in walk(entry)):
+        return False
+    n = len(system.coordinates)
+    stiffness, damping = [row[:n] for row in rows], [row[n:] for row in rows]
+    if _is_scalar(damping) or _is_scalar(stiffness):
+        return True
+    return n == 2 and all(
+        collect(add(*(damping[i][k] * stiffness[k][j] for k in range(2)),
+                    *(-(stiffness[i][k] * damping[k][j]) for k in range(2)))) == ZERO
+        for i in range(2) for j in range(2)
+    )  # fmt: skip
+
+
+def _is_scalar(matrix: Sequence[Sequence[Expression]]) -> bool:
+    """Whether it is a number times the unit matrix."""
+    entries = [(i, j, entry) for i, row in enumerate(matrix) for j, entry in enumerate(row)]
+    return all((entry == matrix[0][0]) if i == j else entry == ZERO for i, j, entry in entries)
