@@ -208,7 +208,7 @@ class Integrator:
             radial = _along_rays(fields, symbols)
             if radial is not None:
                 return radial
-        found: dict[int, Terms] = {}
+        found, done = dict[int, Terms](), set[int]()
         rest = {pair: dict(terms) for pair, terms in fields.items()}
         while rest := {pair: terms for pair, terms in rest.items() if terms and not is_zero(terms)}:
             k = max(
@@ -228,9 +228,11 @@ class Integrator:
                     elif m != i and (slope := derivative_of_terms(part, symbols[m])):
                         rest[i, m] = add_terms(rest.get((i, m), {}), slope, -1)
                         rest[m, i] = add_terms(rest.get((m, i), {}), slope)
-            if any(k in pair and not is_zero(terms) for pair, terms in rest.items()):
+            done.add(k)
+            # A field with sources (d_i F_jk + d_j F_ki + d_k F_ij != 0) depends on coordinates that are done.
+            if any(done & {*pair} and not is_zero(terms) for pair, terms in rest.items()):
                 return None
-            rest = {pair: terms for pair, terms in rest.items() if k not in pair}
+            rest = {pair: terms for pair, terms in rest.items() if not done & {*pair}}
         return found
 
 
