@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.problems import HENON_HEILES
-from inverse_service.integrators.tableaux import composition
-from inverse_service.simulation.methods import run
+from inverse_service.integrators.method_table import composition
+from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
 
 START = Start((0.0, 0.1), (0.3, 0.1))

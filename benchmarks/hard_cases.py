@@ -23,7 +23,7 @@ from benchmarks.problems import (
     ROBOT,
 )
 from inverse_service.integrators.trajectory import Trajectory
-from inverse_service.simulation.methods import run
+from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
 TYPED = ("singular", "guard", "no_convergence", "off_domain", "not_finite")

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from benchmarks.hard_cases import disk_start, particle_start
 from benchmarks.problems import DISK, PARTICLE
 from inverse_service.kernels.codegen.program import Program
-from inverse_service.simulation.callables import Formulas
-from inverse_service.simulation.methods import lane_of
+from inverse_service.simulation.execution import initial, lane_of
+from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 from inverse_service.simulation.schemes import program_of
-from inverse_service.simulation.starting import initial
 
 BARE = Observation(velocities=False)
 STEP, CONSTANT = 0.01, 1e-2

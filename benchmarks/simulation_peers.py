@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from benchmarks.handwritten import START as HENON_HEILES_START
 from benchmarks.hard_cases import contact_start, disk_start, particle_start
 from benchmarks.problems import CONTACT, DISK, HENON_HEILES, PARTICLE
-from inverse_service.simulation.methods import run
+from inverse_service.simulation.execution import run
 from inverse_service.simulation.peers import taylor_integrator, used_parameters
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
@@ -149,7 +149,7 @@ def _rates(problem: Problem, values: dict[str, float]) -> Callable[[float, Seque
     import sympy
 
     from inverse_service.kernels.codegen.symengine_trees import symbol
-    from inverse_service.simulation.callables import Formulas
+    from inverse_service.simulation.numeric_formulas import Formulas
 
     f = Formulas(problem)
     given = {symbol(f"c{k}"): values[name] for k, name in enumerate(problem.parameters)}

@@ -137,7 +137,7 @@ def _sympy_equations(case: SpeedCase, sympy: Any) -> tuple[list[Any], list[Any],
     """(residuals, unknowns, state, increments) of the whole step before anything is eliminated."""
     from inverse_service.integrators.variational import hamiltonian_step, lagrange_dalembert_step
     from inverse_service.kernels.codegen.symengine_trees import STEP
-    from inverse_service.simulation.callables import Formulas
+    from inverse_service.simulation.numeric_formulas import Formulas
     from inverse_service.simulation.schemes import alpha_of, parts_of
 
     f = Formulas(case.problem)

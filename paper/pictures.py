@@ -7,7 +7,7 @@ from pathlib import Path
 
 import matplotlib
 
-from inverse_service.service.figures.paths import path_figure
+from inverse_service.service.figures.drawing import path_figure
 from inverse_service.service.figures.style import SETTINGS, TRUE_COLOR, look, new_figure, save, spread
 from inverse_service.service.figures.time_series import series_figure
 from paper.scenes import Run

@@ -46,7 +46,7 @@ def simulate_file(
     found = value_in_time(tasks.simulate_task, document, limit)
     summary = without_points(found["result"])
     if moving is not None:
-        from inverse_service.service.figures.moving import animate
+        from inverse_service.service.figures.drawing import animate
 
         animate(moving, summary, found["tables"])
     if folder is None:

@@ -1,13 +1,162 @@
 """The table of methods: what each needs, its order, whether its steps are implicit, and what a step costs.
 
 A further explicit Runge-Kutta method is a file of the folder `explicit`: its order is then one of `runge-kutta`.
+
+Coefficients of one-step methods: explicit and implicit Runge-Kutta, Rosenbrock, and compositions.
+
+Explicit methods with a fixed step are the files of the folder `explicit`, one each, with their sources.
+
+Gauss-Legendre collocation, the implicit methods of order 2 s, our own reference: J. C. Butcher, Math. Comp. 18 (1964)
+50. Nodes and weights are computed to forty digits and rounded once.
+
+RODAS of order 4 (3), L-stable, for stiff equations; linear systems replace Newton's method. With J = df/dy and
+increments u_i of y' = f(t, y), where u_6 is the estimate of the error (E. Hairer, G. Wanner, Solving Ordinary
+Differential Equations II (1996), IV.7 and table IV.10):
+
+    u_i/(h gamma) - J u_i = f(t + c_i h, y + sum_j a_ij u_j) + sum_j (c_ij/h) u_j + h d_i f_t
+    y_new = y + sum_j a_6j u_j + u_6
+
+Compositions: substeps that lift a symmetric method of order 2 to order 4 (five; M. Suzuki, Phys. Lett. A 146 (1990)
+319), 6 or 8 (nine and seventeen; W. Kahan, R.-C. Li, Math. Comp. 66 (1997) 1089). Required: a step that is its own
+inverse with -h.
 """
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
-from inverse_service.integrators.tableaux import ORDERS, TABLEAUX
+from mpmath import mp
+
+
+@dataclass(frozen=True, slots=True)
+class Tableau:
+    """Strictly lower triangular `rows` (stage by stage), `weights`, and those of estimates of the error."""
+
+    name: str
+    rows: tuple[tuple[float, ...], ...]
+    weights: tuple[float, ...]
+    errors: tuple[tuple[float, ...], ...] = ()
+
+
+def _explicit() -> dict[int, Tableau]:
+    """By order: each file of `explicit/` is a method."""
+    found = {}
+    for path in sorted((Path(__file__).parent / "explicit").glob("*.toml")):
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+        rows, weights, errors = (given.get(key, []) for key in ("rows", "weights", "errors"))
+        parts = tuple(map(tuple, rows)), tuple(weights), tuple(map(tuple, errors))
+        found[given["order"]] = Tableau(given["name"], *parts)
+    return dict(sorted(found.items()))
+
+
+TABLEAUX = _explicit()
+
+
+_SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
+_HALVES: dict[int, tuple[float, ...]] = {
+    2: (),
+    4: (_SUZUKI, _SUZUKI),
+    6: (0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.082213596293550800230),
+    8: (
+        0.13020248308889008088, 0.56116298177510838456, -0.38947496264484728641, 0.15884190655515560090,
+        -0.39590389413323757734, 0.18453964097831570709, 0.25837438768632204729, 0.29501172360931029887,
+    ),
+}  # fmt: skip
+ORDERS = tuple(_HALVES)
+
+
+def composition(order: int) -> tuple[float, ...]:
+    """Symmetric weights that add up to 1; KeyError for an order that is not in ORDERS."""
+    half = _HALVES[order]
+    middle = 1.0 - 2.0 * sum(half)
+    return (*half, middle, *reversed(half))
+
+
+STAGES = 6
+Rows = tuple[tuple[float, ...], ...]
+
+
+@lru_cache(maxsize=8)
+def collocation(stages: int = STAGES) -> tuple[Rows, Rows, tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """(A, A A, b, b A, c): the last forms serve q'' = f(q, q') without a detour."""
+    with mp.workdps(40):
+        nodes = _nodes(stages)
+        powers = mp.matrix(stages, stages)
+        integrals = mp.matrix(stages, stages)
+        for i, node in enumerate(nodes):
+            for k in range(stages):
+                powers[i, k] = node**k
+                integrals[i, k] = node ** (k + 1) / (k + 1)
+        inverse = powers**-1
+        matrix = integrals * inverse
+        weights = mp.matrix([[mp.mpf(1) / (k + 1) for k in range(stages)]]) * inverse
+        return (
+            _rounded(matrix), _rounded(matrix * matrix), _rounded(weights)[0], _rounded(weights * matrix)[0],
+            tuple(float(node) for node in nodes),
+        )  # fmt: skip
+
+
+def _nodes(stages: int) -> list[Any]:
+    """Zeros of the Legendre polynomial by Newton, moved to [0, 1]."""
+    zeros = [mp.cos(mp.pi * (mp.mpf(k) + 0.75) / (stages + 0.5)) for k in range(stages)]
+    for _ in range(8):
+        zeros = [zero - _newton_step(zero, stages) for zero in zeros]
+    return sorted((1 + zero) / 2 for zero in zeros)
+
+
+def _newton_step(x: Any, stages: int) -> Any:
+    before, value = mp.mpf(1), x
+    for k in range(2, stages + 1):
+        before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
+    return value * (x * x - 1) / (stages * (x * value - before))
+
+
+def _rounded(matrix: Any) -> Rows:
+    return tuple(tuple(float(matrix[i, j]) for j in range(matrix.cols)) for i in range(matrix.rows))
+
+
+Row = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Rosenbrock:
+    """`rows` a_ij, `mixed` c_ij, `nodes` c_i, `slopes` d_i, stage by stage; the last stage ends the step."""
+
+    gamma: float
+    rows: tuple[Row, ...]
+    mixed: tuple[Row, ...]
+    nodes: Row
+    slopes: Row
+    order: int
+
+
+_FIFTH = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950)
+RODAS = Rosenbrock(
+    gamma=0.25,
+    rows=(
+        (),
+        (1.544,),
+        (0.9466785280815826, 0.2557011698983284),
+        (3.314825187068521, 2.896124015972201, 0.9986419139977817),
+        _FIFTH,
+        (*_FIFTH, 1.0),
+    ),
+    mixed=(
+        (),
+        (-5.6688,),
+        (-2.430093356833875, -0.2063599157091915),
+        (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
+        (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
+        (8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054),
+    ),
+    nodes=(0.0, 0.386, 0.21, 0.63, 1.0, 1.0),
+    slopes=(0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0),
+    order=4,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,10 +22,9 @@ from inverse_service.integrators.method_table import METHODS, USES_FREE
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.kernels.codegen.compiled import kernel_text
 from inverse_service.mechanics import method_advice
-from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.callables import Formulas, walls
 from inverse_service.simulation.derivation import Derived, Find, derive, problem_of
 from inverse_service.simulation.initial import is_degenerate
+from inverse_service.simulation.numeric_formulas import Formulas, array_value, table_of, walls
 from inverse_service.simulation.scene_data import (
     Effect,
     FreeLagrangian,

@@ -3,15 +3,6 @@
 The parts of a Lagrangian that can be left out of a scene:
 
 L = T(q, v) + b_i(q) v^i - V(q):   kinetic part, "magnetic" (linear in v), "potential" (free of v)
-
-Accelerations of a constrained motion in a form that is regular wherever the constraints are independent.
-
-With g = L_vv, F = L_q - L_vq v - L_vt + Q and constraints w v = 0:
-
-    a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
-
-Unlike the equations in independent velocities they have no singular points such as cos(phi) = 0.
-Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5; adjugates by Laplace expansion.
 """
 
 from __future__ import annotations
@@ -24,15 +15,19 @@ from dataclasses import dataclass, replace
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.graphs import components
-from inverse_service.expressions.tree import ONE, TIME, ZERO, Expression, Sum, Symbol, Velocity, add, dot, walk
+from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
-from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
-from inverse_service.simulation.callables import switching_functions
-from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature
 from inverse_service.simulation.initial import NO_VALUE, ended_at_start, is_degenerate
+from inverse_service.simulation.motions import (
+    DEGENERATE,
+    ExactMotion,
+    NoExactMotion,
+    motion_by_quadrature,
+    regular_accelerations,
+)
+from inverse_service.simulation.numeric_formulas import switching_functions
 from inverse_service.simulation.scene_data import EXACT, FreeLagrangian, Problem, Requested, Scene, Unavailable
 
 KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
@@ -86,10 +81,6 @@ def with_effects(parts: LagrangianParts, terms: Mapping[str, Expression], named:
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 
-DEGENERATE = (
-    "the matrix of the velocities is singular (d2L/dv_i dv_j, or constraints that depend on one another), so no "
-    "accelerations follow: give every coordinate its kinetic energy, with other parameters or effects of the scene."
-)
 _DEGENERATE = DEGENERATE[:1].upper() + DEGENERATE[1:]
 
 Find = Callable[[Scene, str | None, ExactMotion | NoExactMotion], FreeLagrangian | Unavailable]
@@ -224,91 +215,3 @@ def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     begun = time.perf_counter()
     yield
     seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begun
-
-
-Matrix = tuple[tuple[Expression, ...], ...]
-# Beyond this size the expansion of a full determinant would fill pages.
-MOST_FULL_ROWS = 5
-
-
-def regular_accelerations(
-    coordinates: Sequence[str],
-    lagrangian: Expression,
-    constraints: Sequence[Expression],
-    forces: Sequence[Expression] = (),
-) -> tuple[Expression, ...] | None:
-    """All n accelerations over (q, v), with further forces Q; None where the matrices are too large to be inverted."""
-    found = accelerations_and_multipliers(coordinates, lagrangian, constraints, forces)
-    return None if found is None else found[0]
-
-
-def accelerations_and_multipliers(
-    coordinates: Sequence[str],
-    lagrangian: Expression,
-    constraints: Sequence[Expression],
-    forces: Sequence[Expression] = (),
-) -> tuple[tuple[Expression, ...], tuple[Expression, ...]] | None:
-    """a and lambda; the constraints exert the forces w^T lambda."""
-    names = tuple(coordinates)
-    inertia = inverse(hessian(lagrangian, names))
-    if inertia is None:
-        return None
-    own = tuple(-e for e in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names)))
-    free = _applied(inertia, tuple(map(add, own, forces)) if forces else own)
-    if not constraints:
-        return free, ()
-    rows = tuple(tuple(collect(differentiate(w, Velocity(name))) for name in names) for w in constraints)
-    lifted = tuple(_applied(inertia, row) for row in rows)
-    gram = inverse(tuple(tuple(dot(row, lift) for lift in lifted) for row in rows))
-    if gram is None:
-        return None
-    defects = [_rate(w, names) + dot(row, free) for w, row in zip(constraints, rows, strict=True)]
-    multipliers = tuple(-dot(line, defects) for line in gram)
-    moved = (free[i] + dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
-    return tuple(moved), multipliers
-
-
-def inverse(matrix: Matrix) -> Matrix | None:
-    """The inverse of a symmetric matrix, block by block; None where a block is larger than MOST_FULL_ROWS.
-
-    InputError where it is singular everywhere.
-    """
-    span = range(len(matrix))
-    found: list[list[Expression]] = [[ZERO for _ in span] for _ in span]
-    for block in components({i: [j for j in span if matrix[i][j] != ZERO] for i in span}):
-        if len(block) > MOST_FULL_ROWS:
-            return None
-        inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
-        whole = determinant(inner)
-        if whole == ZERO:
-            raise InputError(DEGENERATE)
-        for a, i in enumerate(block):
-            for b, j in enumerate(block):
-                found[i][j] = _cofactor(inner, b, a) / whole
-    return tuple(map(tuple, found))
-
-
-def determinant(matrix: Matrix) -> Expression:
-    """The determinant by expansion along the first row; 1 for a matrix without rows."""
-    if not matrix:
-        return ONE
-    terms = [entry * _cofactor(matrix, 0, j) for j, entry in enumerate(matrix[0]) if entry != ZERO]
-    return collect(add(*terms))
-
-
-def _cofactor(matrix: Matrix, row: int, column: int) -> Expression:
-    minor = tuple(
-        tuple(entry for j, entry in enumerate(line) if j != column) for i, line in enumerate(matrix) if i != row
-    )
-    value = determinant(minor)
-    return -value if (row + column) % 2 else value
-
-
-def _rate(expression: Expression, names: tuple[str, ...]) -> Expression:
-    """The part of the derivative in time that holds no acceleration."""
-    along = (differentiate(expression, Symbol(name)) * Velocity(name) for name in names)
-    return collect(add(*along, differentiate(expression, TIME)))
-
-
-def _applied(matrix: Matrix, vector: Sequence[Expression]) -> tuple[Expression, ...]:
-    return tuple(dot(row, vector) for row in matrix)

@@ -25,13 +25,11 @@ from inverse_service.kernels.codegen.kernel import CONTROL
 from inverse_service.kernels.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.kernels.machine_code.loading import processor_features
-from inverse_service.simulation.array_values import NoValue, array_value, table_of
-from inverse_service.simulation.callables import MOMENT, Formulas
 from inverse_service.simulation.derivation import Derived, problem_of
 from inverse_service.simulation.estimates import TOO_LARGE, errors_of, finer
-from inverse_service.simulation.execution import stopped, unknown_names, weights_of
+from inverse_service.simulation.execution import check, kernel_of, stopped, unknown_names, weights_of
 from inverse_service.simulation.initial import angles, without_value
-from inverse_service.simulation.methods import check, kernel_of
+from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, NoValue, array_value, table_of
 from inverse_service.simulation.observing import (
     energy,
     point_kinetic,

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from inverse_service.expressions.tree import TIME, Apply, holds, walk
 from inverse_service.integrators.method_table import METHODS, OWN_STEPS, SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.free_lagrangians import NOTICED, distance_of_motion
 from inverse_service.simulation.initial import angles
+from inverse_service.simulation.motions import NOTICED, distance_of_motion
+from inverse_service.simulation.numeric_formulas import array_value, table_of
 from inverse_service.simulation.observing import (
     Observed,
     end_of_energy,
@@ -39,7 +39,7 @@ from inverse_service.simulation.observing import (
     why_energy_varies,
 )
 from inverse_service.simulation.scene_data import Grid, Requested, Scene, Truth, Unavailable, places_of
-from inverse_service.simulation.watches import OTHER_MOTION, RESOLVE, SMALLEST
+from inverse_service.simulation.schemes import OTHER_MOTION, RESOLVE, SMALLEST
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15

@@ -5,27 +5,79 @@ the whole step does. The sign is looked at in PIECES such places of each step, a
 between them at its turning point, so that two zeros within a step are found. Of all crossings at once theta is found
 by regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
 continued by DOP853 from the point before.
+
+Motions in pieces: events that act on the state, and switches of sign, abs and pieces.
+
+Between two switches every sqrt(u^2) is s u with s = 1 or -1, so that a piece of the motion is smooth, and is run by the
+method itself to the event, which is located to round-off. With f+ and f- on both sides of u = 0 and u' along each:
+
+    u'+ and u'- of one sign     the motion passes to that side
+    u'+ < 0 < u'-               it sticks: f = ((1 + s) f+ + (1 - s) f-)/2 with u' = 0, until |s| = 1
+    u'- < 0 < u'+               more than one motion begins there: the run ends by name
+
+Where u depends on positions only, and u' = 0, u'' decides. Source: A. F. Filippov, Differential Equations with
+Discontinuous Righthand Sides, 1988, chapter 2; several functions at once as V. I. Utkin's equivalent control.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import Apply, Expression, Number, Sum, Symbol, Velocity, add
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import (
+    ONE,
+    TIME,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    factors_of,
+    holds,
+    multiply,
+    number,
+    powers_of,
+    rebuild,
+)
 from inverse_service.integrators.method_table import POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.simulation.array_values import NoValue, array_value, table_of
 from inverse_service.simulation.ensembles import run_ensemble
-from inverse_service.simulation.initial import angles
+from inverse_service.simulation.initial import angles, initial_velocities
+from inverse_service.simulation.motions import determinant
+from inverse_service.simulation.numeric_formulas import (
+    NoValue,
+    array_value,
+    is_root,
+    is_square,
+    switching_functions,
+    table_of,
+)
 from inverse_service.simulation.observing import Observed, point_velocities, velocities_at_points
-from inverse_service.simulation.scene_data import Event, Grid, MethodChoice, Problem, Unavailable
+from inverse_service.simulation.scene_data import (
+    Event,
+    Grid,
+    MethodChoice,
+    Problem,
+    Requested,
+    Scene,
+    Start,
+    Stop,
+    Unavailable,
+)
 
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)
 CONTINUED = MethodChoice("adaptive", tolerance=1e-14)
@@ -356,3 +408,496 @@ def period_of(run: Observed, motion: Problem | Unavailable) -> dict[str, Any]:
     gaps = np.diff(times)
     numbers = {"mean": gaps.mean(), "least": gaps.min(), "greatest": gaps.max(), "apart": moved.max() / (size or 1.0)}
     return {"period": {name: float(value) for name, value in numbers.items()} | {"returns": len(gaps)}}
+
+
+FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
+SAME, AT_ZERO = 1e-12, 1e-9  # of a step: events at one time; of the size of u' times the step: u is zero there
+SOON = 1e-10  # of a step or of the time: events that follow each other so soon come ever faster
+MOST_TOGETHER = 3  # switching functions that are zero at once
+STICKS, PASSES = 0, "passes"
+ZENO = "the times between two such events, which become ever shorter"
+ZENO_REMEDY = "stop before, or let the motion go on without the event from there"
+MANY = "After {} events the run was ended at t = {:.12g}."
+NO_MOTION = "more than one motion begins, or none goes on, where {} = 0"
+TOO_MANY_ZEROS = f"more than {MOST_TOGETHER} switching functions that are zero at once"
+BEGIN_ELSEWHERE = "begin elsewhere"
+
+Integrate = Callable[[Problem, MethodChoice, Start, Grid], Trajectory | Unavailable]
+Sides = dict[Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """At time t a switching function went to a side: 1, -1, or 0 where it sticks."""
+
+    function: Expression
+    time: float
+    side: int
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """A run in pieces: velocities at its points, no momenta. `final` is the state at the end."""
+
+    trajectory: Trajectory
+    events: tuple[Found, ...]
+    switches: tuple[Switch, ...]
+    final: tuple[float, Array, Array] | None
+
+    def thinned(self, grid: Grid) -> Pieces:
+        """With the points that the grid records."""
+        found, every = self.trajectory, grid.record_every
+        rows = grid.recorded if found.outcome.completed else np.arange(0, len(found.times), every)
+        return replace(self, trajectory=found.part(rows[rows < len(found.times)]))
+
+
+def on_sides(tree: Expression, sides: Mapping[Expression, int]) -> Expression:
+    """The tree with s u for each sqrt(u^2)."""
+
+    def replaced(part: Expression) -> Expression:
+        if not (is_root(part) and isinstance(part, Power) and isinstance(part.exponent, Number)):
+            return _gathered(rebuild(part, replaced))
+        outside, inside = [], []
+        for factor in factors_of(part.base):
+            side = sides.get(factor.base) if is_square(factor) and isinstance(factor, Power) else None
+            if side and isinstance(factor, Power) and isinstance(factor.exponent, Number):
+                power, u = factor.exponent.value * part.exponent.value, replaced(factor.base)
+                outside.append(number(side) ** power * u**power if power.denominator == 1 else (side * u) ** power)
+            else:
+                inside.append(replaced(factor))
+        return _gathered(multiply(*outside, multiply(*inside) ** part.exponent))
+
+    return replaced(tree)
+
+
+def _gathered(tree: Expression) -> Expression:
+    """A product with each base once, so that u/u has a value where u is zero."""
+    if not isinstance(tree, Product | Power):
+        return tree
+    powers: dict[Expression, Fraction] = {}
+    for base, exponent in _powers(tree, Fraction(1)):
+        powers[base] = powers.get(base, Fraction(0)) + exponent
+    return multiply(*(base**exponent for base, exponent in powers.items()))
+
+
+def _powers(tree: Expression, outer: Fraction) -> Iterator[tuple[Expression, Fraction]]:
+    """(base, exponent) of the factors of tree^outer, an integer; integers inside of others are taken together."""
+    for base, exponent in powers_of(tree):
+        if exponent.denominator == 1 and isinstance(base, Product | Power) and base != tree:
+            yield from _powers(base, outer * exponent)
+        else:
+            yield base, outer * exponent
+
+
+def has_pieces(scene: Scene, problem: Problem) -> bool:
+    """Whether a run of this problem is made of pieces. A Lagrangian that was found for given equations belongs to one
+    side, and ends there."""
+    if any(event.acts or event.most > 1 for event in scene.events):
+        return True
+    return bool(switches_of(problem, scene)) and not (scene.accelerations and problem.free_lagrangian is not None)
+
+
+def switches_of(problem: Problem, scene: Scene) -> tuple[Expression, ...]:
+    trees = (
+        scene.lagrangian, *scene.forces, *(scene.accelerations or ()), problem.free_lagrangian,
+        *(problem.accelerations or ()),
+    )  # fmt: skip
+    return switching_functions(trees, scene.coordinates)
+
+
+@dataclass
+class _Motion:
+    """The formulas of a motion on each side, made when they are first needed, and their values at a state."""
+
+    scene: Scene
+    values: Mapping[str, float]
+    problem: Problem
+    accelerations: tuple[Expression, ...]
+    functions: tuple[Expression, ...]
+    known: dict[tuple[object, ...], object] = field(default_factory=dict)
+
+    def at(self, trees: Sequence[Expression], state: tuple[float, Array, Array]) -> Array:
+        time, q, v = state
+        table = table_of(self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time]))
+        return np.array([float(array_value(tree, table)[0]) for tree in trees])
+
+    def rate(self, u: Expression, forces: Sequence[Expression]) -> Expression:
+        """u' along q'' = forces."""
+        terms = [differentiate(u, TIME)]
+        for name, force in zip(self.scene.coordinates, forces, strict=True):
+            terms += [differentiate(u, Symbol(name)) * Velocity(name), differentiate(u, Velocity(name)) * force]
+        return add(*terms)
+
+    def surface(self, u: Expression, sides: Sides) -> Expression:
+        """u, or u' where u holds no velocity: what stays zero where the motion sticks."""
+        own = on_sides(u, sides)
+        if any(holds(own, Velocity(name)) for name in self.scene.coordinates):
+            return own
+        return self.rate(own, [ZERO] * len(self.scene.coordinates))
+
+    def forces(self, sides: Sides) -> tuple[Expression, ...]:
+        """The accelerations, with those of sticking functions such that they stay zero."""
+        return self._made(sides)[0]
+
+    def shares(self, sides: Sides) -> dict[Expression, Expression]:
+        """The s in [-1, 1] of each function that sticks."""
+        return self._made(sides)[1]
+
+    def _made(self, sides: Sides) -> tuple[tuple[Expression, ...], dict[Expression, Expression]]:
+        key = ("forces", *sides.items())
+        if key not in self.known:
+            self.known[key] = self._make(sides)
+        return self.known[key]  # type: ignore[return-value]
+
+    def _make(self, sides: Sides) -> tuple[tuple[Expression, ...], dict[Expression, Expression]]:
+        stuck = [u for u, side in sides.items() if side == STICKS]
+        if not stuck:
+            return tuple(on_sides(force, sides) for force in self.accelerations), {}
+        corners = []
+        for signs in product((1, -1), repeat=len(stuck)):
+            own = sides | dict(zip(stuck, signs, strict=True))
+            corners.append((signs, [on_sides(force, own) for force in self.accelerations]))
+        share = number(1) / number(len(corners))
+        n = len(self.accelerations)
+        middle = [share * add(*(forces[k] for _, forces in corners)) for k in range(n)]
+        slopes = [[share * add(*(signs[j] * forces[k] for signs, forces in corners)) for k in range(n)]
+                  for j in range(len(stuck))]  # fmt: skip
+        surfaces = [self.surface(u, sides) for u in stuck]
+        right = [-self.rate(w, middle) for w in surfaces]
+        rows = [
+            [add(*(differentiate(w, Velocity(name)) * slope[k] for k, name in enumerate(self.scene.coordinates)))
+             for slope in slopes]
+            for w in surfaces
+        ]  # fmt: skip
+        whole = determinant(tuple(map(tuple, rows)))
+        if whole == ZERO:
+            return tuple(middle), {}
+        found = {}
+        for j, u in enumerate(stuck):
+            changed = [
+                tuple(right[i] if k == j else entry for k, entry in enumerate(row)) for i, row in enumerate(rows)
+            ]
+            found[u] = determinant(tuple(changed)) / whole
+        forces = tuple(middle[k] + add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n))
+        return forces, found
+
+    def problem_on(self, sides: Sides, by_forces: bool) -> Problem:
+        """The problem of the method with s u for sqrt(u^2); that of the accelerations where something sticks."""
+        key = ("problem", by_forces, *sides.items())
+        if key not in self.known:
+            problem = self.problem
+            if by_forces:
+                found = replace(
+                    problem, lagrangian=None, free_lagrangian=None, free_hamiltonian=None, forces=(), domain=(),
+                    accelerations=self.forces(sides),
+                )  # fmt: skip
+            else:
+                trees = (problem.lagrangian, problem.free_lagrangian, problem.free_hamiltonian)
+                own = [None if tree is None else on_sides(tree, sides) for tree in trees]
+                found = replace(
+                    problem, lagrangian=own[0], free_lagrangian=own[1], free_hamiltonian=own[2],
+                    forces=tuple(on_sides(force, sides) for force in problem.forces),
+                    accelerations=problem.accelerations and self.forces(sides),
+                )  # fmt: skip
+            self.known[key] = found
+        return self.known[key]  # type: ignore[return-value]
+
+    def sides_at(self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[Expression]) -> Sides | None:
+        """The sides on which the motion goes on where the functions `zero` are zero; None where there is none, or where
+        there are several."""
+        found: Sides = {}
+        for u in self.functions:
+            value = float(self.at([on_sides(u, before | found)], state)[0])
+            found[u] = before.get(u, STICKS) if u in zero else (1 if value > 0 else -1)
+        if not zero:
+            return found
+        if len(zero) > MOST_TOGETHER:
+            return None
+        passing = [found | dict(zip(zero, signs, strict=True)) for signs in product((1, -1), repeat=len(zero))]
+        fits = [sides for sides in passing if self._goes(sides, zero, state)]
+        if len(fits) == 1:
+            return fits[0]
+        if fits:  # from one side only the way across is a motion
+            onward = [sides for sides in fits if all(sides[u] == -before.get(u, 0) for u in zero)]
+            return onward[0] if len(onward) == 1 else None
+        if self._is_continuous(passing, state):  # at rest on a kink: nothing moves it away, or it is seen later
+            return found | {u: before.get(u) or 1 for u in zero}
+        for count in range(1, len(zero) + 1):
+            for stuck in combinations(zero, count):
+                others = [u for u in zero if u not in stuck]
+                for signs in product((1, -1), repeat=len(others)):
+                    sides = found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
+                    shares = self.at(list(self.shares(sides).values()), state)
+                    inside = len(shares) == count and bool((np.abs(shares) <= 1 + AT_ZERO).all())
+                    if inside and self._goes(sides, others, state):
+                        return sides
+        return None
+
+    def _is_continuous(self, passing: Sequence[Sides], state: tuple[float, Array, Array]) -> bool:
+        """Whether the forces have one value on all sides."""
+        values = np.array([self.at(self.forces(sides), state) for sides in passing])
+        return bool((np.ptp(values, axis=0) <= 1e-12 * np.abs(values).max(initial=0.0)).all())
+
+    def _goes(self, sides: Sides, zero: Sequence[Expression], state: tuple[float, Array, Array]) -> bool:
+        """Whether the motion on these sides leaves each zero to its side."""
+        for u in zero:
+            own, forces = on_sides(u, sides), self.forces(sides)
+            first = self.rate(own, forces)
+            rates = self.at([first, self.rate(first, forces)], state)
+            scale = 1e-9 * (abs(rates[1]) + float(np.abs(state[2]).max()) + 1e-300)
+            slow = abs(rates[0]) <= scale and not any(holds(own, Velocity(name)) for name in self.scene.coordinates)
+            if not sides[u] * rates[1 if slow else 0] > 0:
+                return False
+        return True
+
+
+def run_pieces(
+    scene: Scene,
+    requested: Requested,
+    problem: Problem,
+    motion: Problem | Unavailable,
+    start: Start,
+    values: Mapping[str, float],
+    integrate: Integrate,
+    stop: Stop | None = None,
+) -> Pieces | Unavailable:
+    """The run of a method, piece by piece; `motion` has the accelerations, `integrate` runs a piece."""
+    if isinstance(motion, Unavailable) or motion.accelerations is None:
+        return motion if isinstance(motion, Unavailable) else Unavailable("The accelerations are not known.")
+    functions = switches_of(problem, scene)
+    formulas = _Motion(scene, values, problem, motion.accelerations, functions)
+    return _Run(scene, requested, formulas, integrate, stop).go(start)
+
+
+@dataclass
+class _Run:
+    scene: Scene
+    requested: Requested
+    motion: _Motion
+    integrate: Integrate
+    stop: Stop | None
+
+    def __post_init__(self) -> None:
+        self.parts: list[Trajectory] = []
+        self.seen: dict[int, list[tuple[float, Array, Array]]] = {k: [] for k in range(len(self.scene.events))}
+        self.notes: dict[int, str] = {}
+        self.switches: list[Switch] = []
+        self.acted: list[float] = []
+
+    def go(self, start: Start) -> Pieces | Unavailable:
+        scene, grid = self.scene, self.scene.grid
+        state = (
+            grid.begin,
+            np.array(start.positions, dtype=float),
+            np.array(start.velocities if start.velocities is not None else scene.velocities, dtype=float),
+        )
+        begun: Start | None = start
+        sides, outcome = self._sides(state, {}, self._zeros(state, {})), None
+        place, count = 0, FIRST
+        while sides is not None and outcome is None and place < grid.steps:
+            if self.stop is not None and self.stop():
+                outcome = Outcome("cancelled", place, state[0])
+                break
+            # To the next point of the grid, where a piece begins between two; then many steps at once.
+            ahead = grid.begin + (place + 1) * grid.step - state[0]
+            between = abs(ahead - grid.step) > SAME * (abs(grid.step) + abs(state[0]))
+            many = 1 if between else min(count, grid.steps - place)
+            piece = Grid(ahead if between else grid.step, many, 1, state[0])
+            stuck = STICKS in sides.values()
+            by_forces = stuck and self.requested.method not in POINT_METHODS
+            choice = CONTINUED if by_forces else self.requested.choice
+            assert choice is not None
+            what = self.motion.problem_on(sides, by_forces)
+            begin = begun or Start(tuple(map(float, state[1])), velocities=tuple(map(float, state[2])))
+            ran = self.integrate(what, choice, begin, piece)
+            if isinstance(ran, Unavailable):
+                return ran
+            if len(ran.times) < 2:
+                outcome = replace(ran.outcome, step=place, time=state[0])
+                break
+            observed = Observed(
+                replace(scene, grid=piece), replace(self.requested, method=choice.method, choice=choice,
+                alpha=None if by_forces else self.requested.alpha), ran, what, self.motion.values, None,
+            )  # fmt: skip
+            velocities = velocities_at_points(observed)
+            if velocities is None:
+                return Unavailable("The method has no velocities at its points, which events need.")
+            ran = replace(ran, velocities=velocities, momenta=None)
+            if (turned := self._turned(ran, velocities, sides)) is not None:
+                sides = turned
+                continue
+            found = self._first(observed, replace(self.motion.problem, accelerations=self.motion.forces(sides)), sides)
+            begun = None
+            if found is None:
+                self._keep(ran, np.ones(len(ran.times), dtype=bool))
+                place += len(ran.times) - 1
+                state = (grid.begin + place * grid.step, ran.positions[-1], velocities[-1])
+                count = min(2 * count, MOST)
+                if not ran.outcome.completed:
+                    outcome = replace(ran.outcome, step=place, time=state[0])
+                continue
+            state, kinds = found
+            kept = ran.times < state[0] - SAME * abs(grid.step)
+            kept[0] = True
+            self._keep(ran, kept)
+            place += int(kept.sum()) - 1
+            count = max(FIRST // 2, 2 * int(kept.sum()))
+            state, ended = self._act(state, kinds, sides)
+            here, row = grid.begin + (place + 1) * grid.step, int(kept.sum())
+            if abs(state[0] - here) <= SAME * (abs(grid.step) + abs(here)) and row < len(ran.times):
+                # At a point of the grid, which is recorded as it is after the event.
+                at = ran.part(slice(row, row + 1))
+                self.parts.append(replace(at, positions=state[1][None], velocities=state[2][None]))
+                place, state = place + 1, (here, state[1], state[2])
+            if ended is not None:
+                outcome = replace(ended, step=place)
+                break
+            zero = [one for one in kinds if isinstance(one, Expression)]
+            sides = self._sides(state, sides, zero)
+        if sides is None:
+            text = to_text(self.motion.functions[-1]) if self.motion.functions else ""
+            outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), 0.0, BEGIN_ELSEWHERE)
+        whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
+        return Pieces(whole, tuple(self._events()), tuple(self.switches), state)
+
+    def _turned(self, ran: Trajectory, velocities: Array, sides: Sides) -> Sides | None:
+        """The sides, where a function that was zero at the start of a piece went to the other one at once: its sides
+        have the same force there, and what moves it is of a higher order."""
+        for u, side in sides.items():
+            rows = range(min(3, len(ran.times)))
+            values = [
+                float(self.motion.at([on_sides(u, sides)], (ran.times[k], ran.positions[k], velocities[k]))[0])
+                for k in rows
+            ]
+            if side and values[0] == 0 and all(side * value < 0 for value in values[1:]):
+                return sides | {u: -side}
+        return None
+
+    def _zeros(self, state: tuple[float, Array, Array], sides: Sides) -> list[Expression]:
+        """The switching functions that are zero at the start."""
+        size = float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
+        return [u for u in self.motion.functions if abs(self.motion.at([on_sides(u, sides)], state)[0]) <= 1e-14 * size]
+
+    def _sides(self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[Expression]) -> Sides | None:
+        released = {}
+        for u in zero:
+            if before.get(u) == STICKS:  # it is released to the side to which its share has come
+                released[u] = 1 if self.motion.at([self.motion.shares(before)[u]], state)[0] > 0 else -1
+        rest = [u for u in zero if u not in released]
+        found = self.motion.sides_at(state, before, rest)
+        if found is None:
+            return None
+        # What sticks stays so, as far as it is not released.
+        found |= {u: STICKS for u, side in before.items() if side == STICKS and u not in zero} | released
+        if before:
+            self.switches += [Switch(u, state[0], found[u]) for u in zero if found[u] != before[u]]
+        return found
+
+    def _first(
+        self, run: Observed, motion: Problem, sides: Sides
+    ) -> tuple[tuple[float, Array, Array], list[int | Expression]] | None:
+        """The state at the first event of a piece that acts, stops or switches, and all that happen there."""
+        shares = self.motion.shares(sides)
+        watched: list[tuple[int | Expression, Event]] = list(enumerate(self.scene.events))
+        for u, side in sides.items():
+            formula = ONE - shares[u] ** 2 if side == STICKS and u in shares else on_sides(u, sides)
+            if side != STICKS or u in shares:
+                watched.append((u, Event(formula, -side or -1, True)))
+        at, least = run.trajectory, SAME * abs(self.scene.grid.step)
+        ends: list[tuple[float, int | Expression, tuple[float, Array, Array]]] = []
+        records: list[tuple[float, int, tuple[float, Array, Array]]] = []
+        for (kind, event), found in zip(watched, located(run, [e for _, e in watched], motion), strict=True):
+            if isinstance(kind, int) and found.note:
+                self.notes[kind] = found.note
+            for row in range(len(found.times)):
+                state = (float(found.times[row]), found.positions[row], found.velocities[row])
+                new = state[0] > at.times[0] + (least if len(self.parts) else -least)
+                if new and isinstance(kind, int) and not (event.acts or event.stops):
+                    records.append((state[0], kind, state))
+                elif new:
+                    ends.append((state[0], kind, state))
+                    break
+        end = min((time for time, _, _ in ends), default=np.inf)
+        for time, index, state in records:
+            if time <= end:
+                self.seen[index].append(state)
+        if not ends:
+            return None
+        first = min(ends, key=lambda one: one[0])
+        return first[2], [kind for time, kind, _ in ends if time <= end + least]
+
+    def _act(
+        self, state: tuple[float, Array, Array], kinds: Sequence[int | Expression], sides: Sides
+    ) -> tuple[tuple[float, Array, Array], Outcome | None]:
+        """The state after the events, and the outcome where they end the run."""
+        time, q, v = state
+        for index in (kind for kind in kinds if isinstance(kind, int)):
+            event = self.scene.events[index]
+            self.seen[index].append((time, q, v))
+            if event.acts:
+                q, v = q.copy(), v.copy()
+                targets = self.motion.at([on_sides(tree, sides) for _, tree in event.sets], state)
+                for (target, _), value in zip(event.sets, targets, strict=True):
+                    (v if isinstance(target, Velocity) else q)[self._place(target)] = value
+                if not (np.isfinite(q).all() and np.isfinite(v).all()):
+                    text = f"what the event {to_text(event.formula)} = 0 sets, which has no value"
+                    return (time, q, v), Outcome("off_domain", None, time, text, None, BEGIN_ELSEWHERE)
+                if self.scene.constraints:
+                    given = dict(zip(self.scene.coordinates, map(float, v), strict=True))
+                    v = initial_velocities(
+                        self.scene.coordinates, self.scene.constraints, self.scene.lagrangian, self.motion.values, q,
+                        given, project=True,
+                    )  # fmt: skip
+            if len(self.seen[index]) >= event.most:
+                note = ENDED.format(time) if event.most == 1 else MANY.format(event.most, time)
+                return (time, q, v), Outcome("completed", None, time, note=note)
+        self.acted.append(time)
+        # The time itself is known to round-off only, so that much shorter times are none.
+        soon = SOON * max(abs(self.scene.grid.step), abs(time))
+        if len(self.acted) > 8 and self.acted[-1] - self.acted[-5] < soon:
+            gap = self.acted[-1] - self.acted[-2]
+            return (time, q, v), Outcome("zeno", None, time, ZENO, gap, ZENO_REMEDY)
+        return (time, q, v), None
+
+    def _place(self, target: Expression) -> int:
+        name = target.coordinate if isinstance(target, Velocity) else getattr(target, "name", "")
+        return self.scene.coordinates.index(name)
+
+    def _keep(self, ran: Trajectory, rows: NDArray[np.bool_]) -> None:
+        """The points of a piece, without its start unless it is the first."""
+        if self.parts:
+            rows = rows.copy()
+            rows[0] = False
+        self.parts.append(ran.part(np.flatnonzero(rows)))
+
+    def _joined(self, outcome: Outcome, start: Start) -> Trajectory:
+        parts = self.parts
+        if not parts:
+            begin = np.array([list(start.positions)], dtype=float)
+            return Trajectory(
+                np.array([self.scene.grid.begin]), begin, None, self.scene.velocities[None], outcome, 0, 0, 0.0, 0.0
+            )
+        grid, count = self.scene.grid, sum(len(part.times) for part in parts)
+        names = parts[0].series
+        series = {name: np.concatenate([part.series[name] for part in parts]) for name in names}
+        return Trajectory(
+            times=np.asarray(grid.begin + grid.step * np.arange(count), dtype=np.float64),
+            positions=np.concatenate([part.positions for part in parts]),
+            momenta=None,
+            velocities=np.concatenate([np.asarray(part.velocities) for part in parts]),
+            outcome=outcome,
+            force_evaluations=sum(part.force_evaluations for part in parts),
+            newton_iterations=sum(part.newton_iterations for part in parts),
+            compile_seconds=sum(part.compile_seconds for part in parts),
+            run_seconds=sum(part.run_seconds for part in parts),
+            series=series,
+            maxima={name: float(np.abs(column).max(initial=0.0)) for name, column in series.items()},
+        )
+
+    def _events(self) -> Iterator[Found]:
+        n = len(self.scene.coordinates)
+        for k, event in enumerate(self.scene.events):
+            rows = sorted(self.seen[k], key=lambda state: state[0])
+            times = np.array([time for time, _, _ in rows])
+            positions, velocities = (np.array([row[j] for row in rows]).reshape(-1, n) for j in (1, 2))
+            yield Found(event, times, positions, velocities, self.notes.get(k, ""))

@@ -1,8 +1,14 @@
-"""Kernels run piece by piece: bounded memory, a way to stop, and status codes turned into outcomes.
+"""What every run needs: the choice checked, numbers of the parameters, the compiled step.
+
+Runs of a problem by a method: the one door to the integrators.
+
+Kernels run piece by piece: bounded memory, a way to stop, and status codes turned into outcomes.
 
 What a kernel left, as a trajectory with a typed outcome: what vanished is said as a formula in the user's names.
 
 Zeros of the denominators of L~ just ahead of where a run stopped are its cause where the formulas have a pole there.
+
+Initial states of the methods: from velocities or momenta, at a point or on the discrete constraint.
 """
 
 from __future__ import annotations
@@ -10,7 +16,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -18,16 +24,22 @@ import numpy as np
 import symengine
 from numpy.typing import NDArray
 
+from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
-from inverse_service.integrators.method_table import GEOMETRIC, OWN_STEPS, POINT_METHODS
-from inverse_service.integrators.tableaux import composition
+from inverse_service.integrators.method_table import (
+    GEOMETRIC,
+    METHODS,
+    ORDERS,
+    OWN_STEPS,
+    POINT_METHODS,
+    SCIPY,
+    composition,
+)
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.kernels.codegen.adaptive_kernel import MOST_TRIES
-from inverse_service.kernels.codegen.compiled import Card, Compiled
-from inverse_service.kernels.codegen.kernel import CONTROL
-from inverse_service.kernels.codegen.planning import limit_at_zero_step
+from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
+from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
 from inverse_service.kernels.codegen.program import (
     CLOCK,
     GUARDED,
@@ -46,13 +58,184 @@ from inverse_service.kernels.codegen.program import (
     WATCHED,
     Program,
     Solve,
+    limit_at_zero_step,
 )
-from inverse_service.kernels.codegen.symengine_trees import STEP, Formula, real_value, symbol
-from inverse_service.simulation.callables import Denominator, Formulas
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
-from inverse_service.simulation.schemes import parts_of, program_of
-from inverse_service.simulation.starting import Initial
-from inverse_service.simulation.watches import where_it_ends
+from inverse_service.kernels.codegen.symengine_trees import STEP, ZERO, Formula, free_names, real_value, symbol
+from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, formulas_of
+from inverse_service.simulation.peers import run_heyoka, run_scipy
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
+from inverse_service.simulation.schemes import (
+    GUARD_REMEDY,
+    RESOLVE,
+    SMALLER_STEP,
+    alpha_of,
+    has_unique_roots,
+    parts_of,
+    program_of,
+    where_it_ends,
+)
+
+__all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "run"]
+
+
+def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None:
+    """InputError with one sentence for a choice that makes no sense."""
+    if choice.method not in METHODS:
+        raise InputError(f"There is no method of this name; there are {', '.join(METHODS)}.")
+    if not 0.0 <= choice.alpha <= 1.0:
+        raise InputError("alpha must be from 0 to 1.")
+    if choice.form not in ("hamiltonian", "raw", "verlet"):
+        raise InputError("The form of the variational method is hamiltonian, raw or verlet.")
+    if choice.method in GEOMETRIC:
+        _check_order(choice)
+    if choice.symmetrised and choice.alpha != 0.5 and choice.form != "verlet" and problem.depends_on_time:
+        raise InputError("Symmetrised steps are for systems without t: take alpha = 1/2, which has order 2 too.")
+    for grid in grids:
+        if not (abs(grid.step) > 0 and grid.step - grid.step == 0 and grid.steps >= 0 and grid.record_every >= 1):
+            raise InputError("A grid needs a finite step other than 0, 0 or more steps, record_every of 1 or more.")
+
+
+def _check_order(choice: MethodChoice) -> None:
+    if choice.order not in ORDERS:
+        raise InputError(f"Compositions have order 2, 4, 6 or 8, not {choice.order}.")
+    if choice.order > 2 and choice.alpha != 0.5 and not choice.symmetrised:
+        raise InputError("A composition needs a symmetric step: alpha = 1/2, or symmetrised.")
+
+
+def parameter_values(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
+    """The numbers of all parameters, by kernel name; InputError where one is missing or not finite."""
+    found = {}
+    for place, name in enumerate(problem.parameters):
+        if name not in values:
+            raise InputError(f"The parameter {name} needs a value.")
+        number = float(values[name])
+        if number - number != 0:
+            raise InputError(f"The parameter {name} must be a finite number.")
+        found[f"c{place}"] = number
+    return found
+
+
+def lane_of(
+    choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """(state and rates, arguments) of one trajectory."""
+    rates = {f"{name}_rate": value for name, value in begin.rates.items()}
+    setting = choice.tolerance if choice.method in OWN_STEPS else choice.alpha
+    return {**begin.state, **rates, str(MOMENT): grid.begin}, {"h": grid.step, "a": setting, **parameters}
+
+
+def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation, lanes: int = 1) -> Compiled:
+    """The compiled step of the method, made only once for all values of h, alpha, parameters and weights."""
+    order = choice.order if choice.method == "runge_kutta" else 0
+    identity = (
+        formulas.problem, choice.method, choice.form, order, [str(part) for part in parts_of(choice)],
+        str(alpha_of(choice)), choice.guard, observation,
+    )  # fmt: skip
+    return compiled(identity, lambda: program_of(formulas, choice, observation), lanes)
+
+
+MONOTONE = "The step is far beyond what the guard allows, but its equation is monotone: the root found is the only one."
+NO_GUARD = "The guard was off: that each step took the root that belongs to small steps was not checked."
+FEW, MANY, HALF = 4, 4096, 0.5
+
+
+def run(
+    problem: Problem,
+    choice: MethodChoice,
+    start: Start,
+    grid: Grid,
+    values: Mapping[str, float],
+    observation: Observation | None = None,
+    stop: Stop | None = None,
+    begun: bool = False,
+) -> Trajectory:
+    """One trajectory; `values` gives every parameter (free constants too) a number. With `begun` it is a further part
+    of one, whose first steps are not looked at.
+
+    Where the method cannot go on, the outcome says so and the rows up to there are kept. InputError for a choice
+    that the problem does not allow. `stop` is asked about ten times a second; True ends the run as "cancelled".
+    """
+    check(problem, choice, [grid])
+    observation = observation or Observation()
+    if choice.method == "heyoka":
+        return run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
+    if choice.method in SCIPY:
+        return run_scipy(problem, choice, start, grid, values)
+    formulas = formulas_of(problem)
+    parameters = parameter_values(problem, values)
+    begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
+    refused = begin.missing or refusal(formulas, choice, begin, grid, parameters)
+    if refused:
+        return failed_start(start, refused, grid.begin)
+    if choice.guard and not begun and choice.method not in OWN_STEPS and grid.steps >= FEW:
+        unresolved = _first_steps(formulas, choice, begin, grid, parameters)
+        if unresolved is not None:
+            return failed_start(start, unresolved, grid.begin)
+    found = _run(formulas, choice, begin, grid, parameters, observation, stop)
+    if found.outcome.kind == "guard" and _is_monotone(formulas, choice, grid, parameters):
+        found = _run(formulas, replace(choice, guard=False), begin, grid, parameters, observation, stop)
+        return replace(found, outcome=replace(found.outcome, note=MONOTONE))
+    return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
+
+
+def _run(
+    formulas: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float],
+    observation: Observation, stop: Stop | None,
+) -> Trajectory:  # fmt: skip
+    kernel = kernel_of(formulas, choice, observation)
+    memory = memory_of(kernel.card, *lane_of(choice, begin, grid, parameters))
+    done = execute(kernel, memory, weights_of(choice), grid, stop)
+    return trajectory_of(Ended(formulas, choice, kernel, done, begin, grid), observation)
+
+
+def _first_steps(
+    formulas: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
+) -> Outcome | None:
+    """The outcome where FEW steps lead elsewhere than MANY over the same time, or pass a wall: what is watched later
+    sees only what steps have met. None where both agree, or where the long steps fail, which the run will say itself;
+    where only the short ones meet a wall, the long ones jump over it."""
+    bare = Observation(momenta=False, velocities=False)
+    ends: list[Array] = []
+    for count in (FEW, MANY):
+        short = replace(grid, step=FEW * grid.step / count, steps=count, record_every=count // FEW)
+        found = _run(formulas, choice, begin, short, parameters, bare, None)
+        if not found.outcome.completed:
+            jumped = bool(ends) and found.outcome.kind == "singular"
+            return replace(found.outcome, step=0, time=grid.begin) if jumped else None
+        passed = _wall_passed(formulas, found.positions, parameters)
+        if passed is not None:
+            return Outcome("singular", 0, grid.begin, *passed, SMALLER_STEP)
+        ends.append(found.positions[-1] - found.positions[0])
+    apart, moved = (float(np.linalg.norm(difference)) for difference in (ends[0] - ends[1], ends[1]))
+    if not apart > HALF * moved:
+        return None
+    return Outcome(
+        "unresolved", 0, grid.begin, f"the first {FEW} steps compared with {MANY} shorter ones", apart, RESOLVE
+    )
+
+
+def _wall_passed(formulas: Formulas, positions: Array, parameters: Mapping[str, float]) -> tuple[str, float] | None:
+    """(text, value at the start) of a wall of the positions that has another sign at the first points after it."""
+    known = {*(f"q{k}" for k in range(formulas.size)), *parameters}
+    problem = formulas.problem
+    for wall in formulas.walls_of([problem.free_hamiltonian, problem.lagrangian, *(problem.accelerations or ())]):
+        if free_names(wall.formula) <= known:
+            tables = ({**parameters, **{f"q{k}": float(x) for k, x in enumerate(row)}} for row in positions)
+            values = [real_value(wall.formula, table) for table in tables]
+            if any(value * values[0] < 0 for value in values):
+                return wall.text, values[0]
+    return None
+
+
+def _is_monotone(formulas: Formulas, choice: MethodChoice, grid: Grid, parameters: Mapping[str, float]) -> bool:
+    """Whether each substep has one root only, whatever the guard says."""
+    if formulas.depends_on_time:
+        return False
+    program = program_of(formulas, choice, Observation(momenta=False, velocities=False))
+    known = {"a": choice.alpha, **parameters}
+    substeps = {weight * grid.step for weight in weights_of(choice)}
+    return all(has_unique_roots(program, known | {"h": step}) for step in substeps)
+
 
 _FIRST_PIECE = 4096
 _FIRST_OWN = 8  # of a method that takes any number of steps between two points
@@ -500,3 +683,272 @@ def _remedy(f: Formulas, choice: MethodChoice) -> str:
         constants = f"free constants {names}" if names else "free constants of L~"
         return f"choose smaller {constants}, another alpha, or the variational method in Hamiltonian form"
     return where_it_ends(f)
+
+
+LIMIT = 1.0
+_SAMPLES, _NEAR_START = 256, 20.0
+
+Numbers = dict[str, float]
+OFF_CONSTRAINTS = 1e-9
+# Distances at which a power of the distance is read off, their ratio in decades, and what counts as a power below 1: in
+# doubles a smooth force shows 1, a jump 0, and round-off two powers that differ.
+NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
+FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
+LATER = 1e-3
+BY_SLOPES = ("stiff",)
+BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time"
+
+
+@dataclass(frozen=True, slots=True)
+class Initial:
+    """Values of state variables and first guesses of the unknowns' rates.
+
+    `missing` is the outcome where a momentum has no value, so that the run cannot begin.
+    """
+
+    state: Numbers
+    rates: Numbers = field(default_factory=dict)
+    missing: Outcome | None = None
+
+
+def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]) -> Initial:
+    """State of the kernel at its first time, which stands among the parameters (0 where it does not)."""
+    parameters = {str(MOMENT): 0.0, **parameters}
+    _require(start, f.size)
+    q = _named("q", start.positions)
+    if choice.method in POINT_METHODS:
+        if start.velocities is None:
+            raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
+        state = {**q, **_named("v", start.velocities)}
+        return Initial(state, missing=no_one_motion(f, choice, {**parameters, **state}))
+    discrete = start.convention == "discrete_constraint"
+    if start.momenta is not None and choice.method != "modified" and not discrete:
+        guess = _named("d", start.velocities) if start.velocities is not None else None
+        rates = guess or _rates_from_momenta(f, q, start.momenta, parameters, choice)
+        return Initial({**q, **_named("p", start.momenta)}, rates)
+    if start.velocities is None:
+        raise InputError("This method and this start need velocities: give velocities instead of momenta.")
+    if discrete and choice.order > 2:
+        raise InputError("A composition starts from momenta: the discrete constraint is that of the plain step.")
+    if discrete:
+        return _on_discrete_constraint(f, choice, start, step, parameters)
+    return _at_point(f, choice, q, list(start.velocities), parameters)
+
+
+def _require(start: Start, size: int) -> None:
+    given = [start.positions, start.velocities, start.momenta]
+    if any(values is not None and len(values) != size for values in given):
+        raise InputError(f"Initial data need {size} numbers each, one for every coordinate.")
+    if start.velocities is None and start.momenta is None:
+        raise InputError("Initial data need velocities or momenta.")
+    if not all(math.isfinite(x) for values in given if values is not None for x in values):
+        raise InputError("Initial data must be finite numbers.")
+
+
+def _named(letter: str, values: Sequence[float]) -> Numbers:
+    return {f"{letter}{k}": float(value) for k, value in enumerate(values)}
+
+
+def _rates_from_momenta(
+    f: Formulas, q: Numbers, momenta: Sequence[float], parameters: Mapping[str, float], choice: MethodChoice
+) -> Numbers:
+    """H_p where H is known, else 0."""
+    if choice.method != "variational" or f.problem.free_hamiltonian is None:
+        return {}
+    table = {**parameters, **q, **_named("p", momenta)}
+    rates = [real_value(f.hamiltonian.diff(p), table) for p in f.symbols("p")]
+    return {f"d{k}": rate for k, rate in enumerate(rates) if math.isfinite(rate)}
+
+
+def _at_point(
+    f: Formulas, choice: MethodChoice, q: Numbers, velocities: list[float], parameters: Mapping[str, float]
+) -> Initial:
+    table = {**parameters, **q, **_named("v", velocities)}
+    return _checked(f, choice, q, _momenta(f, choice, table), velocities, table)
+
+
+def _momenta(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> list[float]:
+    """dL/dv; of L~ with the constraints put in where they hold, so that common factors A_alpha cancel."""
+    velocities = f.symbols("v")
+    if choice.method == "nonholonomic":
+        return f.evaluator("momenta of L", lambda: [f.lagrangian.diff(v) for v in velocities])(table)
+    if not f.forms or not _holds(f, table):
+        return f.evaluator("momenta of L~", lambda: [f.free_lagrangian.diff(v) for v in velocities])(table)
+    given = {velocities[k]: value for k, value in f.dependent.items()}
+    key = "momenta of L~ on the constraints"
+    return f.evaluator(key, lambda: [f.free_lagrangian.diff(v).subs(given) for v in velocities])(table)
+
+
+def _holds(f: Formulas, table: Mapping[str, float]) -> bool:
+    """Whether velocities are those that the constraints give, to round-off."""
+    size = max((abs(table[f"v{k}"]) for k in range(f.size)), default=0.0)
+    values = f.evaluator(
+        "constraints", lambda: [_along(row, f.symbols("v")) + c for row, c in zip(f.forms, f.drifts, strict=True)]
+    )(table)
+    return all(abs(value) <= OFF_CONSTRAINTS * size for value in values)
+
+
+def _along(row: Sequence[Formula], velocities: Sequence[Formula]) -> Formula:
+    return sum((a * v for a, v in zip(row, velocities, strict=True)), ZERO)
+
+
+def _checked(
+    f: Formulas, choice: MethodChoice, q: Numbers, momenta: Sequence[float], velocities: Sequence[float],
+    table: Mapping[str, float],
+) -> Initial:  # fmt: skip
+    kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
+    whole = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
+    undefined = undefined_force(f, f.forces, table)
+    if undefined is None and f.depends_on_time:  # elsewhere L~ may be 0/0 at the start
+        undefined = undefined_force(f, [whole.diff(place) for place in f.symbols("q")], table)
+    state = {**q, **{f"p{k}": momenta[k] for k in kept}}
+    rates = {f"d{k}": velocity for k, velocity in enumerate(velocities)}
+    if all(math.isfinite(momenta[k]) for k in kept):
+        return Initial(state, rates, undefined)
+    quantity, value = vanishing(f, table)
+    remedy = "start where it is not 0, from momenta, or with another associated system or method"
+    return Initial(state, rates, Outcome("off_domain", 0, table[str(MOMENT)], quantity, value, remedy))
+
+
+def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, float]) -> Outcome | None:
+    """The outcome where a force has no value at the start, through which no step would notice it, or none passes."""
+    for name, formula in zip(f.problem.coordinates, forces, strict=False):
+        if not math.isfinite(real_value(formula, table)) or _divides_by_zero(formula, table):
+            begin = table[str(MOMENT)]
+            quantity = f"the force on {name} at the start, t = {begin:.12g}, which has no value"
+            return Outcome("off_domain", 0, begin, quantity, None, BEGIN_ELSEWHERE)
+    return None
+
+
+def _divides_by_zero(formula: Formula, table: Mapping[str, float]) -> bool:
+    """Whether it divides by what is 0 there, or takes its logarithm: atan(v/x) has a number in doubles at x = 0."""
+    powers = formula.atoms(symengine.Pow)
+    divided = [power.args[0] for power in powers if power.args[1].is_Number and power.args[1].is_negative]
+    divided += [logarithm.args[0] for logarithm in formula.atoms(symengine.log)]
+    return any(real_value(base, table) == 0 for base in divided)
+
+
+def no_one_motion(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> Outcome | None:
+    """The outcome where an acceleration has no value at the start, or is no Lipschitz function there.
+
+    x'' = sqrt(x) has the motions x = 0 and x = (t - s)^4/144 for t > s, one for each s, from x = x' = 0. Where the
+    motion leaves such a place at once it is the only one, but a method that solves by slopes may take another.
+    """
+    undefined = undefined_force(f, f.accelerations, table)
+    if undefined is not None or not f.walls_of(f.problem.accelerations or ()):
+        return undefined
+    steep = _steep(f, table)
+    if any(steep) and choice.method not in BY_SLOPES:
+        steep &= _steep(f, _a_little_later(f, table))
+    for name, is_steep in zip(f.problem.coordinates, steep, strict=True):
+        if is_steep:
+            quantity = f"the force on {name}: its slope is infinite at the start, where more than one motion may begin"
+            return Outcome("singular", 0, table[str(MOMENT)], quantity, None, "begin beside it")
+    return None
+
+
+def _a_little_later(f: Formulas, table: Mapping[str, float]) -> Numbers:
+    """q + v s + f s^2/2 and v + f s."""
+    moved = dict(table)
+    for k, force in enumerate(f.evaluator("accelerations", lambda: f.accelerations)(table)):
+        moved[f"q{k}"] += LATER * (table[f"v{k}"] + LATER * force / 2)
+        moved[f"v{k}"] += LATER * force
+    return moved
+
+
+def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Of each force, whether it changes as a power below 1 of the distance: along q_k, v_k or oblique to them all."""
+    names = [f"{letter}{k}" for letter in "qv" for k in range(f.size)]
+    forces = f.evaluator("accelerations", lambda: f.accelerations)
+    oblique = np.random.default_rng(0).normal(size=(4, len(names)))
+    steep = np.zeros(f.size, dtype=bool)
+    for way in (*np.eye(len(names)), *-np.eye(len(names)), *oblique):
+        places = [dict(zip(names, size * way, strict=True)) for size in (0.0, *NEARER)]
+        values = np.array([forces({**table} | {x: table[x] + place[x] for x in names}) for place in places])
+        with np.errstate(all="ignore"):
+            first, last = -np.diff(np.log10(np.abs(values[1:] - values[0])), axis=0) / NEARER_BY
+        steep |= (last > FLAT) & (last < STRAIGHT) & (np.abs(first - last) < SAME_POWER)
+    return steep
+
+
+def vanishing(f: Formulas, table: Mapping[str, float]) -> tuple[str, float]:
+    """The factor of a denominator that is nearest to 0, by name, and its value."""
+    values = [(item.text, real_value(item.formula, table)) for item in f.denominators]
+    values = [(text, value) for text, value in values if math.isfinite(value)]
+    return min(values, key=lambda item: abs(item[1])) if values else ("dL/dv", math.nan)
+
+
+def _on_discrete_constraint(
+    f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]
+) -> Initial:
+    """p_0 = -D1 L_d(q_0, q_1) with q_1 = q_0 + h v and v on the discrete constraint."""
+    parts = [float(part.subs({"a": choice.alpha})) for part in parts_of(choice)]
+    q = [float(x) for x in start.positions]
+    v = _discrete_velocities(f, q, list(start.velocities or ()), parts, step, parameters)
+    total = [0.0] * f.size
+    table: Numbers = {}
+    for part in parts:
+        place = _named("q", [x + part * step * y for x, y in zip(q, v, strict=True)])
+        table = {**parameters, **place, **_named("v", v)}
+        for k, (impulse, force) in enumerate(_discrete_slopes(f, choice, table, len(parts) == 1)):
+            total[k] += (impulse - (1 - part) * step * force) / len(parts)
+    return _checked(f, choice, _named("q", q), total, v, table)
+
+
+def _discrete_velocities(
+    f: Formulas, q: list[float], v: list[float], parts: Sequence[float], step: float, parameters: Mapping[str, float]
+) -> list[float]:
+    """Dependent velocities from the mean discrete constraint; a few sweeps where they enter it themselves."""
+    for _ in range(50):
+        old = list(v)
+        for k, formula in f.dependent.items():
+            values = []
+            for part in parts:
+                place = _named("q", [x + part * step * y for x, y in zip(q, v, strict=True)])
+                values.append(real_value(formula, {**parameters, **place, **_named("v", v)}))
+            v[k] = sum(values) / len(values)
+        if all(abs(a - b) <= 1e-15 * abs(a) for a, b in zip(v, old, strict=True)):
+            break
+    return v
+
+
+def _discrete_slopes(
+    f: Formulas, choice: MethodChoice, table: Mapping[str, float], on_constraint: bool
+) -> list[tuple[float, float]]:
+    """(L_v, L_q) for each coordinate at a discrete point; factors cancelled where the point is on the constraint."""
+    lagrangian = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
+    velocities = f.symbols("v")
+    given = {velocities[k]: value for k, value in f.dependent.items()}
+    if choice.method == "nonholonomic" or not on_constraint:
+        given = {}
+    slopes = []
+    for q, v in zip(f.symbols("q"), velocities, strict=True):
+        impulse, force = (lagrangian.diff(name).subs(given) for name in (v, q))
+        slopes.append((real_value(impulse, table), real_value(force, table)))
+    pushes = [real_value(force, table) for force in f.forces] or [0.0] * f.size
+    return [(impulse, force + push) for (impulse, force), push in zip(slopes, pushes, strict=True)]
+
+
+def refusal(
+    f: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
+) -> Outcome | None:
+    """A "guard" outcome at step 0 where h max|G'| reaches 1 on the way, else None. `parameters` by kernel name."""
+    if not choice.guard or choice.method != "variational" or f.problem.free_hamiltonian is None or not grid.steps:
+        return None
+    if f.depends_on_time:  # what it is on the way is not known beforehand
+        return None
+    place = f.moving_alone
+    if place is None or f"d{place}" not in begin.rates:
+        return None
+    name = f.problem.coordinates[place]
+    first, rate = begin.state[f"q{place}"], begin.rates[f"d{place}"]
+    whole = rate * grid.step * grid.steps
+    near = np.sign(whole) * min(abs(whole), _NEAR_START)
+    way = np.concatenate([np.linspace(first, first + reach, _SAMPLES) for reach in (near, whole)])
+    with np.errstate(all="ignore"):
+        slopes = np.abs(f.slope_on_way({**parameters, **begin.state}, way))
+    worst = float(slopes[np.isfinite(slopes)].max(initial=0.0))
+    if abs(grid.step) * worst < LIMIT:
+        return None
+    remedy = f"{GUARD_REMEDY}; |step| must be well below {1.0 / worst:.3g}"
+    return Outcome("guard", 0, grid.begin, f"h*max|d2H/d{name} dp_{name}|", abs(grid.step) * worst, remedy)

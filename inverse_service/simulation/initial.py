@@ -20,7 +20,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import ZERO, Apply, Expression, Number, Symbol, Velocity, add, children, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
-from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.numeric_formulas import array_value, table_of
 from inverse_service.simulation.scene_data import Members, Scene
 
 TOLERANCE = 1e-9

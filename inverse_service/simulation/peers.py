@@ -30,8 +30,7 @@ from inverse_service.expressions.tree import (
 from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen.symengine_trees import closure
-from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.callables import MOMENT, Formulas
+from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, array_value, table_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
 _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}

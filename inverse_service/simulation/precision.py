@@ -29,9 +29,8 @@ from inverse_service.simulation.observing import (
     velocities_at_points,
     why_energy_varies,
 )
-from inverse_service.simulation.running import MethodRun, observed_run
+from inverse_service.simulation.running import MethodRun, observed_run, true_motion
 from inverse_service.simulation.scene_data import EXACT, Grid, Progress, Requested, Scene, Truth, Unavailable
-from inverse_service.simulation.truth import true_motion
 
 CHECKS = 8
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)

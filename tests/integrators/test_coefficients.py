@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from inverse_service.integrators.tableaux import ORDERS, STAGES, TABLEAUX, collocation, composition
+from inverse_service.integrators.method_table import ORDERS, STAGES, TABLEAUX, collocation, composition
 from inverse_service.integrators.variational import (
     hamiltonian_step,
     lagrange_dalembert_step,

@@ -9,11 +9,10 @@ import pytest
 
 from inverse_service.expressions.tree import Symbol, walk
 from inverse_service.kernels.codegen.compiled import kernel_text
-from inverse_service.service.scenes.scene_reading import read_scene
-from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation.callables import Formulas
 from inverse_service.simulation.derivation import derive, problem_of
+from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.running import observed_problem
 from inverse_service.simulation.scene_data import Problem, Unavailable
 from inverse_service.simulation.schemes import program_of

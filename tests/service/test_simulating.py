@@ -16,11 +16,10 @@ from inverse_service.errors import InputError
 from inverse_service.kernels.codegen.compiled import kernel_text
 from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.scene_lagrangian import finder
-from inverse_service.service.scenes.scene_reading import read_scene
-from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
 from inverse_service.service.scenes.simulating import MOST_POINTS, simulate, simulate_tables
-from inverse_service.simulation.callables import Formulas
 from inverse_service.simulation.derivation import derive, problem_of
+from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.observing import ENERGY_START, observation_of
 from inverse_service.simulation.scene_data import Problem
 from inverse_service.simulation.schemes import program_of

@@ -25,7 +25,7 @@ from benchmarks.hard_cases import (
 )
 from benchmarks.problems import DISK, KNIFE, PENDULUM
 from inverse_service.integrators.trajectory import Outcome, Trajectory
-from inverse_service.simulation.methods import run
+from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 CASES = all_cases()

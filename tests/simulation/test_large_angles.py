@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.problems import DISK
-from inverse_service.simulation.methods import run
+from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from inverse_service.simulation.matching_circle import (
+from inverse_service.simulation.observing import (
     Circle,
     circle_drift,
     circle_through,

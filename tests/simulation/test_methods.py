@@ -22,7 +22,7 @@ from benchmarks.problems import (
     problem,
 )
 from inverse_service.errors import InputError
-from inverse_service.simulation.methods import run
+from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start
 
 C = {"c": 1.0}

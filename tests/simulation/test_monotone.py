@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.problems import PENDULUM, problem, read
 from inverse_service.kernels.codegen.symengine_trees import names_of, translate
-from inverse_service.simulation.methods import MONOTONE, NO_GUARD, run
+from inverse_service.simulation.execution import MONOTONE, NO_GUARD, run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
-from inverse_service.simulation.watches import Sign, sign_of
+from inverse_service.simulation.schemes import Sign, sign_of
 
 CONVEX = problem(
     "u",

@@ -10,7 +10,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Arbitrary, Symbol
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import work_precision
-from inverse_service.simulation.array_values import array_value
+from inverse_service.simulation.numeric_formulas import array_value
 from inverse_service.web.pages.simulations import notes_of
 
 METHODS = ["variational", "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "stormer-verlet"]

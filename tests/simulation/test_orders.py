@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.hard_cases import contact_start, disk_start, particle_start
 from benchmarks.problems import CONTACT, DISK, PARTICLE, PENDULUM, ROBOT
-from inverse_service.simulation.methods import run
+from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem, Start
 
 ROBOT_START = Start((0.3, 0.5, 0.0, 0.0), (1.0, 0.3, 0.3 * math.cos(0.3), 0.3 * math.sin(0.3)))

@@ -10,8 +10,8 @@ import pytest
 from benchmarks.hard_cases import contact_start
 from benchmarks.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.methods import run
+from inverse_service.simulation.execution import run
+from inverse_service.simulation.numeric_formulas import array_value, table_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem
 
 K = {"k": 0.3}

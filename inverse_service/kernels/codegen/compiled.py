@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.kernels.codegen.adaptive_kernel import AdaptiveKernel
-from inverse_service.kernels.codegen.kernel import Kernel
+from inverse_service.kernels.codegen.kernel import AdaptiveKernel, Kernel
 from inverse_service.kernels.codegen.llvm_writer import LlvmWriter
 from inverse_service.kernels.codegen.program import Layout, Program, Solve, layout_of
 from inverse_service.kernels.machine_code import code_store

@@ -1,20 +1,27 @@
-"""All figures of a simulation: coordinates against time, ensembles, paths and observed quantities."""
+"""All figures of a simulation: coordinates against time, ensembles, paths and observed quantities.
+
+The path in a plane of two coordinates, one panel a method, all at one scale with equal axes.
+
+A moving picture of a run: the bodies of a scene with their trails, in real time or as long as SECONDS.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures import style as styles
-from inverse_service.service.figures.paths import path_figure
 from inverse_service.service.figures.time_series import QUANTITIES, series_figure
-from inverse_service.simulation.matching_circle import turned
+from inverse_service.simulation.observing import turned
 
 MOST_POINTS = 4000
 PALE = "#9aa3b2"
@@ -249,3 +256,192 @@ def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array
         return False
     paths = [np.column_stack([table[name] for name in pair]) for table in tables.values() if len(table["t"]) > 2]
     return "matching_circle" in result["observe"] or any(abs(turned(path)[-1]) >= 2 * np.pi for path in paths)
+
+
+Tables = Mapping[str, Mapping[str, Array]]
+MOST_OF_PATH = 6000
+MOST_MARKERS = 45
+PANEL = 3.1
+ALPHA = "\N{GREEK SMALL LETTER ALPHA}"
+# A path that reaches further than this many times the true one leaves the picture, which the title says.
+REACH = 1.6
+WIDEST_TURN = 0.8
+
+
+def path_figure(result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None) -> tuple[Figure, str]:
+    """The figure and its caption."""
+    pair = result["circle_coordinates"]
+    drawn = [m for m in result["methods"] if m["label"] in tables and m["method"] not in ("exact", "reference")]
+    drawn = drawn or [m for m in result["methods"] if m["label"] in tables]
+    true = None if truth is None else np.column_stack([truth[name] for name in pair])
+    paths = {m["label"]: np.column_stack([tables[m["label"]][name] for name in pair]) for m in drawn}
+    box = _box(true, list(paths.values()))
+    columns = 2 if len(drawn) == 4 else min(3, max(1, len(drawn)))
+    rows = math.ceil(len(drawn) / columns)
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(max(5.2, PANEL * columns + 0.4), PANEL * rows + 1.1)
+        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        for axes in grid.ravel()[len(drawn) :]:
+            axes.set_visible(False)
+        for place, (axes, method) in enumerate(zip(grid.ravel(), drawn, strict=False)):
+            _path_panel(axes, place, method, paths[method["label"]], true, box, pair)
+    return figure, path_caption(result, drawn, truth is not None)
+
+
+def _path_panel(
+    axes: Axes, place: int, method: Mapping[str, Any], path: Array, true: Array | None, box: tuple[Array, float],
+    pair: Sequence[str],
+) -> None:  # fmt: skip
+    style = styles.look(place, method["method"])
+    if true is not None:
+        thin = _thinned(true)
+        axes.plot(*thin.T, color=styles.TRUE_COLOR, zorder=3, label="true motion", **_stroke(thin, 1.1))
+    thin = _thinned(path)
+    axes.plot(*thin.T, color=style.color, alpha=0.75, zorder=2, **_stroke(thin, 0.7))
+    axes.plot(
+        *thin.T, color=style.color, linestyle="none", marker=style.marker, markersize=4, fillstyle="none",
+        markevery=styles.spread(len(thin), MOST_MARKERS), zorder=4,
+    )  # fmt: skip
+    matching = (method.get("circle") or {}).get("through_three_points")
+    if matching is not None:  # the paper's matching circle, through three points of the first revolution
+        turn = np.linspace(0, 2 * np.pi, 361)
+        x, y = (matching["center"][k] + matching["radius"] * wave(turn) for k, wave in enumerate((np.cos, np.sin)))
+        axes.plot(x, y, color=style.color, linestyle=(0, (4, 3)), linewidth=1, zorder=1, label="matching circle")
+    axes.plot(*path[0], marker="o", color="black", markersize=4, zorder=5)
+    center, half = box
+    axes.set(xlim=(center[0] - half, center[0] + half), ylim=(center[1] - half, center[1] + half))
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_title(styles.plain(_title(method)), fontsize=9.5)
+    axes.set_xlabel(f"{pair[0]}\n{_below(method, path, center, half)}", fontsize=8.5)
+    axes.set_ylabel(pair[1])
+
+
+def _title(method: Mapping[str, Any]) -> str:
+    parts = [method["method"], *([f"{ALPHA} = {method['alpha']}"] if method["alpha"] is not None else [])]
+    order = method["order"]
+    return ", ".join([*parts, *([f"order {order}"] if order not in (None, 1, 2) else [])])
+
+
+def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -> str:
+    """What the panel shows, in words."""
+    notes = []
+    circle = method.get("circle")
+    if circle and circle.get("max_radial_distance") is not None:
+        notes.append(f"off the circle by {styles.shown(100 * circle['max_radial_distance'])} %")
+    elif circle and (circle["revolutions"] or 0) >= 1:
+        notes.append(f"radius {styles.shown(circle['radius_first'])} to {styles.shown(circle['radius_last'])}")
+    if len(path) > 2 * MOST_OF_PATH:
+        notes.append(f"one point of {len(path) // MOST_OF_PATH} is drawn")
+    if method["outcome"] != "completed":
+        notes.append(f"ends: {method['outcome']}")
+    far = float(np.abs(path - center).max())
+    if far > half:
+        notes.append("leaves the picture")
+    return "; ".join(notes)
+
+
+def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], compared: bool) -> str:
+    """The finding: whose circle holds best and worst."""
+    sizes = {
+        m["label"]: abs(m["circle"]["radius_change"])
+        for m in drawn
+        if m.get("circle") and (m["circle"]["revolutions"] or 2) >= 2 and math.isfinite(m["circle"]["radius_change"])
+    }
+    start = f"{result['name'] or 'Path'}: {styles.run_of(result)}."
+    black = " The black curve is the true motion." if compared else ""
+    if any((m.get("circle") or {}).get("through_three_points") for m in drawn):
+        black += " Dashed: the matching circles through three points."
+    if not sizes:
+        return f"{start}{black} Dots mark the start."
+    best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
+    if len(sizes) == 1:
+        change = _share(sizes[best])
+        return f"{start}{black} From the first revolution to the last, {best} changes the radius by {change}."
+    steady = [label for label, size in sizes.items() if size < 0.01]
+    kept = f" {styles.joined(steady)} keep{'s' if len(steady) == 1 else ''} it within 1 %." if steady else ""
+    return (
+        f"{start}{black} From the first revolution to the last, the radius changes least by {best} "
+        f"({_share(sizes[best])}) and most by {worst} ({_share(sizes[worst])}).{kept}"
+    )
+
+
+def _share(size: float) -> str:
+    return f"{styles.shown(100 * size)} %" if size < 10 else f"a factor {styles.shown(1 + size)}"
+
+
+def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
+    """Center and half width of the picture."""
+    base = true if true is not None and len(true) else np.vstack(paths)
+    base = base[np.isfinite(base).all(axis=1)]
+    low, high = base.min(axis=0), base.max(axis=0)
+    half = max(float((high - low).max()) / 2, 1e-12)
+    center = (low + high) / 2
+    reach = max((float(np.nanmax(np.abs(path - center))) for path in paths), default=half)
+    return center, 1.06 * min(max(half, reach), REACH * half)
+
+
+def _stroke(path: Array, width: float) -> dict[str, Any]:
+    """A line through the points, or dots where they are so far apart that a line would hide the path."""
+    turns = np.abs(np.diff(turned(path))) if len(path) > 3 else np.zeros(1)
+    if np.median(turns) < WIDEST_TURN:
+        return {"linewidth": width, "linestyle": "-"}
+    return {"linestyle": "none", "marker": ".", "markersize": 1.2 * width}
+
+
+def _thinned(path: Array) -> Array:
+    return path[:: max(1, len(path) // MOST_OF_PATH)]
+
+
+FRAMES_A_SECOND, SECONDS, TRAIL = 25, 8.0, 1.0  # frames, length at most, length of a trail in seconds of the picture
+ENDINGS = {".gif": "pillow", ".mp4": "ffmpeg"}
+NO_BODY = (
+    'The scene has no body to draw: give "points", as in {"bob": ["l*sin(a)", "-l*cos(a)"]}, or coordinates x and y.'
+)
+
+
+def animate(path: Path, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> None:
+    """Write the run of the first method that has one to a .gif or .mp4 file."""
+    if path.suffix not in ENDINGS:
+        raise InputError("The moving picture of --animate is a file that ends with .gif or .mp4.")
+    table = next((tables[m["label"]] for m in result["methods"] if m["label"] in tables), None)
+    bodies = {name: (table[x], table[y]) for name, (x, y) in result["bodies"].items()} if table is not None else {}
+    if not bodies and table is not None and {"x", "y"} <= set(result["system"]["coordinates"]):
+        bodies = {"": (table["x"], table["y"])}
+    if table is None or not bodies:
+        raise InputError(NO_BODY)
+    from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+
+    if path.suffix == ".mp4" and not FFMpegWriter.isAvailable():
+        raise InputError("A .mp4 file needs the program ffmpeg: install it, or write a .gif file.")
+    times = table["t"]
+    length = min(SECONDS, float(times[-1] - times[0]) or 1.0)
+    frames = max(2, int(FRAMES_A_SECOND * length))
+    moments = np.linspace(times[0], times[-1], frames)
+    ways = {name: [np.interp(moments, times, column) for column in place] for name, place in bodies.items()}
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure = styles.new_figure(4.8, 4.8)
+        axes = figure.subplots()
+        points = np.array([column for way in ways.values() for column in way])
+        low, high = (np.array([pick(points[k::2]) for k in (0, 1)]) for pick in (np.nanmin, np.nanmax))
+        if result["bodies"]:
+            low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+        half = 0.55 * float((high - low).max()) or 1.0
+        middle = (low + high) / 2
+        axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
+        dots, trails = [], []
+        for place, name in enumerate(ways):
+            color = styles.look(place, "").color
+            trails.append(axes.plot([], [], color=color, linewidth=1, alpha=0.5)[0])
+            dots.append(axes.plot([], [], "o", color=color, markersize=8, label=styles.plain(name) or None)[0])
+
+        def draw(frame: int) -> list[Any]:
+            first = max(0, frame - int(TRAIL * FRAMES_A_SECOND))
+            for dot, trail, (x, y) in zip(dots, trails, ways.values(), strict=True):
+                dot.set_data([x[frame]], [y[frame]])
+                trail.set_data(x[first : frame + 1], y[first : frame + 1])
+            axes.set_title(f"t = {moments[frame]:.2f}")
+            return [*dots, *trails]
+
+        moving = FuncAnimation(figure, draw, frames, blit=False)
+        writer = PillowWriter(FRAMES_A_SECOND) if path.suffix == ".gif" else FFMpegWriter(FRAMES_A_SECOND)
+        moving.save(path, writer=writer, dpi=100)

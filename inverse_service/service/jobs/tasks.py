@@ -215,7 +215,7 @@ def _work_precision(document: Any, options: JobOptions, report: Report) -> Any:
 
 
 def _look_at_scene(document: Any) -> None:
-    from inverse_service.service.scenes.scene_refusals import scene_schema
+    from inverse_service.service.scenes.scene_reading import scene_schema
 
     scene_schema(document)
 

@@ -32,12 +32,18 @@ from inverse_service.reading.reader import read_condition
 from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.scenes import scene_system
-from inverse_service.service.scenes.scene_methods import number_of
-from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.callables import switching_functions, walls
-from inverse_service.simulation.derivation import Find, regular_accelerations
-from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion
-from inverse_service.simulation.free_lagrangians import ClassLagrangian, class_lagrangian, keeps_motion, start_momenta
+from inverse_service.service.scenes.scene_reading import number_of
+from inverse_service.simulation.derivation import Find
+from inverse_service.simulation.motions import (
+    ClassLagrangian,
+    ExactMotion,
+    NoExactMotion,
+    class_lagrangian,
+    keeps_motion,
+    regular_accelerations,
+    start_momenta,
+)
+from inverse_service.simulation.numeric_formulas import array_value, switching_functions, table_of, walls
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
 
 SOLVE_SECONDS, CONSERVED_SECONDS = 15.0, 3.0  # of processor time

@@ -1,24 +1,165 @@
-"""A scene document to the scene: values, effects, forces, observables and events, initial data, grid and methods."""
+"""From the complaints of the scene's schema to one clear sentence a fault, with its place.
+
+A scene document to the scene: values, effects, forces, observables and events, initial data, grid and methods.
+
+Numbers of a scene, the grid of times, the methods with their settings and labels, the coordinates for circles.
+
+Initial data of a scene on its constraints, and the members of an ensemble: starts and values of parameters.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from fractions import Fraction
+from itertools import product
+from typing import Any, get_args
 
-from api_schemas.scene import SceneDocument, SceneInitial
-from inverse_service.errors import InputError
+import numpy as np
+
+from api_schemas.scene import (
+    MAX_METHODS,
+    MAX_STEPS,
+    SYSTEM_TAGS,
+    MemberColumns,
+    MethodName,
+    Observed,
+    SceneDocument,
+    SceneEnsemble,
+    SceneInitial,
+    SceneMethod,
+)
+from api_schemas.system import TAGS
+from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, holds, walk
+from inverse_service.expressions.refusals import shorten
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Number, Symbol, Velocity, holds, walk
+from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS
+from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.document_names import Declared
-from inverse_service.reading.names import declared_name
+from inverse_service.reading.names import Names, declared_name
+from inverse_service.reading.reader import read_formula
+from inverse_service.service.documents.accepting import FORMULA, Steps, Wording, validated, without
 from inverse_service.service.documents.plain_data import escape
+from inverse_service.service.documents.preparing import prepared_scene
 from inverse_service.service.scenes import scene_system
-from inverse_service.service.scenes.scene_initial import read_initial, read_members
-from inverse_service.service.scenes.scene_methods import number_of, read_circle, read_grid, read_methods
+from inverse_service.service.scenes.scene_system import SYSTEM
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
-from inverse_service.simulation.scene_data import OBSERVED, Effect, Event, Observable, Scene
+from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta
+from inverse_service.simulation.numeric_formulas import NoValue, array_value
+from inverse_service.simulation.scene_data import (
+    OBSERVED,
+    Effect,
+    Event,
+    Grid,
+    Members,
+    MethodChoice,
+    Observable,
+    Requested,
+    Scene,
+)
+
+HIDDEN = frozenset({*TAGS, "[key]", "quantity", "formulas", "columns", "list"})
+NUMBER = 'a number, or a text such as "1/2" or "pi/4"'
+EXPECTED: dict[Steps, str] = {
+    (): "an object with system, initial, step, steps and methods",
+    ("name",): "a text",
+    ("system",): SYSTEM,
+    ("system", "catalogue"): 'the name of a system, such as "vertically-rolling-disk"',
+    ("system", "document"): "a document with coordinates and lagrangian or equations",
+    ("system", "result"): "the result that solve gave",
+    ("parameters",): 'an object with values, such as {"M": 1, "R": "1/2"}',
+    ("parameters", "*"): NUMBER,
+    ("functions",): 'an object with formulas, such as {"A": "cos(r1)"}',
+    ("functions", "*"): FORMULA,
+    ("effects",): 'a list of names such as ["constraints", "potential"]',
+    ("effects", "*"): "a name",
+    ("terms",): """an object of terms of L by name, such as {"spring": "-k*x^2/2"}""",
+    ("terms", "*"): FORMULA,
+    ("initial",): "an object with positions and velocities or momenta",
+    ("initial", "positions"): "an object with a number for each coordinate",
+    ("initial", "velocities"): "an object with numbers by coordinate",
+    ("initial", "momenta"): "an object with a number for each coordinate",
+    **{("initial", key, "*"): NUMBER for key in ("positions", "velocities", "momenta")},
+    ("initial", "project"): "true or false",
+    ("step",): "a positive number, the size of a step",
+    ("steps",): f"an integer from 1 to {MAX_STEPS}",
+    ("time",): "a positive number, the length of time",
+    ("record_every",): f"an integer from 1 to {MAX_STEPS}",
+    ("methods",): f'a list of 1 to {MAX_METHODS} methods such as {{"method": "variational", "alpha": "1/2"}}',
+    ("methods", "*"): 'an object such as {"method": "variational", "alpha": "1/2"}',
+    ("methods", "*", "method"): "one of " + ", ".join(get_args(MethodName)),
+    ("methods", "*", "alpha"): "a number from 0 to 1",
+    ("methods", "*", "symmetrised"): "true or false",
+    ("methods", "*", "order"): "2, 4, 6 or 8 (4, 5 or 8 for runge-kutta)",
+    ("methods", "*", "form"): '"hamiltonian" or "raw"',
+    ("methods", "*", "start"): '"momenta" or "discrete_constraint"',
+    ("methods", "*", "constants"): "an object with numbers",
+    ("observe",): "a list of names of quantities",
+    ("observe", "*"): "one of " + ", ".join(get_args(Observed)) + """, or formulas by name: {"Lz": "x*y' - y*x'"}""",
+    ("forces",): """an object with a force for each coordinate, such as {"x": "-c*x'"}""",
+    ("forces", "*"): FORMULA,
+    ("rayleigh",): FORMULA,
+    ("start_time",): NUMBER,
+    ("restart",): "the result of a scene, as simulate gave it",
+    ("events",): 'a list of events such as {"when": "y = 0", "direction": -1, "do": "stop"}',
+    ("events", "*"): 'an object such as {"when": "y = 0", "direction": -1, "do": "stop"}',
+    ("events", "*", "direction"): "1, -1 or 0",
+    ("events", "*", "do"): '"record" or "stop"',
+    ("ensemble",): 'an object with initial and parameters, such as {"parameters": {"k": [1, 2]}}',
+    ("as_lagrangian",): "true or false",
+    ("start",): '"momenta" or "discrete_constraint"',
+    ("free_lagrangian",): 'a formula written as text, or "first", "second" or "third" for that associated system',
+    ("constants",): 'an object with numbers, such as {"C_x": "1/100"}',
+    ("units",): 'an object of units by name, such as {"x": "m", "t": "s"}',
+    ("circle",): 'two coordinates such as ["x", "y"]',
+    ("step_sizes",): "a list of positive numbers",
+    ("repeats",): "an integer from 1 to 50",
+}
+
+IMPACTS = "Impacts are not simulated: stop at an event, and begin again at its point with the velocities after it."
+NOISE = (
+    "Noise is not simulated: every motion follows from its start; write a force that is a formula of t and the state."
+)
+DELAYS = "Delays are not simulated: a force depends on t and on the state at t."
+NOT_SIMULATED = {
+    **dict.fromkeys(("contact", "contacts", "impact", "impacts", "collision", "collisions"), IMPACTS),
+    **dict.fromkeys(("noise", "random", "stochastic"), NOISE),
+    **dict.fromkeys(("delay", "delays"), DELAYS),
+}
+
+
+def scene_schema(document: Any) -> SceneDocument:
+    """The scene in its schema; raises DocumentRefused with every fault found."""
+    return validated(prepared_scene(document), SceneDocument, WORDING)
+
+
+def _steps(loc: Steps) -> Steps:
+    steps = without(loc, HIDDEN)
+    is_tagged = len(steps) > 1 and steps[0] == "system" and steps[1] in SYSTEM_TAGS
+    # The tag of the form that the system has is not a key of the document.
+    return (steps[0], *steps[2:]) if is_tagged else steps
+
+
+def _unknown(steps: Steps, where: str) -> str:
+    if steps[-1] in NOT_SIMULATED:
+        return NOT_SIMULATED[str(steps[-1])]
+    return f"The key {where} is not known here; the keys are {', '.join(_keys(steps))}."
+
+
+def _keys(steps: Steps) -> list[str]:
+    if len(steps) == 1:
+        return list(SceneDocument.model_fields)
+    if steps[0] == "initial":
+        return ["positions", "velocities", "momenta", "project"]
+    return list(SceneMethod.model_fields) if steps[0] == "methods" else [str(steps[0])]
+
+
+WORDING = Wording("The scene", EXPECTED, _unknown, _steps)
+
 
 MOST_ACTS = 10_000
 FORCES, RAYLEIGH = "forces", "rayleigh"
@@ -301,3 +442,323 @@ def _with_effects(
         if name != KINETIC and (turned := acting(other)) != whole_scene:
             found.append(Effect(name, name in named, *turned))
     return *whole_scene, named, tuple(found)
+
+
+MOST_RECORDED = 100_000
+MOST_WITH_EVENTS = 2_000_000
+_DECIMAL = re.compile(r"[-+]?[0-9]{1,40}(\.[0-9]{0,40})?([eE][-+]?[0-9]{1,3})?")
+
+
+def number_of(text: str, pointer: str, what: str = "a number") -> float:
+    """A number written as 0.1, "1/2" or "pi/4"; InputError for anything else and for what is not finite."""
+    if _DECIMAL.fullmatch(text) and math.isfinite(value := float(text)):
+        return value
+    try:
+        tree = read_formula(text, Names(time=False))
+        value = float(array_value(tree, {})[0])
+    except (InputError, NoValue, OverflowError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f'\'{shorten(text)}\' is not {what}: write it as in 0.25, "1/4" or "pi/4".', pointer)
+    return value
+
+
+def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[Grid, tuple[str, ...]]:
+    """Step, number of steps and which are recorded, with a note where that is not every one asked for."""
+    step = number_of(schema.step, "/step")
+    if step <= 0:
+        raise InputError(
+            "the step must be a positive number: to run backwards, write -t for t in the system, which turns the signs "
+            "of the velocities and of all terms that are odd in them.",
+            "/step",
+        )
+    if (schema.steps is None) == (schema.time is None):
+        raise InputError("give either 'steps' or 'time' with 'step'.", "")
+    steps = schema.steps or _steps_of(schema, step)
+    notes: tuple[str, ...] = ()
+    length = None if schema.time is None else number_of(schema.time, "/time")
+    if length is not None and abs(steps * step - length) > 1e-9 * length:
+        notes = (f"The run takes {steps * step:.10g}, to the first point of the grid beyond {length:.10g}.",)
+    if steps > MAX_STEPS:
+        raise LimitError(f"the scene has {steps} steps: the limit is {MAX_STEPS}; take a larger step.", "/time")
+    every = schema.record_every or 1
+    if schema.events:
+        if every > 1 or steps > MOST_WITH_EVENTS:
+            raise InputError(
+                f"events need every step, and at most {MOST_WITH_EVENTS}: leave record_every out.", "/events"
+            )
+        return Grid(step, steps, 1, begin), notes
+    if steps // every <= MOST_RECORDED:
+        return Grid(step, steps, min(every, steps), begin), notes
+    every = math.ceil(steps / MOST_RECORDED)
+    note = f"One step in {every} is recorded, so that at most {MOST_RECORDED} points are kept."
+    return Grid(step, steps, every, begin), (*notes, note)
+
+
+def _steps_of(schema: SceneDocument, step: float) -> int:
+    length = number_of(schema.time or "", "/time")
+    if length <= 0:
+        raise InputError("the time must be a positive number.", "/time")
+    count = length / step
+    if count > 10 * MAX_STEPS:
+        raise LimitError(f"the scene has more than {MAX_STEPS} steps: take a larger step or a shorter time.", "/time")
+    return max(1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count))
+
+
+INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
+
+
+def read_methods(schema: SceneDocument) -> tuple[Requested, ...]:
+    """The methods in the order of the scene, each with a label of its own."""
+    found: list[Requested] = []
+    for place, given in enumerate(schema.methods or [SceneMethod(method="adaptive")]):
+        found.append(_requested(schema, given, f"/methods/{place}"))
+    return tuple(_with_distinct_labels(found))
+
+
+def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Requested:
+    verlet = given.method == "stormer-verlet"
+    method = INSIDE.get(given.method, given.method)
+    alpha = number_of(given.alpha, f"{pointer}/alpha") if given.alpha is not None else 0.5
+    if not 0 <= alpha <= 1:
+        raise InputError("alpha must be a number from 0 to 1.", f"{pointer}/alpha")
+    allowed = METHODS[method].orders
+    if given.order is not None and given.order not in allowed:
+        choice = f"takes the orders {', '.join(map(str, allowed))}" if allowed else "has no order to choose"
+        raise InputError(f"the method {given.method} {choice}.", f"{pointer}/order")
+    if method == "exact":
+        return Requested(given.label or "exact", method, None, None)
+    order = given.order or (allowed[0] if allowed else 2)
+    tolerance = _tolerance(given, method, pointer)
+    if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
+        raise InputError("stormer-verlet has an order, and no alpha, form or symmetrised.", pointer)
+    choice_of = MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
+    if verlet:
+        choice_of = replace(choice_of, alpha=0.0, symmetrised=True, form="verlet")
+    shown = ("0" if verlet else _shown(given.alpha, alpha)) if method in GEOMETRIC else None
+    constants = [
+        (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
+    ]
+    return Requested(
+        label=given.label or _label(given, shown, order),
+        method=method,
+        alpha=shown,
+        choice=choice_of,
+        convention=given.start or schema.start,
+        free=given.free_lagrangian,
+        constants=tuple(constants),
+    )
+
+
+def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
+    """The relative error that a step may make, of methods that choose their steps."""
+    if given.tolerance is None:
+        return METHODS[method].tolerance or 0.0
+    if method not in OWN_STEPS:
+        raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
+    tolerance = number_of(given.tolerance, f"{pointer}/tolerance")
+    if not 1e-18 <= tolerance <= 0.1:
+        raise InputError("the tolerance must be a number from 1e-18 to 0.1.", f"{pointer}/tolerance")
+    return tolerance
+
+
+def _shown(text: str | None, alpha: float) -> str:
+    """alpha as a person writes it: 0.5, 1/3."""
+    if text is None:
+        return f"{alpha:g}"
+    tree = read_formula(text, Names(time=False))
+    value = tree.value if isinstance(tree, Number) else None
+    if value is None or not _is_short(value):
+        return f"{value}" if value is not None else f"{alpha:g}"
+    return f"{alpha:g}"
+
+
+def _is_short(value: Fraction) -> bool:
+    return Fraction(f"{float(value):g}") == value
+
+
+def _label(given: SceneMethod, alpha: str | None, order: int) -> str:
+    shown = alpha is not None and given.method != "stormer-verlet"
+    parts = [given.method, *([str(alpha).replace("/", "_")] if shown else [])]
+    if given.order is not None and given.order != 2:
+        parts.append(f"order{order}")
+    if given.symmetrised:
+        parts.append("symmetrised")
+    if given.method == "variational" and given.form == "raw":
+        parts.append("raw")
+    if given.free_lagrangian in ("first", "second", "third"):
+        parts.append(str(given.free_lagrangian))
+    return "-".join(parts)
+
+
+def _with_distinct_labels(found: list[Requested]) -> list[Requested]:
+    counts: dict[str, int] = {}
+    distinct = []
+    for one in found:
+        counts[one.label] = counts.get(one.label, 0) + 1
+        count = counts[one.label]
+        distinct.append(one if count == 1 else replace(one, label=f"{one.label}-{count}"))
+    return distinct
+
+
+def read_circle(schema: SceneDocument, names: Names) -> tuple[int, int] | None:
+    """The pair of coordinates named, else x and y, else the last two."""
+    if schema.circle is not None:
+        pair = [names.spelling(name) for name in schema.circle]
+        for place, name in enumerate(pair):
+            if name not in names.coordinates:
+                known = ", ".join(names.coordinates)
+                raise InputError(f"this is not a coordinate: the coordinates are {known}.", f"/circle/{place}")
+        if pair[0] == pair[1]:
+            raise InputError("the two coordinates of the circle are the same: name two.", "/circle")
+    elif {"x", "y"} <= set(names.coordinates):
+        pair = ["x", "y"]
+    elif len(names.coordinates) >= 2:
+        pair = list(names.coordinates[-2:])
+    else:
+        return None
+    return names.coordinates.index(pair[0]), names.coordinates.index(pair[1])
+
+
+def read_initial(
+    given: SceneInitial,
+    names: Names,
+    lagrangian: Expression | None,
+    constraints: tuple[Expression, ...],
+    values: Mapping[str, float],
+) -> tuple[Array, Array]:
+    """Positions and velocities, (n,) each, the velocities on the constraints."""
+    start = _of_all(given.positions, names, "position", "/initial/positions")
+    if (given.velocities is None) == (given.momenta is None):
+        raise InputError("give either 'velocities' or 'momenta' with the positions.", "/initial")
+    if given.momenta is not None:
+        speeds = _from_momenta(given.momenta, names, lagrangian, values, start)
+    else:
+        speeds = _by_coordinate(given.velocities or {}, names, "/initial/velocities")
+    check_constraints(names.coordinates, constraints, values, start)
+    velocities = initial_velocities(names.coordinates, constraints, lagrangian, values, start, speeds, given.project)
+    return start, velocities
+
+
+def _from_momenta(
+    given: Mapping[str, str],
+    names: Names,
+    lagrangian: Expression | None,
+    values: Mapping[str, float],
+    start: Array,
+) -> dict[str, float]:
+    target = _of_all(given, names, "momentum", "/initial/momenta")
+    if lagrangian is None:
+        raise InputError("the system has no Lagrangian, so no momenta: give velocities.", "/initial/momenta")
+    velocities = velocities_from_momenta(names.coordinates, lagrangian, values, start, target)
+    return dict(zip(names.coordinates, map(float, velocities), strict=True))
+
+
+def _of_all(given: Mapping[str, str], names: Names, what: str, pointer: str) -> Array:
+    found = _by_coordinate(given, names, pointer)
+    missing = ", ".join(name for name in names.coordinates if name not in found)
+    if missing:
+        raise InputError(f"the initial {what} of {missing} is missing: add it.", pointer)
+    return np.array([found[name] for name in names.coordinates])
+
+
+def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict[str, float]:
+    found = {}
+    for key, text in given.items():
+        place = f"{pointer}/{escape(key)}"
+        name = names.spelling(key.removeprefix("p_") if pointer.endswith("momenta") else key)
+        if name not in names.coordinates:
+            known = ", ".join(names.coordinates)
+            raise InputError(f"'{escape(key)}' is not a coordinate: the coordinates are {known}.", place)
+        found[name] = number_of(text, place)
+    return found
+
+
+MOST_NUMBERS = 40_000_000
+TOO_LARGE = "the ensemble is too large: the limit is {} numbers; take fewer members or a larger record_every."
+OF_MEMBERS = ("trajectory", "velocities", "energy")
+
+
+def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: Scene) -> Members:
+    """Starts times combinations of parameters, the parameters running fastest; each start on the constraints."""
+    unseen = [name for name in scene.observe if name not in OF_MEMBERS]
+    if scene.events or unseen:
+        what = f"'{unseen[0]}' is" if unseen else "events are"
+        raise InputError(f"{what} observed in single runs: an ensemble has {', '.join(OF_MEMBERS)} and formulas.",
+                         "/events" if scene.events else "/observe")  # fmt: skip
+    axes = {}
+    for key, texts in given.parameters.items():
+        name, pointer = names.spelling(key), f"/ensemble/parameters/{escape(key)}"
+        if name not in scene.values:
+            known = ", ".join(scene.values) or "none"
+            raise InputError(f"the system has no parameter '{escape(key)}': its parameters are {known}.", pointer)
+        axes[name] = [number_of(text, f"{pointer}/{k}") for k, text in enumerate(texts)]
+    grid = list(product(*axes.values()))
+    starts = [base] if given.initial is None else given.initial
+    count = len(starts) if isinstance(starts, list) else len(next(iter(_given_columns(starts)), ()))
+    rows = scene.grid.steps // scene.grid.record_every + 2
+    if 2.0 * count * len(grid) * rows * len(names.coordinates) > MOST_NUMBERS:
+        raise LimitError(TOO_LARGE.format(MOST_NUMBERS), "/ensemble")
+    values = {name: np.tile([row[k] for row in grid], count) for k, name in enumerate(axes)}
+    try:
+        if isinstance(given.initial, list) or base.momenta is not None:
+            return _one_by_one(starts, base, names, scene, values)
+        return _together(given.initial, base, names, scene, values)
+    except InputError as error:
+        raise error.placed(error.pointer.replace("/initial", "/ensemble/initial", 1)) from None
+
+
+def _given_columns(given: MemberColumns) -> list[list[str]]:
+    return [*given.positions.values(), *given.velocities.values()]
+
+
+def _one_by_one(
+    starts: list[SceneInitial] | MemberColumns, base: SceneInitial, names: Names, scene: Scene, values: dict[str, Array]
+) -> Members:
+    """Each start with each value of the parameters, on which momenta and constraints may depend."""
+    if isinstance(starts, MemberColumns):
+        raise InputError("columns of starts need velocities: give these in the scene in the place of momenta.",
+                         "/initial")  # fmt: skip
+    found, each = [], len(next(iter(values.values()), starts)) // len(starts)
+    for place, one in enumerate(starts):
+        velocities = one.velocities if one.velocities is not None or one.momenta is not None else base.velocities
+        momenta = one.momenta if one.velocities is not None or one.momenta is not None else base.momenta
+        changed = {"positions": base.positions | one.positions, "velocities": velocities, "momenta": momenta}
+        merged = one.model_copy(update=changed)
+        for member in range(place * each, (place + 1) * each):
+            own = {**scene.values, **{name: float(column[member]) for name, column in values.items()}}
+            try:
+                found.append(read_initial(merged, names, scene.lagrangian, scene.constraints, own))
+            except InputError as error:
+                raise error.placed(error.pointer.replace("/initial", f"/initial/{place}", 1)) from None
+    return Members(np.array([q for q, _ in found]), np.array([v for _, v in found]), values)
+
+
+def _together(
+    given: MemberColumns | None, base: SceneInitial, names: Names, scene: Scene, values: dict[str, Array]
+) -> Members:
+    """Columns, each start repeated for the values of the parameters; velocities left out are filled in."""
+    tables, free = [scene.positions[None], scene.velocities[None]], set(base.velocities or {})
+    if given is not None:
+        if len({len(column) for column in _given_columns(given)}) != 1:
+            raise InputError("the columns of an ensemble must have the same length.", "/initial")
+        for k, what in enumerate(("positions", "velocities")):
+            tables[k] = np.tile(tables[k], (len(_given_columns(given)[0]), 1))
+            for key, texts in getattr(given, what).items():
+                pointer, name = f"/initial/{what}/{escape(key)}", names.spelling(key)
+                if name not in names.coordinates:
+                    raise InputError(f"the coordinates are {', '.join(names.coordinates)}.", pointer)
+                column = [number_of(text, f"{pointer}/{row}") for row, text in enumerate(texts)]
+                tables[k][:, names.coordinates.index(name)] = column
+        free |= {names.spelling(name) for name in given.velocities}
+    each = len(next(iter(values.values()), tables[0])) // len(tables[0])
+    positions, velocities = (np.repeat(table, each, axis=0) for table in tables)
+    if scene.constraints:
+        speeds: dict[str, float | Array] = {
+            name: velocities[:, k] for k, name in enumerate(names.coordinates) if name in free
+        }
+        numbers: dict[str, float | Array] = {**scene.values, **values}
+        velocities = initial_velocities(
+            names.coordinates, scene.constraints, scene.lagrangian, numbers, positions, speeds, base.project
+        )
+    return Members(positions, velocities, values)

@@ -24,8 +24,12 @@ from inverse_service.reading.names import Names
 from inverse_service.reading.reader import placed_at, read_formula, without_accelerations
 from inverse_service.service.documents.accepting import EXPECTED, Wording, to_schema, validated
 from inverse_service.service.documents.preparing import inward, prepared, uses_the_letter_t
-from inverse_service.service.scenes.scene_refusals import SYSTEM
-from inverse_service.simulation.callables import walls
+from inverse_service.simulation.numeric_formulas import walls
+
+SYSTEM = (
+    'an object: {"catalogue": name}, {"document": {...}}, {"result": {...}} or a document with coordinates and '
+    "lagrangian or equations"
+)
 
 
 def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:

@@ -19,9 +19,7 @@ from inverse_service.errors import InputError
 from inverse_service.integrators.method_table import METHODS, SCIPY
 from inverse_service.mechanics.method_advice import is_separable
 from inverse_service.service.scenes.scene_lagrangian import finder
-from inverse_service.service.scenes.scene_methods import number_of, read_methods
-from inverse_service.service.scenes.scene_reading import read_scene
-from inverse_service.service.scenes.scene_refusals import scene_schema
+from inverse_service.service.scenes.scene_reading import number_of, read_methods, read_scene, scene_schema
 from inverse_service.service.scenes.simulating import advice_of, as_plain, catalogue_name
 from inverse_service.simulation.derivation import derive
 from inverse_service.simulation.estimates import order_of

@@ -296,8 +296,7 @@ def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
 def _figure_of(result: Mapping[str, Any], name: str) -> Any:
     import numpy as np
 
-    from inverse_service.service.figures.drawing import coordinate_figure, view_figure
-    from inverse_service.service.figures.paths import path_figure
+    from inverse_service.service.figures.drawing import coordinate_figure, path_figure, view_figure
     from inverse_service.service.figures.time_series import precision_figure, series_figure
 
     if name == "work-precision":

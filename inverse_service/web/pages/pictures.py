@@ -16,7 +16,7 @@ from inverse_service.expressions.derivative import define_functions
 from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import has_acceleration, read_formula
-from inverse_service.simulation.array_values import array_value, table_of
+from inverse_service.simulation.numeric_formulas import array_value, table_of
 from inverse_service.web.pages import starts
 
 STEPS, STEP = 500, 0.04

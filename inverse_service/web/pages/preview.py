@@ -27,8 +27,7 @@ def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Ex
 
     Called in workers only: the web process loads nothing of this.
     """
-    from inverse_service.service.scenes.scene_reading import read_scene
-    from inverse_service.service.scenes.scene_refusals import scene_schema
+    from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
     from inverse_service.simulation.derivation import derive
     from inverse_service.simulation.scene_data import Unavailable
 

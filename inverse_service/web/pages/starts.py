@@ -17,8 +17,7 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition, read_formula
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation.array_values import array_value, table_of
-from inverse_service.simulation.callables import walls
+from inverse_service.simulation.numeric_formulas import array_value, table_of, walls
 from inverse_service.web.pages.preview import accelerations_of
 from inverse_service.web.pages.scenes import SceneForm, scene_document
 
