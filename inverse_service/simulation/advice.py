@@ -18,23 +18,13 @@ import numpy as np
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.integrators.method_table import METHODS, USES_FREE
-from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.integrators import method_table, trajectory
 from inverse_service.kernels.codegen.compiled import kernel_text
 from inverse_service.mechanics import method_advice
+from inverse_service.simulation import scene_data as data
 from inverse_service.simulation.derivation import Derived, Find, derive, problem_of
 from inverse_service.simulation.initial import is_degenerate
 from inverse_service.simulation.numeric_formulas import Formulas, array_value, table_of, walls
-from inverse_service.simulation.scene_data import (
-    Effect,
-    FreeLagrangian,
-    Observation,
-    Problem,
-    Requested,
-    Scene,
-    Stop,
-    Unavailable,
-)
 from inverse_service.simulation.schemes import program_of
 
 STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed
@@ -42,7 +32,7 @@ SHARE = 10.0  # real parts compared with imaginary ones
 
 
 def advice(
-    scene: Scene, accelerations: tuple[Expression, ...] | None, free: FreeLagrangian | None = None
+    scene: data.Scene, accelerations: tuple[Expression, ...] | None, free: data.FreeLagrangian | None = None
 ) -> dict[str, Any] | None:
     """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these.
 
@@ -63,7 +53,7 @@ def advice(
     return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
-def is_stiff(scene: Scene, accelerations: tuple[Expression, ...]) -> bool:
+def is_stiff(scene: data.Scene, accelerations: tuple[Expression, ...]) -> bool:
     """Whether a real eigenvalue of the linearized motion at the start is fast compared with the length of the run."""
     n = len(scene.coordinates)
     table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
@@ -91,8 +81,8 @@ NOT_IN_STEPS = "The cost of parts is measured for methods that step with a kerne
 TOGETHER = "The free Lagrangian belongs to all effects together: they cannot be taken out of it one by one."
 _OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 
-Run = Callable[[Scene, Problem], Trajectory | Unavailable]
-Observe = Callable[[Scene, Problem], tuple[Problem, Observation]]
+Run = Callable[[data.Scene, data.Problem], trajectory.Trajectory | data.Unavailable]
+Observe = Callable[[data.Scene, data.Problem], tuple[data.Problem, data.Observation]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +92,7 @@ class Means:
     run: Run
     observe: Observe
     find: Find
-    stop: Stop
+    stop: data.Stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,14 +104,14 @@ class Price:
     steps: int
 
 
-def part_costs(scene: Scene, requested: Requested, derived: Derived, means: Means) -> dict[str, Any]:
+def part_costs(scene: data.Scene, requested: data.Requested, derived: Derived, means: Means) -> dict[str, Any]:
     """The key `cost` of a method: the whole step, and each part of it."""
     problem = problem_of(scene, requested, derived)
-    if not METHODS[requested.method].has_kernel or isinstance(problem, Unavailable):
+    if not method_table.METHODS[requested.method].has_kernel or isinstance(problem, data.Unavailable):
         return {"note": NOT_IN_STEPS}
     short = replace(scene, grid=replace(scene.grid, steps=min(scene.grid.steps, MOST_STEPS)))
     whole = _price(short, problem, requested, means)
-    if isinstance(whole, Unavailable):
+    if isinstance(whole, data.Unavailable):
         return {"note": whole.reason}
     document: dict[str, Any] = {"step_ns": whole.step, "operations": whole.operations, "steps": whole.steps}
     if np.isnan(whole.step):
@@ -139,22 +129,22 @@ def part_costs(scene: Scene, requested: Requested, derived: Derived, means: Mean
     return document | {"parts": parts}
 
 
-def _belongs_together(scene: Scene, requested: Requested) -> bool:
+def _belongs_together(scene: data.Scene, requested: data.Requested) -> bool:
     """Whether the effects of a method are in one free Lagrangian, out of which none can be taken."""
-    return bool(scene.constraints) and requested.method in USES_FREE
+    return bool(scene.constraints) and requested.method in method_table.USES_FREE
 
 
-def turned(scene: Scene, part: Effect) -> Scene:
+def turned(scene: data.Scene, part: data.Effect) -> data.Scene:
     """The scene without the effect, where it acts, or with it."""
     names = (name for name in scene.effects if name != part.name)
     effects = tuple(names) if part.acts else (*scene.effects, part.name)
     return replace(scene, lagrangian=part.lagrangian, constraints=part.constraints, forces=part.forces, effects=effects)
 
 
-def effects_of(scene: Scene, derived: Derived, means: Means) -> dict[str, Any]:
+def effects_of(scene: data.Scene, derived: Derived, means: Means) -> dict[str, Any]:
     """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
     method that steps with a kernel; None where that cannot be told."""
-    method = next((one for one in scene.methods if METHODS[one.method].has_kernel
+    method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
                    and not _belongs_together(scene, one)), None)  # fmt: skip
     whole = None if method is None or len(scene.coordinates) > LARGE else _count(scene, method, derived, means)
     found: dict[bool, list[dict[str, Any]]] = {True: [], False: []}
@@ -166,11 +156,11 @@ def effects_of(scene: Scene, derived: Derived, means: Means) -> dict[str, Any]:
     return {"acting": found[True], "left_out": found[False], "method": label, "operations": whole}
 
 
-def _count(scene: Scene, requested: Requested, derived: Derived | None, means: Means) -> int | None:
+def _count(scene: data.Scene, requested: data.Requested, derived: Derived | None, means: Means) -> int | None:
     """Operations of a step; None where the method has none for this scene."""
     alone = replace(scene, methods=(requested,), observe=tuple(n for n in scene.observe if n in IN_KERNEL))
     problem = problem_of(scene, requested, derived or derive(alone, means.find))
-    if isinstance(problem, Unavailable):
+    if isinstance(problem, data.Unavailable):
         return None
     try:
         return operations(*means.observe(scene, problem), requested)
@@ -178,26 +168,28 @@ def _count(scene: Scene, requested: Requested, derived: Derived | None, means: M
         return None
 
 
-def _part(variant: Scene, requested: Requested, whole: Price, means: Means) -> dict[str, Any]:
+def _part(variant: data.Scene, requested: data.Requested, whole: Price, means: Means) -> dict[str, Any]:
     alone = replace(variant, methods=(requested,), observe=tuple(n for n in variant.observe if n in IN_KERNEL))
     problem = problem_of(variant, requested, derive(alone, means.find))
-    found = problem if isinstance(problem, Unavailable) else _price(variant, problem, requested, means)
-    if isinstance(found, Unavailable):
+    found = problem if isinstance(problem, data.Unavailable) else _price(variant, problem, requested, means)
+    if isinstance(found, data.Unavailable):
         return {"step_ns": None, "operations": None, "note": f"Without it: {found.reason}"}
     less = whole.step - found.step
     measured = {"step_ns": less} if less > 0 else {"step_ns": None, "note": "Its time is within the noise."}
     return {**measured, "operations": whole.operations - found.operations}
 
 
-def _price(scene: Scene, problem: Problem, requested: Requested, means: Means) -> Price | Unavailable:
+def _price(
+    scene: data.Scene, problem: data.Problem, requested: data.Requested, means: Means
+) -> Price | data.Unavailable:
     """The time beyond that of one step, of so many steps that they take longer than to begin; no number without."""
     begun = _best(scene, 1, problem, means)
-    if isinstance(begun, Unavailable):
+    if isinstance(begun, data.Unavailable):
         return begun
     steps = scene.grid.steps
     while True:
         whole = _best(scene, steps, problem, means)
-        if isinstance(whole, Unavailable):
+        if isinstance(whole, data.Unavailable):
             return whole
         is_long = whole[0] > 2 * begun[0]
         if is_long or whole[1] < steps or steps >= MOST_STEPS:
@@ -208,7 +200,7 @@ def _price(scene: Scene, problem: Problem, requested: Requested, means: Means) -
     return Price(step, operations(*means.observe(scene, problem), requested), whole[1])
 
 
-def _best(given: Scene, steps: int, problem: Problem, means: Means) -> tuple[float, int] | Unavailable:
+def _best(given: data.Scene, steps: int, problem: data.Problem, means: Means) -> tuple[float, int] | data.Unavailable:
     """(seconds of the fastest of several runs with so many steps, steps that they make)."""
     scene = replace(given, grid=replace(given.grid, steps=steps))
     best, spent, done = float("inf"), 0.0, 0
@@ -216,14 +208,14 @@ def _best(given: Scene, steps: int, problem: Problem, means: Means) -> tuple[flo
         if (turn >= LEAST_REPEATS and spent > ENOUGH) or (turn and means.stop()):
             break
         found = means.run(scene, problem)
-        if isinstance(found, Unavailable):
+        if isinstance(found, data.Unavailable):
             return found
         done = scene.grid.steps if found.outcome.completed else found.outcome.step or 0
         best, spent = min(best, found.run_seconds), spent + found.run_seconds
-    return (best, done) if done else Unavailable(NO_STEP)
+    return (best, done) if done else data.Unavailable(NO_STEP)
 
 
-def operations(problem: Problem, observation: Observation, requested: Requested) -> int:
+def operations(problem: data.Problem, observation: data.Observation, requested: data.Requested) -> int:
     """Floating-point instructions and calls in the kernel of a method, each counted once."""
     assert requested.choice is not None
     text = kernel_text(program_of(Formulas(problem), requested.choice, observation))

@@ -17,16 +17,8 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
-from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
-from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
-from inverse_service.simulation.initial import NO_VALUE, ended_at_start, is_degenerate
-from inverse_service.simulation.motions import (
-    DEGENERATE,
-    ExactMotion,
-    NoExactMotion,
-    motion_by_quadrature,
-    regular_accelerations,
-)
+from inverse_service.mechanics.nonholonomic import geometry, motion
+from inverse_service.simulation import initial, motions
 from inverse_service.simulation.numeric_formulas import switching_functions
 from inverse_service.simulation.scene_data import EXACT, FreeLagrangian, Problem, Requested, Scene, Unavailable
 
@@ -81,16 +73,16 @@ def with_effects(parts: LagrangianParts, terms: Mapping[str, Expression], named:
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 
-_DEGENERATE = DEGENERATE[:1].upper() + DEGENERATE[1:]
+_DEGENERATE = motions.DEGENERATE[:1].upper() + motions.DEGENERATE[1:]
 
-Find = Callable[[Scene, str | None, ExactMotion | NoExactMotion], FreeLagrangian | Unavailable]
+Find = Callable[[Scene, str | None, motions.ExactMotion | motions.NoExactMotion], FreeLagrangian | Unavailable]
 
 
 @dataclass(frozen=True, slots=True)
 class Derived:
     """What was derived for a scene; None (or no entry) is what nothing asked for. `seconds` says what each took."""
 
-    exact: ExactMotion | NoExactMotion | None
+    exact: motions.ExactMotion | motions.NoExactMotion | None
     accelerations: tuple[Expression, ...] | Unavailable | None
     free: Mapping[str | None, FreeLagrangian | Unavailable]
     seconds: Mapping[str, float]
@@ -103,11 +95,11 @@ def derive(scene: Scene, find: Find) -> Derived:
     wanted = dict.fromkeys(requested.free for requested in scene.methods if requested.method in USES_FREE)
     if scene.accelerations is not None and "energy" in scene.observe:
         wanted[None] = None
-    exact: ExactMotion | NoExactMotion | None = None
+    exact: motions.ExactMotion | motions.NoExactMotion | None = None
     if EXACT in used or USES_EXACT & set(scene.observe) or wanted:
         with timed(seconds, "exact motion"):
             exact = _exact(scene)
-    compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, ExactMotion)
+    compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, motions.ExactMotion)
     accelerations = None
     if (
         used & USES_ACCELERATIONS
@@ -122,7 +114,7 @@ def derive(scene: Scene, find: Find) -> Derived:
     free: dict[str | None, FreeLagrangian | Unavailable] = {}
     for name in wanted:
         with timed(seconds, "free Lagrangian"):
-            free[name] = find(scene, name, exact or NoExactMotion("No exact motion is known."))
+            free[name] = find(scene, name, exact or motions.NoExactMotion("No exact motion is known."))
     return Derived(exact, accelerations, free, seconds)
 
 
@@ -142,7 +134,7 @@ def with_energy(scene: Scene, derived: Derived) -> Scene:
 def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem | Unavailable:
     """The problem as one method needs it, with nothing that it does not use; or the reason why it cannot run."""
     method = requested.method
-    if scene.lagrangian is not None and is_degenerate(scene):
+    if scene.lagrangian is not None and initial.is_degenerate(scene):
         return Unavailable(_DEGENERATE)
     if method in USES_ACCELERATIONS:
         return with_accelerations(scene, derived)
@@ -177,20 +169,20 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
     """The problem for methods that integrate q'' = f."""
     if derived.accelerations is None or isinstance(derived.accelerations, Unavailable):
         return derived.accelerations or Unavailable("The accelerations were not derived.")
-    if ended_at_start(scene) is not None:
-        return Unavailable(NO_VALUE)
+    if initial.ended_at_start(scene) is not None:
+        return Unavailable(initial.NO_VALUE)
     names, values = scene.coordinates, tuple(scene.values)
     return Problem(names, values, constraints=scene.constraints, accelerations=derived.accelerations)
 
 
-def _exact(scene: Scene) -> ExactMotion | NoExactMotion:
+def _exact(scene: Scene) -> motions.ExactMotion | motions.NoExactMotion:
     if scene.lagrangian is None:
-        return NoExactMotion("The system is given by its equations.")
+        return motions.NoExactMotion("The system is given by its equations.")
     if scene.forces or any(event.acts for event in scene.events):
-        return NoExactMotion("Further forces, or events, act.")
-    if is_degenerate(scene):
-        return NoExactMotion(_DEGENERATE)
-    return motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
+        return motions.NoExactMotion("Further forces, or events, act.")
+    if initial.is_degenerate(scene):
+        return motions.NoExactMotion(_DEGENERATE)
+    return motions.motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 
 def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:
@@ -199,15 +191,15 @@ def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:
     if scene.lagrangian is None:
         return Unavailable("The scene has neither a Lagrangian nor equations of motion.")
     try:
-        found = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
+        found = motions.regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
     except InputError as error:
         return Unavailable(error.detail[:1].upper() + error.detail[1:])
     if found is not None:
         return found
     if scene.forces:
         return Unavailable("The kinetic energy couples too many coordinates for forces to be added.")
-    system = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
-    return equations_of_motion(system).accelerations
+    system = geometry.NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
+    return motion.equations_of_motion(system).accelerations
 
 
 @contextmanager

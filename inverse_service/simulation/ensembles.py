@@ -25,31 +25,12 @@ from inverse_service.kernels.codegen.kernel import CONTROL
 from inverse_service.kernels.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.kernels.machine_code.loading import processor_features
+from inverse_service.simulation import initial, observing
+from inverse_service.simulation import scene_data as data
 from inverse_service.simulation.derivation import Derived, problem_of
 from inverse_service.simulation.estimates import TOO_LARGE, errors_of, finer
 from inverse_service.simulation.execution import check, kernel_of, stopped, unknown_names, weights_of
-from inverse_service.simulation.initial import angles, without_value
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, NoValue, array_value, table_of
-from inverse_service.simulation.observing import (
-    energy,
-    point_kinetic,
-    point_velocities,
-    why_energy_varies,
-    without_noise,
-)
-from inverse_service.simulation.scene_data import (
-    EXACT,
-    FreeLagrangian,
-    Grid,
-    Members,
-    MethodChoice,
-    Observation,
-    Problem,
-    Requested,
-    Scene,
-    Stop,
-    Unavailable,
-)
 
 WORTH_THREADS = 2_000  # steps of groups: to begin a thread takes as long
 STEPS_AT_ONCE = 100_000  # of groups, after which it is asked whether to stop
@@ -70,7 +51,7 @@ class Many:
     carried: str
     card: Card
     memory: Array
-    grid: Grid
+    grid: data.Grid
     names: Mapping[str, str]
     cancelled: bool
     iterations: int
@@ -100,15 +81,15 @@ def cores() -> int:
 
 
 def run_ensemble(
-    problem: Problem,
-    choice: MethodChoice,
+    problem: data.Problem,
+    choice: data.MethodChoice,
     positions: Array,
     velocities: Array,
-    grid: Grid,
+    grid: data.Grid,
     values: Mapping[str, float | Array],
     momenta: Array | None = None,
     steps: Array | None = None,
-    stop: Stop | None = None,
+    stop: data.Stop | None = None,
     begins: Array | None = None,
 ) -> Many:
     """N trajectories from `positions` and `velocities` (N, n), or `momenta` where they are known.
@@ -120,7 +101,7 @@ def run_ensemble(
     if choice.method in ("heyoka", "modified"):
         raise InputError(ALL_METHODS)
     f = Formulas(problem)
-    kernel = kernel_of(f, choice, Observation(momenta=False, velocities=False), lanes_here())
+    kernel = kernel_of(f, choice, data.Observation(momenta=False, velocities=False), lanes_here())
     count = len(positions)
     times = np.full(count, grid.begin) if begins is None else begins
     columns = _columns(f, choice, positions, velocities, momenta, values, times)
@@ -133,7 +114,7 @@ def run_ensemble(
 
 
 def _columns(
-    f: Formulas, choice: MethodChoice, positions: Array, velocities: Array, momenta: Array | None,
+    f: Formulas, choice: data.MethodChoice, positions: Array, velocities: Array, momenta: Array | None,
     values: Mapping[str, float | Array], times: Array,
 ) -> dict[str, Array]:  # fmt: skip
     """Values of state variables, rates and arguments by kernel name, (N,) each."""
@@ -153,7 +134,7 @@ def _columns(
     return found | {f"d{k}_rate": velocities[:, k] for k in range(f.size)}
 
 
-def _start_momenta(f: Formulas, choice: MethodChoice, columns: Mapping[str, Array]) -> Array:
+def _start_momenta(f: Formulas, choice: data.MethodChoice, columns: Mapping[str, Array]) -> Array:
     """dL/dv of the Lagrangian that the method discretizes, (N, n)."""
     velocities = f.symbols("v")
     lagrangian = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
@@ -184,7 +165,7 @@ def _memory(card: Card, columns: Mapping[str, Array], count: int) -> Array:
 
 
 def _run_groups(
-    kernel: Compiled, memory: Array, weights: tuple[float, ...], grid: Grid, stop: Stop | None
+    kernel: Compiled, memory: Array, weights: tuple[float, ...], grid: data.Grid, stop: data.Stop | None
 ) -> tuple[Array, int, bool]:
     """Records (groups, rows, columns, lanes), iterations, and whether the run was stopped before its end."""
     every = max(1, min(grid.record_every, grid.steps))
@@ -218,8 +199,8 @@ def _run_groups(
 
 
 def _gathered(
-    f: Formulas, choice: MethodChoice, card: Card, columns: Mapping[str, Array], rows: Array, memory: Array, grid: Grid,
-    cancelled: bool, iterations: int,
+    f: Formulas, choice: data.MethodChoice, card: Card, columns: Mapping[str, Array], rows: Array, memory: Array,
+    grid: data.Grid, cancelled: bool, iterations: int,
 ) -> Many:  # fmt: skip
     """Records by member, with the start in front; what never changes is repeated."""
     letter = "v" if choice.method in POINT_METHODS else "p"
@@ -251,7 +232,7 @@ ELSEWHERE = (
 class EnsembleRun:
     """One method for all members. `series` are columns (N, m) of what is observed, `numbers` (N,) of each member."""
 
-    requested: Requested
+    requested: data.Requested
     outcome: Outcome
     many: Many | None
     velocities: Array | None = None
@@ -260,17 +241,17 @@ class EnsembleRun:
     seconds: Mapping[str, float] = field(default_factory=dict)
 
 
-def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop | None) -> EnsembleRun:
+def run_members(scene: data.Scene, derived: Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
     """All members by one method."""
     assert scene.ensemble is not None
-    if requested.method in (EXACT, "heyoka", "modified") or requested.choice is None:
+    if requested.method in (data.EXACT, "heyoka", "modified") or requested.choice is None:
         return EnsembleRun(requested, Outcome("unavailable", remedy=ALL_METHODS), None)
     problem = problem_of(scene, requested, derived)
-    if isinstance(problem, Unavailable):
+    if isinstance(problem, data.Unavailable):
         return EnsembleRun(requested, Outcome("unavailable", remedy=problem.reason), None)
     problem = problem.with_used_parameters()
     free = derived.free.get(requested.free) if requested.method in USES_FREE else None
-    known = free if isinstance(free, FreeLagrangian) else None
+    known = free if isinstance(free, data.FreeLagrangian) else None
     members = scene.ensemble
     values: dict[str, float | Array] = {**scene.values, **(known.constants if known else {})}
     values |= dict(requested.constants) | dict(members.values)
@@ -283,7 +264,7 @@ def run_members(scene: Scene, derived: Derived, requested: Requested, stop: Stop
     except InputError as error:
         return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
     ran = time.perf_counter()
-    _mark(many, np.flatnonzero(without_value(scene)), NO_START)
+    _mark(many, np.flatnonzero(initial.without_value(scene)), NO_START)
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
@@ -301,8 +282,8 @@ def _kind(many: Many) -> str:
 
 
 def _estimated(
-    scene: Scene, problem: Problem, requested: Requested, many: Many, values: Mapping[str, float | Array],
-    momenta: Array | None,
+    scene: data.Scene, problem: data.Problem, requested: data.Requested, many: Many,
+    values: Mapping[str, float | Array], momenta: Array | None,
 ) -> tuple[dict[str, Array], str]:  # fmt: skip
     """({estimated_error: (N,)}, how many members lead elsewhere with half the step, or a smaller tolerance), of as many
     as MOST_SHARPER allows; nan of the others and of those that did not get to the end."""
@@ -314,7 +295,7 @@ def _estimated(
     own, begun = _part(values, momenta, rows)
     found = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], again.grid, own, begun)
     points, estimates = found.positions.shape[1], np.full(count, np.nan)
-    errors, shares = errors_of(many.positions[rows, :points], found.positions, angles(scene), again.part)
+    errors, shares = errors_of(many.positions[rows, :points], found.positions, initial.angles(scene), again.part)
     estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
     far = (shares > TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
     looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} looked at, of {count:,},"
@@ -340,7 +321,9 @@ def _mark(many: Many, members: Iterable[int], code: int, step: float = 0.0, size
             many.positions[member, lost] = many.rates[member, lost] = np.nan
 
 
-def _momenta(free: FreeLagrangian | None, members: Members, values: Mapping[str, float | Array]) -> Array | None:
+def _momenta(
+    free: data.FreeLagrangian | None, members: data.Members, values: Mapping[str, float | Array]
+) -> Array | None:
     """Those that L~ gives itself (they may be 0/0 in the velocities), member by member where parameters differ."""
     if free is None or free.start_momenta is None:
         return None
@@ -359,7 +342,7 @@ def _flat(values: Mapping[str, float | Array], points: int) -> Any:
 
 
 def _point_velocities(
-    scene: Scene, problem: Problem, requested: Requested, many: Many, values: Mapping[str, float | Array]
+    scene: data.Scene, problem: data.Problem, requested: data.Requested, many: Many, values: Mapping[str, float | Array]
 ) -> Array | None:
     """(N, m, n) at the recorded points."""
     if many.carried == "v":
@@ -369,12 +352,12 @@ def _point_velocities(
         np.tile(many.times, shape[0]), many.positions.reshape(-1, shape[2]), many.rates.reshape(-1, shape[2]), None,
         Outcome("completed"), 0, 0, 0.0, 0.0,
     )  # fmt: skip
-    found = point_velocities(scene, problem, requested.method, flat, _flat(values, shape[1]))
+    found = observing.point_velocities(scene, problem, requested.method, flat, _flat(values, shape[1]))
     return None if found is None else found.reshape(shape)
 
 
 def _observed(
-    scene: Scene, many: Many, velocities: Array | None, values: Mapping[str, float | Array]
+    scene: data.Scene, many: Many, velocities: Array | None, values: Mapping[str, float | Array]
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Energy, where the scene observes it, and its own observables: columns (N, m), and numbers (N,)."""
     shape = many.positions.shape
@@ -385,7 +368,7 @@ def _observed(
     )  # fmt: skip
     formulas = {one.name: one.expression for one in scene.own}
     if "energy" in scene.observe and scene.lagrangian is not None:
-        formulas["energy"] = energy(scene.lagrangian, scene.coordinates)
+        formulas["energy"] = observing.energy(scene.lagrangian, scene.coordinates)
     series: dict[str, Array] = {}
     for name, tree in formulas.items():
         try:
@@ -393,9 +376,9 @@ def _observed(
         except NoValue:
             continue
     numbers: dict[str, Array] = {}
-    if "energy" in series and velocities is not None and why_energy_varies(scene) is None:
+    if "energy" in series and velocities is not None and observing.why_energy_varies(scene) is None:
         begin = many.positions[:, 0], velocities[:, 0], np.full(shape[0], many.times[0])
-        start = without_noise(series["energy"][:, 0], point_kinetic(scene, *begin, values))[:, None]
+        start = observing.without_noise(series["energy"][:, 0], observing.point_kinetic(scene, *begin, values))[:, None]
         with np.errstate(all="ignore"):
             errors = np.abs(series["energy"] - start) / np.where(start == 0, 1.0, np.abs(start))
         numbers["max_energy_error"] = np.where(many.completed, errors.max(axis=1), np.nan)

@@ -25,21 +25,9 @@ from numpy.typing import NDArray
 from inverse_service.expressions.tree import TIME, Apply, holds, walk
 from inverse_service.integrators.method_table import METHODS, OWN_STEPS, SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.simulation.initial import angles
-from inverse_service.simulation.motions import NOTICED, distance_of_motion
-from inverse_service.simulation.numeric_formulas import array_value, table_of
-from inverse_service.simulation.observing import (
-    Observed,
-    end_of_energy,
-    greatest,
-    lagrangian_of_energy,
-    point_energy,
-    point_kinetic,
-    velocities_at_points,
-    why_energy_varies,
-)
-from inverse_service.simulation.scene_data import Grid, Requested, Scene, Truth, Unavailable, places_of
-from inverse_service.simulation.schemes import OTHER_MOTION, RESOLVE, SMALLEST
+from inverse_service.simulation import initial, motions, observing, schemes
+from inverse_service.simulation import numeric_formulas as nf
+from inverse_service.simulation import scene_data as data
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
@@ -56,13 +44,13 @@ ENDS_EARLY = "With {} the run ends at t = {:.6g}, {}."
 class Finer:
     """The same method on a finer `grid`, `how` a person says it, and the part of the error by which both are apart."""
 
-    requested: Requested
-    grid: Grid
+    requested: data.Requested
+    grid: data.Grid
     how: str
     part: float
 
 
-def finer(requested: Requested, grid: Grid) -> Finer:
+def finer(requested: data.Requested, grid: data.Grid) -> Finer:
     """Half the step, over the first MOST_STEPS, at the same recorded times; where the method chooses its own steps
     within those another tolerance too."""
     choice, every = requested.choice, grid.record_every
@@ -76,7 +64,7 @@ def finer(requested: Requested, grid: Grid) -> Finer:
     return Finer(replace(requested, choice=replace(choice, tolerance=TIGHTER * choice.tolerance)), half, STRICTER, 1.0)
 
 
-def order_of(requested: Requested) -> int | None:
+def order_of(requested: data.Requested) -> int | None:
     """The order in h of the positions of a run, or of the steps that a method chooses itself; None where it varies."""
     choice = requested.choice
     if choice is None or not METHODS[choice.method].orders:
@@ -95,19 +83,19 @@ def errors_of(
     noise = ROUND_OFF * np.abs(positions)
     least = np.maximum(LEAST_RANGE * ranges.max(axis=-1, keepdims=True), 100 * noise)
     errors = np.maximum(np.abs(positions - nearer) / part, noise)
-    return errors, errors / np.maximum(np.maximum(ranges, least), SMALLEST)
+    return errors, errors / np.maximum(np.maximum(ranges, least), schemes.SMALLEST)
 
 
-Repeat = Callable[[Scene, Requested], Trajectory | Unavailable]
+Repeat = Callable[[data.Scene, data.Requested], Trajectory | data.Unavailable]
 
 
-def _again(run: Observed, repeat: Repeat) -> tuple[Finer, Trajectory | Unavailable]:
+def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, Trajectory | data.Unavailable]:
     """The finer run: without the guard where that ends it early, and with ten times the tolerance where it is the same
     to the last bit, as that of a Taylor series whose own steps are shorter than those of both grids."""
     again = finer(run.requested, run.scene.grid)
     scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
     found = repeat(scene, again.requested)
-    if choice is None or isinstance(found, Unavailable):
+    if choice is None or isinstance(found, data.Unavailable):
         return again, found
     if found.outcome.kind not in GOES_ON:
         return again, repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
@@ -117,32 +105,34 @@ def _again(run: Observed, repeat: Repeat) -> tuple[Finer, Trajectory | Unavailab
     return again, found
 
 
-def estimated(run: Observed, repeat: Repeat) -> dict[str, Any]:
+def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
     """{estimated_error, estimated_error_share, estimated_until, doubt}: the greatest error of a position, and the
     greatest share of the range of a coordinate; until when, where that is not the end; sentences where they are large.
 
     `repeat` runs a method of a scene.
     """
-    at, doubts, turns = run.trajectory, [_change_of_energy(run)], angles(run.scene)
+    at, doubts, turns = run.trajectory, [_change_of_energy(run)], initial.angles(run.scene)
     numbers: dict[str, Any] = {}
     again, found = _again(run, repeat)
     if isinstance(found, Trajectory):
         count = min(len(found.times), len(at.times))
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
-        numbers = {"estimated_error": greatest(errors), "estimated_error_share": greatest(shares)}
+        numbers = {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
         doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how)))
         early = count < len(at.times) and found.outcome.kind not in GOES_ON
         if early and not doubts[-1]:
             doubts.append(ENDS_EARLY.format(again.how, found.times[-1], found.outcome.kind.replace("_", " ")))
-    if isinstance(run.truth, Truth) and not any(doubts[1:]):
+    if isinstance(run.truth, data.Truth) and not any(doubts[1:]):
         doubts.append(
-            _elsewhere(run, *errors_of(at.positions, run.truth.positions[places_of(run.truth, at.times)], turns), TRUE)
+            _elsewhere(
+                run, *errors_of(at.positions, run.truth.positions[data.places_of(run.truth, at.times)], turns), TRUE
+            )
         )
     return numbers | {"doubt": " ".join(filter(None, doubts))}
 
 
-def _elsewhere(run: Observed, errors: Array, shares: Array, which: str) -> str:
+def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str) -> str:
     """Where a coordinate is off by more than TOO_LARGE of its range."""
     far = shares > TOO_LARGE
     if not far.any():
@@ -153,12 +143,12 @@ def _elsewhere(run: Observed, errors: Array, shares: Array, which: str) -> str:
     return ELSEWHERE.format(which, run.trajectory.times[first], run.scene.coordinates[k], worst)
 
 
-def _change_of_energy(run: Observed) -> str:
+def _change_of_energy(run: observing.Observed) -> str:
     """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes; a tenth
     of that suffices where it is CHANGED of E_0, which is what `max_energy_error` shows."""
     if (known := energies_of(run)) is None:
         return ""
-    energies, mean = known[0], max(float(known[1].mean()), SMALLEST)
+    energies, mean = known[0], max(float(known[1].mean()), schemes.SMALLEST)
     change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
     is_much = change > CHANGED * min(mean, max(start, CHANGED * mean))
     return VARIES.format(change, change / mean, start) if is_much else ""
@@ -177,7 +167,7 @@ ENDS_ELSEWHERE = "`adaptive` ends {:.3g} from there: a force changes with t with
 _NEAR = 5  # steps
 
 
-def jump_of_energy(run: Observed) -> Outcome | None:
+def jump_of_energy(run: observing.Observed) -> Outcome | None:
     """The outcome where one step or two change the energy, a constant, by half of the kinetic energy, or by what the
     tolerance of the method does not explain."""
     choice = run.requested.choice
@@ -201,30 +191,30 @@ def jump_of_energy(run: Observed) -> Outcome | None:
         return None
     step = int(places[0])
     change = float(changes[np.abs(changes[:, step]).argmax(), step])
-    return Outcome("unresolved", step, float(at.times[step]), _JUMPS.format(f"{share:.1g}"), change, RESOLVE)
+    return Outcome("unresolved", step, float(at.times[step]), _JUMPS.format(f"{share:.1g}"), change, schemes.RESOLVE)
 
 
-def energies_of(run: Observed) -> tuple[Array, Array] | None:
+def energies_of(run: observing.Observed) -> tuple[Array, Array] | None:
     """E and the kinetic energy at the recorded points, (m,) each; None where E is no constant, or not known."""
     scene, at = run.scene, run.trajectory
-    if lagrangian_of_energy(scene) is None or why_energy_varies(scene):
+    if observing.lagrangian_of_energy(scene) is None or observing.why_energy_varies(scene):
         return None
-    velocities = velocities_at_points(run)
-    if velocities is None or end_of_energy(scene, at.positions, velocities, at.times):
+    velocities = observing.velocities_at_points(run)
+    if velocities is None or observing.end_of_energy(scene, at.positions, velocities, at.times):
         return None
     points = scene, at.positions, velocities, at.times
-    return point_energy(*points), point_kinetic(*points)
+    return observing.point_energy(*points), observing.point_kinetic(*points)
 
 
-def rounding_of_energy(run: Observed, energies: Array) -> Array:
+def rounding_of_energy(run: observing.Observed, energies: Array) -> Array:
     """How far the next number after each place moves E, (m,): a motion near x = 10^9 is known to 10^-7 only."""
     at, found = run.trajectory, np.zeros_like(energies)
-    if (velocities := velocities_at_points(run)) is None:
+    if (velocities := observing.velocities_at_points(run)) is None:
         return found
     for k in range(at.positions.shape[1]):
         places = at.positions.copy()
         places[:, k] = np.nextafter(places[:, k], np.inf)
-        found += np.abs(point_energy(run.scene, places, velocities, at.times) - energies)
+        found += np.abs(observing.point_energy(run.scene, places, velocities, at.times) - energies)
     return np.nan_to_num(found)
 
 
@@ -235,7 +225,7 @@ def greatest_near(kinetic: Array) -> Array:
     return found
 
 
-def other_motion(run: Observed) -> Outcome | None:
+def other_motion(run: observing.Observed) -> Outcome | None:
     """The outcome where the Lagrangian of the method has another motion at a point of the run than the equations.
 
     What is known of its domain is watched at every step; a Lagrangian that is given brings none.
@@ -243,22 +233,22 @@ def other_motion(run: Observed) -> Outcome | None:
     scene, problem, at = run.scene, run.problem, run.trajectory
     if scene.accelerations is None or problem is None or problem.free_lagrangian is None:
         return None
-    velocities = velocities_at_points(run)
+    velocities = observing.velocities_at_points(run)
     if velocities is None:
         return None
-    table = table_of(scene.coordinates, at.positions, velocities, run.values, at.times)
-    apart = distance_of_motion(problem.free_lagrangian, scene.coordinates, scene.accelerations, table)
-    apart += np.sum([0 * array_value(f, table) for f in scene.accelerations], axis=0)  # no number where one has none
+    table = nf.table_of(scene.coordinates, at.positions, velocities, run.values, at.times)
+    apart = motions.distance_of_motion(problem.free_lagrangian, scene.coordinates, scene.accelerations, table)
+    apart += np.sum([0 * nf.array_value(f, table) for f in scene.accelerations], axis=0)  # no number where one has none
     apart[0] = 0.0  # where the start was looked at, which may be a pole that the motion leaves
-    places = np.flatnonzero(~(apart <= NOTICED))
+    places = np.flatnonzero(~(apart <= motions.NOTICED))
     if not len(places):
         return None
     point = int(places[0])
     step = min(point * scene.grid.record_every, scene.grid.steps)
-    return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), OTHER_MOTION)
+    return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), schemes.OTHER_MOTION)
 
 
-def has_functions_of_time(run: Observed) -> bool:
+def has_functions_of_time(run: observing.Observed) -> bool:
     """Whether t is in a function of the formulas: that may change faster than the steps, and a pulse lie between two of
     them, which neither they nor half of them show."""
     problem, choice = run.problem, run.requested.choice
@@ -269,7 +259,7 @@ def has_functions_of_time(run: Observed) -> bool:
     return any(isinstance(node, Apply) and holds(node.argument, TIME) for node in nodes)
 
 
-def apart_from(run: Observed, other: Trajectory) -> str:
+def apart_from(run: observing.Observed, other: Trajectory) -> str:
     """A doubt where a run of DOP853 ends elsewhere, by a tenth of the motion's size."""
     at = run.trajectory
     if not other.outcome.completed or not len(at.times):

@@ -31,56 +31,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    ONE,
-    TIME,
-    ZERO,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    factors_of,
-    holds,
-    multiply,
-    number,
-    powers_of,
-    rebuild,
-)
+from inverse_service.expressions import derivative, printing
+from inverse_service.expressions import tree as ex
 from inverse_service.integrators.method_table import POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.simulation.ensembles import run_ensemble
-from inverse_service.simulation.initial import angles, initial_velocities
-from inverse_service.simulation.motions import determinant
-from inverse_service.simulation.numeric_formulas import (
-    NoValue,
-    array_value,
-    is_root,
-    is_square,
-    switching_functions,
-    table_of,
-)
-from inverse_service.simulation.observing import Observed, point_velocities, velocities_at_points
-from inverse_service.simulation.scene_data import (
-    Event,
-    Grid,
-    MethodChoice,
-    Problem,
-    Requested,
-    Scene,
-    Start,
-    Stop,
-    Unavailable,
-)
+from inverse_service.simulation import ensembles, initial, motions, observing
+from inverse_service.simulation import numeric_formulas as nf
+from inverse_service.simulation import scene_data as data
 
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)
-CONTINUED = MethodChoice("adaptive", tolerance=1e-14)
+CONTINUED = data.MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60
 JUST = 1e-9  # of the way to a zero
 ROUND_OFF, NOISE = 4e-16, 1e-14
@@ -108,26 +68,30 @@ NO_VELOCITIES = "The method has no velocities at its points, which the event nee
 class Found:
     """The points of one event: times (m,), positions and velocities (m, n); `note` says what else was seen."""
 
-    event: Event
+    event: data.Event
     times: Array
     positions: Array
     velocities: Array
     note: str = ""
 
 
-def float_number(value: float) -> Expression:
+def float_number(value: float) -> ex.Expression:
     """The very number."""
-    return Number(Fraction(float(value)))
+    return ex.Number(Fraction(float(value)))
 
 
-def located(run: Observed, events: Sequence[Event], motion: Problem | Unavailable) -> tuple[Found, ...]:
+def located(
+    run: observing.Observed, events: Sequence[data.Event], motion: data.Problem | data.Unavailable
+) -> tuple[Found, ...]:
     """All points of these events along a run."""
-    velocities = velocities_at_points(run)
+    velocities = observing.velocities_at_points(run)
     follow = _follower(run, velocities, motion)
     return tuple(_located(run, event, velocities, follow) for event in events)
 
 
-def with_events(run: Observed, motion: Problem | Unavailable) -> tuple[Trajectory, tuple[Found, ...]]:
+def with_events(
+    run: observing.Observed, motion: data.Problem | data.Unavailable
+) -> tuple[Trajectory, tuple[Found, ...]]:
     """The run, ended by the first event that stops it, and every event found before."""
     ran, found = run.trajectory, located(run, run.scene.events, motion)
     ends = [float(one.times[0]) for one in found if one.event.stops and len(one.times)]
@@ -153,13 +117,15 @@ def _until(found: Found, end: float) -> Found:
 Follow = Callable[[NDArray[np.int64], Array], State]
 
 
-def _follower(run: Observed, velocities: Array | None, motion: Problem | Unavailable) -> Follow | None:
+def _follower(
+    run: observing.Observed, velocities: Array | None, motion: data.Problem | data.Unavailable
+) -> Follow | None:
     """A function of places k and lengths: the motion so long after point k."""
     ran, values, method = run.trajectory, run.values, run.requested.method
     choice, what = run.requested.choice, run.problem
     stepped = choice is not None and method not in ("heyoka", "modified")
     if not stepped or (ran.momenta is None and method not in POINT_METHODS):
-        choice, what = CONTINUED, None if isinstance(motion, Unavailable) else motion
+        choice, what = CONTINUED, None if isinstance(motion, data.Unavailable) else motion
     if velocities is None or what is None or choice is None:
         return None
     speeds, run_by, of = velocities, choice, what
@@ -167,31 +133,32 @@ def _follower(run: Observed, velocities: Array | None, motion: Problem | Unavail
     def follow(places: NDArray[np.int64], lengths: Array) -> State:
         carried = None if run_by.method in POINT_METHODS or ran.momenta is None else ran.momenta[places]
         begins = ran.times[places]
-        many = run_ensemble(
-            of, run_by, ran.positions[places], speeds[places], Grid(1.0, 1), values, carried, lengths, begins=begins
+        many = ensembles.run_ensemble(
+            of, run_by, ran.positions[places], speeds[places], data.Grid(1.0, 1), values, carried, lengths,
+            begins=begins,
         )  # fmt: skip
         positions, rates = many.positions[:, -1], many.rates[:, -1]
         if many.carried == "v":
             return begins + lengths, positions, rates
         bare = replace(ran, times=begins + lengths, positions=positions, momenta=rates, velocities=None)
-        found = point_velocities(run.scene, of, method, bare, dict(values))
+        found = observing.point_velocities(run.scene, of, method, bare, dict(values))
         return begins + lengths, positions, np.full_like(positions, np.nan) if found is None else found
 
     return follow
 
 
-def _located(run: Observed, event: Event, velocities: Array | None, follow: Follow | None) -> Found:
+def _located(run: observing.Observed, event: data.Event, velocities: Array | None, follow: Follow | None) -> Found:
     scene, ran = run.scene, run.trajectory
     nothing = np.empty((0, len(scene.coordinates)))
 
-    def value(state: tuple[Array, Array, Array | None], formula: Expression = event.formula) -> Array:
+    def value(state: tuple[Array, Array, Array | None], formula: ex.Expression = event.formula) -> Array:
         times, positions, speeds = state
-        return array_value(formula, table_of(scene.coordinates, positions, speeds, dict(scene.values), times))
+        return nf.array_value(formula, nf.table_of(scene.coordinates, positions, speeds, dict(scene.values), times))
 
     try:
         whole = (ran.times, ran.positions, velocities)
         along = value(whole)
-        terms = event.formula.terms if isinstance(event.formula, Sum) else ()
+        terms = event.formula.terms if isinstance(event.formula, ex.Sum) else ()
         if terms and (np.abs(along) <= NOISE * sum(np.abs(value(whole, term)) for term in terms)).all():
             return Found(event, nothing[:, 0], nothing, nothing, NO_SIZE)
         if follow is None:
@@ -206,7 +173,7 @@ def _located(run: Observed, event: Event, velocities: Array | None, follow: Foll
         if not len(brackets.places):
             return Found(event, nothing[:, 0], nothing, nothing, note)
         state = _zeros(brackets, way)
-    except NoValue:
+    except nf.NoValue:
         return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES)
     except InputError as error:
         return Found(event, nothing[:, 0], nothing, nothing, error.detail)
@@ -380,24 +347,24 @@ def _zeros(brackets: Brackets, way: Way) -> State:
     return state
 
 
-def period_of(run: Observed, motion: Problem | Unavailable) -> dict[str, Any]:
+def period_of(run: observing.Observed, motion: data.Problem | data.Unavailable) -> dict[str, Any]:
     """{"period": {mean, least, greatest, returns, apart}}: the times between returns to the section through the start,
     across its velocity, or across its acceleration among the velocities where it begins at rest; `apart` is how far the
     first return is from the start, as a share of the motion's size: a period where that is small."""
     scene, at = run.scene, run.trajectory
-    velocities = velocities_at_points(run)
+    velocities = observing.velocities_at_points(run)
     if velocities is None or scene.grid.record_every > 1 or len(at.times) < 3:
         return {"period": None, "period_note": NO_PERIOD}
-    turns = angles(scene)
+    turns = initial.angles(scene)
     if np.abs(velocities[0]).max() > 0:
         way = velocities[0]
-        parts = [Symbol(x) - float_number(q) for x, q in zip(scene.coordinates, at.positions[0], strict=True)]
-        terms = [Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
+        parts = [ex.Symbol(x) - float_number(q) for x, q in zip(scene.coordinates, at.positions[0], strict=True)]
+        terms = [ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
     else:
         way = velocities[1]
-        terms = [Velocity(name) for name in scene.coordinates]
-    formula = add(*(float_number(v) * term for v, term in zip(way, terms, strict=True) if v))
-    (found,) = located(run, [Event(formula, 1, False)], motion)
+        terms = [ex.Velocity(name) for name in scene.coordinates]
+    formula = ex.add(*(float_number(v) * term for v, term in zip(way, terms, strict=True) if v))
+    (found,) = located(run, [data.Event(formula, 1, False)], motion)
     later = found.times > at.times[0] + TOUCH_FROM * scene.grid.step
     times = np.concatenate([at.times[:1], found.times[later]])
     if len(times) < 2:
@@ -422,15 +389,15 @@ NO_MOTION = "more than one motion begins, or none goes on, where {} = 0"
 TOO_MANY_ZEROS = f"more than {MOST_TOGETHER} switching functions that are zero at once"
 BEGIN_ELSEWHERE = "begin elsewhere"
 
-Integrate = Callable[[Problem, MethodChoice, Start, Grid], Trajectory | Unavailable]
-Sides = dict[Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
+Integrate = Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory | data.Unavailable]
+Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
 
 
 @dataclass(frozen=True, slots=True)
 class Switch:
     """At time t a switching function went to a side: 1, -1, or 0 where it sticks."""
 
-    function: Expression
+    function: ex.Expression
     time: float
     side: int
 
@@ -444,52 +411,52 @@ class Pieces:
     switches: tuple[Switch, ...]
     final: tuple[float, Array, Array] | None
 
-    def thinned(self, grid: Grid) -> Pieces:
+    def thinned(self, grid: data.Grid) -> Pieces:
         """With the points that the grid records."""
         found, every = self.trajectory, grid.record_every
         rows = grid.recorded if found.outcome.completed else np.arange(0, len(found.times), every)
         return replace(self, trajectory=found.part(rows[rows < len(found.times)]))
 
 
-def on_sides(tree: Expression, sides: Mapping[Expression, int]) -> Expression:
+def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expression:
     """The tree with s u for each sqrt(u^2)."""
 
-    def replaced(part: Expression) -> Expression:
-        if not (is_root(part) and isinstance(part, Power) and isinstance(part.exponent, Number)):
-            return _gathered(rebuild(part, replaced))
+    def replaced(part: ex.Expression) -> ex.Expression:
+        if not (nf.is_root(part) and isinstance(part, ex.Power) and isinstance(part.exponent, ex.Number)):
+            return _gathered(ex.rebuild(part, replaced))
         outside, inside = [], []
-        for factor in factors_of(part.base):
-            side = sides.get(factor.base) if is_square(factor) and isinstance(factor, Power) else None
-            if side and isinstance(factor, Power) and isinstance(factor.exponent, Number):
+        for factor in ex.factors_of(part.base):
+            side = sides.get(factor.base) if nf.is_square(factor) and isinstance(factor, ex.Power) else None
+            if side and isinstance(factor, ex.Power) and isinstance(factor.exponent, ex.Number):
                 power, u = factor.exponent.value * part.exponent.value, replaced(factor.base)
-                outside.append(number(side) ** power * u**power if power.denominator == 1 else (side * u) ** power)
+                outside.append(ex.number(side) ** power * u**power if power.denominator == 1 else (side * u) ** power)
             else:
                 inside.append(replaced(factor))
-        return _gathered(multiply(*outside, multiply(*inside) ** part.exponent))
+        return _gathered(ex.multiply(*outside, ex.multiply(*inside) ** part.exponent))
 
     return replaced(tree)
 
 
-def _gathered(tree: Expression) -> Expression:
+def _gathered(tree: ex.Expression) -> ex.Expression:
     """A product with each base once, so that u/u has a value where u is zero."""
-    if not isinstance(tree, Product | Power):
+    if not isinstance(tree, ex.Product | ex.Power):
         return tree
-    powers: dict[Expression, Fraction] = {}
+    powers: dict[ex.Expression, Fraction] = {}
     for base, exponent in _powers(tree, Fraction(1)):
         powers[base] = powers.get(base, Fraction(0)) + exponent
-    return multiply(*(base**exponent for base, exponent in powers.items()))
+    return ex.multiply(*(base**exponent for base, exponent in powers.items()))
 
 
-def _powers(tree: Expression, outer: Fraction) -> Iterator[tuple[Expression, Fraction]]:
+def _powers(tree: ex.Expression, outer: Fraction) -> Iterator[tuple[ex.Expression, Fraction]]:
     """(base, exponent) of the factors of tree^outer, an integer; integers inside of others are taken together."""
-    for base, exponent in powers_of(tree):
-        if exponent.denominator == 1 and isinstance(base, Product | Power) and base != tree:
+    for base, exponent in ex.powers_of(tree):
+        if exponent.denominator == 1 and isinstance(base, ex.Product | ex.Power) and base != tree:
             yield from _powers(base, outer * exponent)
         else:
             yield base, outer * exponent
 
 
-def has_pieces(scene: Scene, problem: Problem) -> bool:
+def has_pieces(scene: data.Scene, problem: data.Problem) -> bool:
     """Whether a run of this problem is made of pieces. A Lagrangian that was found for given equations belongs to one
     side, and ends there."""
     if any(event.acts or event.most > 1 for event in scene.events):
@@ -497,59 +464,62 @@ def has_pieces(scene: Scene, problem: Problem) -> bool:
     return bool(switches_of(problem, scene)) and not (scene.accelerations and problem.free_lagrangian is not None)
 
 
-def switches_of(problem: Problem, scene: Scene) -> tuple[Expression, ...]:
+def switches_of(problem: data.Problem, scene: data.Scene) -> tuple[ex.Expression, ...]:
     trees = (
         scene.lagrangian, *scene.forces, *(scene.accelerations or ()), problem.free_lagrangian,
         *(problem.accelerations or ()),
     )  # fmt: skip
-    return switching_functions(trees, scene.coordinates)
+    return nf.switching_functions(trees, scene.coordinates)
 
 
 @dataclass
 class _Motion:
     """The formulas of a motion on each side, made when they are first needed, and their values at a state."""
 
-    scene: Scene
+    scene: data.Scene
     values: Mapping[str, float]
-    problem: Problem
-    accelerations: tuple[Expression, ...]
-    functions: tuple[Expression, ...]
+    problem: data.Problem
+    accelerations: tuple[ex.Expression, ...]
+    functions: tuple[ex.Expression, ...]
     known: dict[tuple[object, ...], object] = field(default_factory=dict)
 
-    def at(self, trees: Sequence[Expression], state: tuple[float, Array, Array]) -> Array:
+    def at(self, trees: Sequence[ex.Expression], state: tuple[float, Array, Array]) -> Array:
         time, q, v = state
-        table = table_of(self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time]))
-        return np.array([float(array_value(tree, table)[0]) for tree in trees])
+        table = nf.table_of(self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time]))
+        return np.array([float(nf.array_value(tree, table)[0]) for tree in trees])
 
-    def rate(self, u: Expression, forces: Sequence[Expression]) -> Expression:
+    def rate(self, u: ex.Expression, forces: Sequence[ex.Expression]) -> ex.Expression:
         """u' along q'' = forces."""
-        terms = [differentiate(u, TIME)]
+        terms = [derivative.differentiate(u, ex.TIME)]
         for name, force in zip(self.scene.coordinates, forces, strict=True):
-            terms += [differentiate(u, Symbol(name)) * Velocity(name), differentiate(u, Velocity(name)) * force]
-        return add(*terms)
+            terms += [
+                derivative.differentiate(u, ex.Symbol(name)) * ex.Velocity(name),
+                derivative.differentiate(u, ex.Velocity(name)) * force,
+            ]
+        return ex.add(*terms)
 
-    def surface(self, u: Expression, sides: Sides) -> Expression:
+    def surface(self, u: ex.Expression, sides: Sides) -> ex.Expression:
         """u, or u' where u holds no velocity: what stays zero where the motion sticks."""
         own = on_sides(u, sides)
-        if any(holds(own, Velocity(name)) for name in self.scene.coordinates):
+        if any(ex.holds(own, ex.Velocity(name)) for name in self.scene.coordinates):
             return own
-        return self.rate(own, [ZERO] * len(self.scene.coordinates))
+        return self.rate(own, [ex.ZERO] * len(self.scene.coordinates))
 
-    def forces(self, sides: Sides) -> tuple[Expression, ...]:
+    def forces(self, sides: Sides) -> tuple[ex.Expression, ...]:
         """The accelerations, with those of sticking functions such that they stay zero."""
         return self._made(sides)[0]
 
-    def shares(self, sides: Sides) -> dict[Expression, Expression]:
+    def shares(self, sides: Sides) -> dict[ex.Expression, ex.Expression]:
         """The s in [-1, 1] of each function that sticks."""
         return self._made(sides)[1]
 
-    def _made(self, sides: Sides) -> tuple[tuple[Expression, ...], dict[Expression, Expression]]:
+    def _made(self, sides: Sides) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
         key = ("forces", *sides.items())
         if key not in self.known:
             self.known[key] = self._make(sides)
         return self.known[key]  # type: ignore[return-value]
 
-    def _make(self, sides: Sides) -> tuple[tuple[Expression, ...], dict[Expression, Expression]]:
+    def _make(self, sides: Sides) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
         stuck = [u for u, side in sides.items() if side == STICKS]
         if not stuck:
             return tuple(on_sides(force, sides) for force in self.accelerations), {}
@@ -557,31 +527,31 @@ class _Motion:
         for signs in product((1, -1), repeat=len(stuck)):
             own = sides | dict(zip(stuck, signs, strict=True))
             corners.append((signs, [on_sides(force, own) for force in self.accelerations]))
-        share = number(1) / number(len(corners))
+        share = ex.number(1) / ex.number(len(corners))
         n = len(self.accelerations)
-        middle = [share * add(*(forces[k] for _, forces in corners)) for k in range(n)]
-        slopes = [[share * add(*(signs[j] * forces[k] for signs, forces in corners)) for k in range(n)]
+        middle = [share * ex.add(*(forces[k] for _, forces in corners)) for k in range(n)]
+        slopes = [[share * ex.add(*(signs[j] * forces[k] for signs, forces in corners)) for k in range(n)]
                   for j in range(len(stuck))]  # fmt: skip
         surfaces = [self.surface(u, sides) for u in stuck]
         right = [-self.rate(w, middle) for w in surfaces]
         rows = [
-            [add(*(differentiate(w, Velocity(name)) * slope[k] for k, name in enumerate(self.scene.coordinates)))
+            [ex.dot([derivative.differentiate(w, ex.Velocity(name)) for name in self.scene.coordinates], slope)
              for slope in slopes]
             for w in surfaces
         ]  # fmt: skip
-        whole = determinant(tuple(map(tuple, rows)))
-        if whole == ZERO:
+        whole = motions.determinant(tuple(map(tuple, rows)))
+        if whole == ex.ZERO:
             return tuple(middle), {}
         found = {}
         for j, u in enumerate(stuck):
             changed = [
                 tuple(right[i] if k == j else entry for k, entry in enumerate(row)) for i, row in enumerate(rows)
             ]
-            found[u] = determinant(tuple(changed)) / whole
-        forces = tuple(middle[k] + add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n))
+            found[u] = motions.determinant(tuple(changed)) / whole
+        forces = tuple(middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n))
         return forces, found
 
-    def problem_on(self, sides: Sides, by_forces: bool) -> Problem:
+    def problem_on(self, sides: Sides, by_forces: bool) -> data.Problem:
         """The problem of the method with s u for sqrt(u^2); that of the accelerations where something sticks."""
         key = ("problem", by_forces, *sides.items())
         if key not in self.known:
@@ -602,7 +572,7 @@ class _Motion:
             self.known[key] = found
         return self.known[key]  # type: ignore[return-value]
 
-    def sides_at(self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[Expression]) -> Sides | None:
+    def sides_at(self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[ex.Expression]) -> Sides | None:
         """The sides on which the motion goes on where the functions `zero` are zero; None where there is none, or where
         there are several."""
         found: Sides = {}
@@ -638,32 +608,34 @@ class _Motion:
         values = np.array([self.at(self.forces(sides), state) for sides in passing])
         return bool((np.ptp(values, axis=0) <= 1e-12 * np.abs(values).max(initial=0.0)).all())
 
-    def _goes(self, sides: Sides, zero: Sequence[Expression], state: tuple[float, Array, Array]) -> bool:
+    def _goes(self, sides: Sides, zero: Sequence[ex.Expression], state: tuple[float, Array, Array]) -> bool:
         """Whether the motion on these sides leaves each zero to its side."""
         for u in zero:
             own, forces = on_sides(u, sides), self.forces(sides)
             first = self.rate(own, forces)
             rates = self.at([first, self.rate(first, forces)], state)
             scale = 1e-9 * (abs(rates[1]) + float(np.abs(state[2]).max()) + 1e-300)
-            slow = abs(rates[0]) <= scale and not any(holds(own, Velocity(name)) for name in self.scene.coordinates)
+            slow = abs(rates[0]) <= scale and not any(
+                ex.holds(own, ex.Velocity(name)) for name in self.scene.coordinates
+            )
             if not sides[u] * rates[1 if slow else 0] > 0:
                 return False
         return True
 
 
 def run_pieces(
-    scene: Scene,
-    requested: Requested,
-    problem: Problem,
-    motion: Problem | Unavailable,
-    start: Start,
+    scene: data.Scene,
+    requested: data.Requested,
+    problem: data.Problem,
+    motion: data.Problem | data.Unavailable,
+    start: data.Start,
     values: Mapping[str, float],
     integrate: Integrate,
-    stop: Stop | None = None,
-) -> Pieces | Unavailable:
+    stop: data.Stop | None = None,
+) -> Pieces | data.Unavailable:
     """The run of a method, piece by piece; `motion` has the accelerations, `integrate` runs a piece."""
-    if isinstance(motion, Unavailable) or motion.accelerations is None:
-        return motion if isinstance(motion, Unavailable) else Unavailable("The accelerations are not known.")
+    if isinstance(motion, data.Unavailable) or motion.accelerations is None:
+        return motion if isinstance(motion, data.Unavailable) else data.Unavailable("The accelerations are not known.")
     functions = switches_of(problem, scene)
     formulas = _Motion(scene, values, problem, motion.accelerations, functions)
     return _Run(scene, requested, formulas, integrate, stop).go(start)
@@ -671,11 +643,11 @@ def run_pieces(
 
 @dataclass
 class _Run:
-    scene: Scene
-    requested: Requested
+    scene: data.Scene
+    requested: data.Requested
     motion: _Motion
     integrate: Integrate
-    stop: Stop | None
+    stop: data.Stop | None
 
     def __post_init__(self) -> None:
         self.parts: list[Trajectory] = []
@@ -684,14 +656,14 @@ class _Run:
         self.switches: list[Switch] = []
         self.acted: list[float] = []
 
-    def go(self, start: Start) -> Pieces | Unavailable:
+    def go(self, start: data.Start) -> Pieces | data.Unavailable:
         scene, grid = self.scene, self.scene.grid
         state = (
             grid.begin,
             np.array(start.positions, dtype=float),
             np.array(start.velocities if start.velocities is not None else scene.velocities, dtype=float),
         )
-        begun: Start | None = start
+        begun: data.Start | None = start
         sides, outcome = self._sides(state, {}, self._zeros(state, {})), None
         place, count = 0, FIRST
         while sides is not None and outcome is None and place < grid.steps:
@@ -702,26 +674,26 @@ class _Run:
             ahead = grid.begin + (place + 1) * grid.step - state[0]
             between = abs(ahead - grid.step) > SAME * (abs(grid.step) + abs(state[0]))
             many = 1 if between else min(count, grid.steps - place)
-            piece = Grid(ahead if between else grid.step, many, 1, state[0])
+            piece = data.Grid(ahead if between else grid.step, many, 1, state[0])
             stuck = STICKS in sides.values()
             by_forces = stuck and self.requested.method not in POINT_METHODS
             choice = CONTINUED if by_forces else self.requested.choice
             assert choice is not None
             what = self.motion.problem_on(sides, by_forces)
-            begin = begun or Start(tuple(map(float, state[1])), velocities=tuple(map(float, state[2])))
+            begin = begun or data.Start(tuple(map(float, state[1])), velocities=tuple(map(float, state[2])))
             ran = self.integrate(what, choice, begin, piece)
-            if isinstance(ran, Unavailable):
+            if isinstance(ran, data.Unavailable):
                 return ran
             if len(ran.times) < 2:
                 outcome = replace(ran.outcome, step=place, time=state[0])
                 break
-            observed = Observed(
+            observed = observing.Observed(
                 replace(scene, grid=piece), replace(self.requested, method=choice.method, choice=choice,
                 alpha=None if by_forces else self.requested.alpha), ran, what, self.motion.values, None,
             )  # fmt: skip
-            velocities = velocities_at_points(observed)
+            velocities = observing.velocities_at_points(observed)
             if velocities is None:
-                return Unavailable("The method has no velocities at its points, which events need.")
+                return data.Unavailable("The method has no velocities at its points, which events need.")
             ran = replace(ran, velocities=velocities, momenta=None)
             if (turned := self._turned(ran, velocities, sides)) is not None:
                 sides = turned
@@ -752,10 +724,10 @@ class _Run:
             if ended is not None:
                 outcome = replace(ended, step=place)
                 break
-            zero = [one for one in kinds if isinstance(one, Expression)]
+            zero = [one for one in kinds if isinstance(one, ex.Expression)]
             sides = self._sides(state, sides, zero)
         if sides is None:
-            text = to_text(self.motion.functions[-1]) if self.motion.functions else ""
+            text = printing.to_text(self.motion.functions[-1]) if self.motion.functions else ""
             outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), 0.0, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
         return Pieces(whole, tuple(self._events()), tuple(self.switches), state)
@@ -773,12 +745,12 @@ class _Run:
                 return sides | {u: -side}
         return None
 
-    def _zeros(self, state: tuple[float, Array, Array], sides: Sides) -> list[Expression]:
+    def _zeros(self, state: tuple[float, Array, Array], sides: Sides) -> list[ex.Expression]:
         """The switching functions that are zero at the start."""
         size = float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
         return [u for u in self.motion.functions if abs(self.motion.at([on_sides(u, sides)], state)[0]) <= 1e-14 * size]
 
-    def _sides(self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[Expression]) -> Sides | None:
+    def _sides(self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[ex.Expression]) -> Sides | None:
         released = {}
         for u in zero:
             if before.get(u) == STICKS:  # it is released to the side to which its share has come
@@ -794,17 +766,17 @@ class _Run:
         return found
 
     def _first(
-        self, run: Observed, motion: Problem, sides: Sides
-    ) -> tuple[tuple[float, Array, Array], list[int | Expression]] | None:
+        self, run: observing.Observed, motion: data.Problem, sides: Sides
+    ) -> tuple[tuple[float, Array, Array], list[int | ex.Expression]] | None:
         """The state at the first event of a piece that acts, stops or switches, and all that happen there."""
         shares = self.motion.shares(sides)
-        watched: list[tuple[int | Expression, Event]] = list(enumerate(self.scene.events))
+        watched: list[tuple[int | ex.Expression, data.Event]] = list(enumerate(self.scene.events))
         for u, side in sides.items():
-            formula = ONE - shares[u] ** 2 if side == STICKS and u in shares else on_sides(u, sides)
+            formula = ex.ONE - shares[u] ** 2 if side == STICKS and u in shares else on_sides(u, sides)
             if side != STICKS or u in shares:
-                watched.append((u, Event(formula, -side or -1, True)))
+                watched.append((u, data.Event(formula, -side or -1, True)))
         at, least = run.trajectory, SAME * abs(self.scene.grid.step)
-        ends: list[tuple[float, int | Expression, tuple[float, Array, Array]]] = []
+        ends: list[tuple[float, int | ex.Expression, tuple[float, Array, Array]]] = []
         records: list[tuple[float, int, tuple[float, Array, Array]]] = []
         for (kind, event), found in zip(watched, located(run, [e for _, e in watched], motion), strict=True):
             if isinstance(kind, int) and found.note:
@@ -827,7 +799,7 @@ class _Run:
         return first[2], [kind for time, kind, _ in ends if time <= end + least]
 
     def _act(
-        self, state: tuple[float, Array, Array], kinds: Sequence[int | Expression], sides: Sides
+        self, state: tuple[float, Array, Array], kinds: Sequence[int | ex.Expression], sides: Sides
     ) -> tuple[tuple[float, Array, Array], Outcome | None]:
         """The state after the events, and the outcome where they end the run."""
         time, q, v = state
@@ -838,13 +810,13 @@ class _Run:
                 q, v = q.copy(), v.copy()
                 targets = self.motion.at([on_sides(tree, sides) for _, tree in event.sets], state)
                 for (target, _), value in zip(event.sets, targets, strict=True):
-                    (v if isinstance(target, Velocity) else q)[self._place(target)] = value
+                    (v if isinstance(target, ex.Velocity) else q)[self._place(target)] = value
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
-                    text = f"what the event {to_text(event.formula)} = 0 sets, which has no value"
+                    text = f"what the event {printing.to_text(event.formula)} = 0 sets, which has no value"
                     return (time, q, v), Outcome("off_domain", None, time, text, None, BEGIN_ELSEWHERE)
                 if self.scene.constraints:
                     given = dict(zip(self.scene.coordinates, map(float, v), strict=True))
-                    v = initial_velocities(
+                    v = initial.initial_velocities(
                         self.scene.coordinates, self.scene.constraints, self.scene.lagrangian, self.motion.values, q,
                         given, project=True,
                     )  # fmt: skip
@@ -859,8 +831,8 @@ class _Run:
             return (time, q, v), Outcome("zeno", None, time, ZENO, gap, ZENO_REMEDY)
         return (time, q, v), None
 
-    def _place(self, target: Expression) -> int:
-        name = target.coordinate if isinstance(target, Velocity) else getattr(target, "name", "")
+    def _place(self, target: ex.Expression) -> int:
+        name = target.coordinate if isinstance(target, ex.Velocity) else getattr(target, "name", "")
         return self.scene.coordinates.index(name)
 
     def _keep(self, ran: Trajectory, rows: NDArray[np.bool_]) -> None:
@@ -870,7 +842,7 @@ class _Run:
             rows[0] = False
         self.parts.append(ran.part(np.flatnonzero(rows)))
 
-    def _joined(self, outcome: Outcome, start: Start) -> Trajectory:
+    def _joined(self, outcome: Outcome, start: data.Start) -> Trajectory:
         parts = self.parts
         if not parts:
             begin = np.array([list(start.positions)], dtype=float)

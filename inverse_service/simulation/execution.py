@@ -28,15 +28,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
-from inverse_service.integrators.method_table import (
-    GEOMETRIC,
-    METHODS,
-    ORDERS,
-    OWN_STEPS,
-    POINT_METHODS,
-    SCIPY,
-    composition,
-)
+from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
@@ -61,32 +53,22 @@ from inverse_service.kernels.codegen.program import (
     limit_at_zero_step,
 )
 from inverse_service.kernels.codegen.symengine_trees import STEP, ZERO, Formula, free_names, real_value, symbol
+from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, formulas_of
-from inverse_service.simulation.peers import run_heyoka, run_scipy
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
-from inverse_service.simulation.schemes import (
-    GUARD_REMEDY,
-    RESOLVE,
-    SMALLER_STEP,
-    alpha_of,
-    has_unique_roots,
-    parts_of,
-    program_of,
-    where_it_ends,
-)
 
 __all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "run"]
 
 
 def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None:
     """InputError with one sentence for a choice that makes no sense."""
-    if choice.method not in METHODS:
-        raise InputError(f"There is no method of this name; there are {', '.join(METHODS)}.")
+    if choice.method not in method_table.METHODS:
+        raise InputError(f"There is no method of this name; there are {', '.join(method_table.METHODS)}.")
     if not 0.0 <= choice.alpha <= 1.0:
         raise InputError("alpha must be from 0 to 1.")
     if choice.form not in ("hamiltonian", "raw", "verlet"):
         raise InputError("The form of the variational method is hamiltonian, raw or verlet.")
-    if choice.method in GEOMETRIC:
+    if choice.method in method_table.GEOMETRIC:
         _check_order(choice)
     if choice.symmetrised and choice.alpha != 0.5 and choice.form != "verlet" and problem.depends_on_time:
         raise InputError("Symmetrised steps are for systems without t: take alpha = 1/2, which has order 2 too.")
@@ -96,7 +78,7 @@ def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None
 
 
 def _check_order(choice: MethodChoice) -> None:
-    if choice.order not in ORDERS:
+    if choice.order not in method_table.ORDERS:
         raise InputError(f"Compositions have order 2, 4, 6 or 8, not {choice.order}.")
     if choice.order > 2 and choice.alpha != 0.5 and not choice.symmetrised:
         raise InputError("A composition needs a symmetric step: alpha = 1/2, or symmetrised.")
@@ -120,7 +102,7 @@ def lane_of(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """(state and rates, arguments) of one trajectory."""
     rates = {f"{name}_rate": value for name, value in begin.rates.items()}
-    setting = choice.tolerance if choice.method in OWN_STEPS else choice.alpha
+    setting = choice.tolerance if choice.method in method_table.OWN_STEPS else choice.alpha
     return {**begin.state, **rates, str(MOMENT): grid.begin}, {"h": grid.step, "a": setting, **parameters}
 
 
@@ -128,10 +110,10 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
     """The compiled step of the method, made only once for all values of h, alpha, parameters and weights."""
     order = choice.order if choice.method == "runge_kutta" else 0
     identity = (
-        formulas.problem, choice.method, choice.form, order, [str(part) for part in parts_of(choice)],
-        str(alpha_of(choice)), choice.guard, observation,
+        formulas.problem, choice.method, choice.form, order, [str(part) for part in schemes.parts_of(choice)],
+        str(schemes.alpha_of(choice)), choice.guard, observation,
     )  # fmt: skip
-    return compiled(identity, lambda: program_of(formulas, choice, observation), lanes)
+    return compiled(identity, lambda: schemes.program_of(formulas, choice, observation), lanes)
 
 
 MONOTONE = "The step is far beyond what the guard allows, but its equation is monotone: the root found is the only one."
@@ -158,16 +140,16 @@ def run(
     check(problem, choice, [grid])
     observation = observation or Observation()
     if choice.method == "heyoka":
-        return run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
-    if choice.method in SCIPY:
-        return run_scipy(problem, choice, start, grid, values)
+        return peers.run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
+    if choice.method in method_table.SCIPY:
+        return peers.run_scipy(problem, choice, start, grid, values)
     formulas = formulas_of(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     refused = begin.missing or refusal(formulas, choice, begin, grid, parameters)
     if refused:
         return failed_start(start, refused, grid.begin)
-    if choice.guard and not begun and choice.method not in OWN_STEPS and grid.steps >= FEW:
+    if choice.guard and not begun and choice.method not in method_table.OWN_STEPS and grid.steps >= FEW:
         unresolved = _first_steps(formulas, choice, begin, grid, parameters)
         if unresolved is not None:
             return failed_start(start, unresolved, grid.begin)
@@ -204,13 +186,13 @@ def _first_steps(
             return replace(found.outcome, step=0, time=grid.begin) if jumped else None
         passed = _wall_passed(formulas, found.positions, parameters)
         if passed is not None:
-            return Outcome("singular", 0, grid.begin, *passed, SMALLER_STEP)
+            return Outcome("singular", 0, grid.begin, *passed, schemes.SMALLER_STEP)
         ends.append(found.positions[-1] - found.positions[0])
     apart, moved = (float(np.linalg.norm(difference)) for difference in (ends[0] - ends[1], ends[1]))
     if not apart > HALF * moved:
         return None
     return Outcome(
-        "unresolved", 0, grid.begin, f"the first {FEW} steps compared with {MANY} shorter ones", apart, RESOLVE
+        "unresolved", 0, grid.begin, f"the first {FEW} steps compared with {MANY} shorter ones", apart, schemes.RESOLVE
     )
 
 
@@ -231,10 +213,10 @@ def _is_monotone(formulas: Formulas, choice: MethodChoice, grid: Grid, parameter
     """Whether each substep has one root only, whatever the guard says."""
     if formulas.depends_on_time:
         return False
-    program = program_of(formulas, choice, Observation(momenta=False, velocities=False))
+    program = schemes.program_of(formulas, choice, Observation(momenta=False, velocities=False))
     known = {"a": choice.alpha, **parameters}
     substeps = {weight * grid.step for weight in weights_of(choice)}
-    return all(has_unique_roots(program, known | {"h": step}) for step in substeps)
+    return all(schemes.has_unique_roots(program, known | {"h": step}) for step in substeps)
 
 
 _FIRST_PIECE = 4096
@@ -536,7 +518,7 @@ def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
     kept = run.steps_at <= (halt.step if halt else run.done)
     columns = {name: run.rows[kept, place] for place, name in enumerate(card.layout.columns)}
     size = ended.f.size
-    letter = "v" if ended.choice.method in POINT_METHODS else "p"
+    letter = "v" if ended.choice.method in method_table.POINT_METHODS else "p"
     carried = _with_start(columns, begin, [f"{letter}{k}" for k in range(size)])
     velocities = carried if letter == "v" else _velocities(columns, begin, card, size)
     taken = int(run.memory[card.layout.place("clock")]) if halt is None else halt.step
@@ -547,7 +529,7 @@ def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
         velocities=velocities if observation.velocities or letter == "v" else None,
         outcome=_outcome(ended),
         force_evaluations=_evaluations(ended.choice, card, taken, run.iterations),
-        newton_iterations=0 if ended.choice.method in OWN_STEPS else run.iterations,
+        newton_iterations=0 if ended.choice.method in method_table.OWN_STEPS else run.iterations,
         compile_seconds=sum(ended.kernel.seconds.values()),
         run_seconds=run.seconds,
         series={name: _headed(columns[f"observed_{k}"]) for k, name in enumerate(card.observed)},
@@ -556,12 +538,12 @@ def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
 
 
 def weights_of(choice: MethodChoice) -> tuple[float, ...]:
-    return composition(choice.order) if choice.method in GEOMETRIC else (1.0,)
+    return method_table.composition(choice.order) if choice.method in method_table.GEOMETRIC else (1.0,)
 
 
 def _evaluations(choice: MethodChoice, card: Card, taken: int, iterations: int) -> int:
     """Of forces: in every trial step where the method chooses its own, else in every substep and iteration."""
-    if choice.method in OWN_STEPS:
+    if choice.method in method_table.OWN_STEPS:
         return card.forces * iterations
     return card.forces * taken * len(weights_of(choice)) + iterations * (6 if choice.method == "reference" else 1)
 
@@ -607,13 +589,13 @@ def _outcome(ended: Ended) -> Outcome:
         kind = "cancelled" if ended.run.cancelled and ended.run.done < grid.steps else "completed"
         return Outcome(kind, ended.run.done, grid.begin + ended.run.done * grid.step)
     when = grid.begin + halt.step * grid.step
-    if choice.method == "modified" and halt.kind == "singular" and len(parts_of(choice)) == 1:
+    if choice.method == "modified" and halt.kind == "singular" and len(schemes.parts_of(choice)) == 1:
         # Its own singular set: smooth through the zeros of A_alpha, whatever passes 0 nearby.
         return Outcome(halt.kind, halt.step, when, *_own_singular_set(f, choice, halt), _remedy(f, choice))
     if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(ended)):
         return Outcome("singular", halt.step, when, *cause, _remedy(f, choice))
     if cause := _pole(ended):
-        return Outcome("singular", halt.step, when, *cause, where_it_ends(f))
+        return Outcome("singular", halt.step, when, *cause, schemes.where_it_ends(f))
     remedy = halt.remedy
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
@@ -633,7 +615,7 @@ def _pole(ended: Ended) -> tuple[str, float] | None:
 
 def _own_singular_set(f: Formulas, choice: MethodChoice, halt: Stopped) -> tuple[str, float]:
     """The determinant as the formula that it is for h -> 0, with its value; its plain name where that is too long."""
-    program = program_of(f, choice, Observation(momenta=False, velocities=False))
+    program = schemes.program_of(f, choice, Observation(momenta=False, velocities=False))
     found = None if halt.block is None else limit_text(f, program, halt.block)
     if found is None:
         return halt.quantity, halt.value
@@ -647,7 +629,9 @@ def _vanished(ended: Ended) -> tuple[str, float] | None:
     if choice.method not in ("variational", "modified"):
         return None
     raw = (
-        choice.method == "modified" or choice.form == "raw" or (choice.form != "verlet" and len(parts_of(choice)) == 2)
+        choice.method == "modified"
+        or choice.form == "raw"
+        or (choice.form != "verlet" and len(schemes.parts_of(choice)) == 2)
     )
     points = _way(ended)
     for item in ended.f.denominators:
@@ -674,7 +658,7 @@ def _way(ended: Ended) -> list[dict[str, float]]:
 
 
 def _remedy(f: Formulas, choice: MethodChoice) -> str:
-    if choice.form != "verlet" and len(parts_of(choice)) == 2:
+    if choice.form != "verlet" and len(schemes.parts_of(choice)) == 2:
         return "leave symmetrised out: its two places lie on different sides there; alpha = 1/2 has order 2 too"
     if choice.method == "variational" and choice.form == "raw":
         return "use the Hamiltonian form, which is smooth there"
@@ -682,7 +666,7 @@ def _remedy(f: Formulas, choice: MethodChoice) -> str:
         names = ", ".join(f.problem.free_constants)
         constants = f"free constants {names}" if names else "free constants of L~"
         return f"choose smaller {constants}, another alpha, or the variational method in Hamiltonian form"
-    return where_it_ends(f)
+    return schemes.where_it_ends(f)
 
 
 LIMIT = 1.0
@@ -716,7 +700,7 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parame
     parameters = {str(MOMENT): 0.0, **parameters}
     _require(start, f.size)
     q = _named("q", start.positions)
-    if choice.method in POINT_METHODS:
+    if choice.method in method_table.POINT_METHODS:
         if start.velocities is None:
             raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
         state = {**q, **_named("v", start.velocities)}
@@ -882,7 +866,7 @@ def _on_discrete_constraint(
     f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]
 ) -> Initial:
     """p_0 = -D1 L_d(q_0, q_1) with q_1 = q_0 + h v and v on the discrete constraint."""
-    parts = [float(part.subs({"a": choice.alpha})) for part in parts_of(choice)]
+    parts = [float(part.subs({"a": choice.alpha})) for part in schemes.parts_of(choice)]
     q = [float(x) for x in start.positions]
     v = _discrete_velocities(f, q, list(start.velocities or ()), parts, step, parameters)
     total = [0.0] * f.size
@@ -950,5 +934,5 @@ def refusal(
     worst = float(slopes[np.isfinite(slopes)].max(initial=0.0))
     if abs(grid.step) * worst < LIMIT:
         return None
-    remedy = f"{GUARD_REMEDY}; |step| must be well below {1.0 / worst:.3g}"
+    remedy = f"{schemes.GUARD_REMEDY}; |step| must be well below {1.0 / worst:.3g}"
     return Outcome("guard", 0, grid.begin, f"h*max|d2H/d{name} dp_{name}|", abs(grid.step) * worst, remedy)

@@ -194,11 +194,7 @@ def _is_angle(stack: list[Expression], name: Symbol) -> bool:
 
 
 def velocities_from_momenta(
-    coordinates: Sequence[str],
-    lagrangian: Expression,
-    values: Mapping[str, float],
-    positions: Array,
-    target: Array,
+    coordinates: Sequence[str], lagrangian: Expression, values: Mapping[str, float], positions: Array, target: Array
 ) -> Array:
     """v with dL/dv(q, v) = p, (n,); one step for a quadratic L, Newton elsewhere. InputError where that fails."""
     names = tuple(coordinates)

@@ -45,28 +45,10 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.graphs import components
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    TIME,
-    ZERO,
-    Expression,
-    Number,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    dot,
-    factors_of,
-    holds,
-    multiply,
-    number,
-    square_root,
-    walk,
-)
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.euler_lagrange import Matrix, euler_lagrange_residual, euler_lagrange_sums, hessian
 from inverse_service.simulation.initial import initial_velocities
@@ -94,7 +76,7 @@ class ExactMotion:
     coordinates: tuple[str, ...]
     inertia: Matrix
     mass: Array
-    constraints: tuple[tuple[Expression, ...], ...]
+    constraints: tuple[tuple[ex.Expression, ...], ...]
     turning: int | None
     values: Mapping[str, float]
 
@@ -108,8 +90,8 @@ class NoExactMotion:
 
 def motion_by_quadrature(
     coordinates: Sequence[str],
-    lagrangian: Expression,
-    constraints: Sequence[Expression],
+    lagrangian: ex.Expression,
+    constraints: Sequence[ex.Expression],
     values: Mapping[str, float],
 ) -> ExactMotion | NoExactMotion:
     """The exact motion of a system of the class above, or why it is not of it."""
@@ -124,9 +106,9 @@ def motion_by_quadrature(
     linear = [row for row in rows if row is not None]
     if len(linear) < len(rows):
         return NoExactMotion("A constraint is not linear and homogeneous in the velocities.")
-    used = {node.name for row in linear for entry in row for node in walk(entry) if isinstance(node, Symbol)}
+    used = {node.name for row in linear for entry in row for node in ex.walk(entry) if isinstance(node, ex.Symbol)}
     turning = [k for k, name in enumerate(names) if name in used]
-    if TIME.name in used or len(turning) > 1:
+    if ex.TIME.name in used or len(turning) > 1:
         return NoExactMotion("The constraints depend on more than one coordinate.")
     found = ExactMotion(names, inertia, mass, tuple(linear), turning[0] if turning else None, dict(values))
     return found if not turning else _with_one_direction(found)
@@ -134,7 +116,7 @@ def motion_by_quadrature(
 
 def _with_one_direction(found: ExactMotion) -> ExactMotion | NoExactMotion:
     k, names = found.turning or 0, found.coordinates
-    if any(row[k] != ZERO for row in found.constraints):
+    if any(row[k] != ex.ZERO for row in found.constraints):
         return NoExactMotion(f"A constraint contains the velocity of {names[k]}, on which it depends.")
     if np.delete(found.mass[k], k).any():
         return NoExactMotion(f"The kinetic energy couples {names[k]} with another coordinate.")
@@ -143,10 +125,14 @@ def _with_one_direction(found: ExactMotion) -> ExactMotion | NoExactMotion:
     return found
 
 
-def _mass(lagrangian: Expression, inertia: Matrix, names: tuple[str, ...], values: Mapping[str, float]) -> Array | None:
-    rates = [Velocity(name) for name in names]
-    table: dict[Expression, float] = {Symbol(name): value for name, value in values.items()}
-    kinetic = add(*(HALF * entry * rates[i] * rates[j] for i, row in enumerate(inertia) for j, entry in enumerate(row)))
+def _mass(
+    lagrangian: ex.Expression, inertia: Matrix, names: tuple[str, ...], values: Mapping[str, float]
+) -> Array | None:
+    rates = [ex.Velocity(name) for name in names]
+    table: dict[ex.Expression, float] = {ex.Symbol(name): value for name, value in values.items()}
+    kinetic = ex.add(
+        *(ex.HALF * entry * rates[i] * rates[j] for i, row in enumerate(inertia) for j, entry in enumerate(row))
+    )
     rest = collect(lagrangian - kinetic)
     try:
         array_value(rest, table)
@@ -155,13 +141,13 @@ def _mass(lagrangian: Expression, inertia: Matrix, names: tuple[str, ...], value
         return None
 
 
-def _coefficients(constraint: Expression, names: tuple[str, ...]) -> tuple[Expression, ...] | None:
+def _coefficients(constraint: ex.Expression, names: tuple[str, ...]) -> tuple[ex.Expression, ...] | None:
     """The coefficients of the velocities; None where the constraint has any other part."""
-    row = tuple(collect(differentiate(constraint, Velocity(name))) for name in names)
-    if any(isinstance(node, Velocity) for entry in row for node in walk(entry)):
+    row = tuple(collect(differentiate(constraint, ex.Velocity(name))) for name in names)
+    if any(isinstance(node, ex.Velocity) for entry in row for node in ex.walk(entry)):
         return None
-    rest = constraint - add(*(entry * Velocity(n) for entry, n in zip(row, names, strict=True)))
-    return row if collect(rest) == ZERO else None
+    rest = constraint - ex.add(*(entry * ex.Velocity(n) for entry, n in zip(row, names, strict=True)))
+    return row if collect(rest) == ex.ZERO else None
 
 
 def positions_of(motion: ExactMotion, positions: Array, velocities: Array, times: Array) -> tuple[Array, Array]:
@@ -228,10 +214,10 @@ def _composite(motion: ExactMotion, start: float, rate: float, edges: Array, pie
     return summed, steady
 
 
-def turning_table(motion: ExactMotion, turning: Array) -> dict[Expression, Any]:
+def turning_table(motion: ExactMotion, turning: Array) -> dict[ex.Expression, Any]:
     """The values of the parameters, and these of the turning coordinate, for `array_value`."""
-    table: dict[Expression, Any] = {Symbol(name): value for name, value in motion.values.items()}
-    return table | {Symbol(motion.coordinates[motion.turning or 0]): turning}
+    table: dict[ex.Expression, Any] = {ex.Symbol(name): value for name, value in motion.values.items()}
+    return table | {ex.Symbol(motion.coordinates[motion.turning or 0]): turning}
 
 
 def _direction(motion: ExactMotion, turning: Array) -> Array:
@@ -265,14 +251,14 @@ class ClassLagrangian:
     `kind` is "L~2" where n is constant and "L~1" elsewhere; `decoupled` are the places with q'^2/2.
     """
 
-    lagrangian: Expression
-    hamiltonian: Expression
+    lagrangian: ex.Expression
+    hamiltonian: ex.Expression
     constants: tuple[str | None, ...]
     kind: str
     turning: int
     decoupled: tuple[int, ...]
-    directions: tuple[Expression, ...]
-    norm: Expression
+    directions: tuple[ex.Expression, ...]
+    norm: ex.Expression
 
 
 def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLagrangian | None:
@@ -285,27 +271,27 @@ def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLag
     k, names = motion.turning, motion.coordinates
     raw = _directions(motion)
     steady = _is_constant(_square(motion, raw), motion)
-    decoupled = tuple(i for i in raw if raw[i] == ZERO or (steady and not holds(raw[i], Symbol(names[k]))))
+    decoupled = tuple(i for i in raw if raw[i] == ex.ZERO or (steady and not ex.holds(raw[i], ex.Symbol(names[k]))))
     if len(decoupled) == len(raw):
         return None
-    norm = ONE if steady else square_root(_square(motion, raw))
+    norm = ex.ONE if steady else ex.square_root(_square(motion, raw))
     coupled = [i for i in raw if i not in decoupled]
-    directions = tuple(_stripped(raw[i], names[k]) if i in coupled else ONE for i in range(len(names)))
+    directions = tuple(_stripped(raw[i], names[k]) if i in coupled else ex.ONE for i in range(len(names)))
     constants = {i: _name(names[i], [*taken, *names]) for i in coupled}
-    speed, momentum = Velocity(names[k]), Symbol(f"p_{names[k]}")
-    quadratic = add(*(
-        Symbol(constants[i]) * Velocity(names[i])**2 / directions[i] for i in coupled
+    speed, momentum = ex.Velocity(names[k]), ex.Symbol(f"p_{names[k]}")
+    quadratic = ex.add(*(
+        ex.Symbol(constants[i]) * ex.Velocity(names[i])**2 / directions[i] for i in coupled
     ))  # fmt: skip
-    image = add(*(
-        directions[i] * Symbol(f"p_{names[i]}")**2 / Symbol(constants[i]) for i in coupled
+    image = ex.add(*(
+        directions[i] * ex.Symbol(f"p_{names[i]}")**2 / ex.Symbol(constants[i]) for i in coupled
     ))  # fmt: skip
     free = [i for i in range(len(names)) if i == k or i in decoupled]
-    kinetic = [HALF * Velocity(names[i]) ** 2 for i in free]
-    others = [HALF * Symbol(f"p_{names[i]}") ** 2 for i in decoupled]
-    shifted = momentum + HALF * image / norm
+    kinetic = [ex.HALF * ex.Velocity(names[i]) ** 2 for i in free]
+    others = [ex.HALF * ex.Symbol(f"p_{names[i]}") ** 2 for i in decoupled]
+    shifted = momentum + ex.HALF * image / norm
     return ClassLagrangian(
-        lagrangian=add(*kinetic, HALF * norm * quadratic / speed),
-        hamiltonian=add(HALF * shifted**2, *others),
+        lagrangian=ex.add(*kinetic, ex.HALF * norm * quadratic / speed),
+        hamiltonian=ex.add(ex.HALF * shifted**2, *others),
         constants=tuple(constants.get(i) for i in range(len(names))),
         kind="L~2" if steady else "L~1",
         turning=k,
@@ -315,7 +301,7 @@ def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLag
     )
 
 
-def _directions(motion: ExactMotion) -> dict[int, Expression]:
+def _directions(motion: ExactMotion) -> dict[int, ex.Expression]:
     """d_i: the minors of the constraints with alternating signs, for every coordinate but the turning one."""
     others = [i for i in range(len(motion.coordinates)) if i != motion.turning]
     found = {}
@@ -325,12 +311,12 @@ def _directions(motion: ExactMotion) -> dict[int, Expression]:
     return found
 
 
-def _square(motion: ExactMotion, directions: dict[int, Expression]) -> Expression:
+def _square(motion: ExactMotion, directions: dict[int, ex.Expression]) -> ex.Expression:
     terms = [motion.inertia[i][j] * directions[i] * directions[j] for i in directions for j in directions]
-    return collect(add(*terms))
+    return collect(ex.add(*terms))
 
 
-def _is_constant(expression: Expression, motion: ExactMotion) -> bool:
+def _is_constant(expression: ex.Expression, motion: ExactMotion) -> bool:
     """Whether a function of the turning coordinate has one value at random points, to round-off."""
     points = np.random.default_rng(1).uniform(-3, 3, SAMPLES)
     table = turning_table(motion, points)
@@ -339,11 +325,11 @@ def _is_constant(expression: Expression, motion: ExactMotion) -> bool:
     return len(values) > 1 and bool(np.ptp(values) <= CONSTANT * np.abs(values).max())
 
 
-def _stripped(expression: Expression, name: str) -> Expression:
+def _stripped(expression: ex.Expression, name: str) -> ex.Expression:
     """The factors that hold the turning coordinate; a constant direction becomes 1."""
-    factors = factors_of(expression)
-    kept = [factor for factor in factors if not isinstance(factor, Number) and holds(factor, Symbol(name))]
-    return multiply(*kept) if kept else number(1)
+    factors = ex.factors_of(expression)
+    kept = [factor for factor in factors if not isinstance(factor, ex.Number) and ex.holds(factor, ex.Symbol(name))]
+    return ex.multiply(*kept) if kept else ex.number(1)
 
 
 def _name(coordinate: str, taken: Sequence[str]) -> str:
@@ -385,7 +371,7 @@ def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array
     return momenta
 
 
-def _constant_ratio(raw: Expression, stripped: Expression, motion: ExactMotion) -> float:
+def _constant_ratio(raw: ex.Expression, stripped: ex.Expression, motion: ExactMotion) -> float:
     """raw/stripped, which does not depend on the turning coordinate."""
     points = np.random.default_rng(2).uniform(-3, 3, SAMPLES)
     table = turning_table(motion, points)
@@ -402,10 +388,10 @@ NOTICED = 1e-3  # of the motion of a run, whose velocities come from momenta
 
 def keeps_motion(
     scene: Scene,
-    lagrangian: Expression,
-    accelerations: tuple[Expression, ...],
+    lagrangian: ex.Expression,
+    accelerations: tuple[ex.Expression, ...],
     values: dict[str, float],
-    domain: tuple[Expression, ...] = (),
+    domain: tuple[ex.Expression, ...] = (),
 ) -> bool | None:
     """True or False where enough points of the domain, where its formulas are positive, have values; None elsewhere."""
     positions, velocities = _points(scene)
@@ -418,10 +404,10 @@ def keeps_motion(
 
 
 def distance_of_motion(
-    lagrangian: Expression,
+    lagrangian: ex.Expression,
     coordinates: tuple[str, ...],
-    accelerations: tuple[Expression, ...],
-    table: dict[Expression, Array | float],
+    accelerations: tuple[ex.Expression, ...],
+    table: dict[ex.Expression, Array | float],
 ) -> Array:
     """The greatest Euler-Lagrange residual at each of m points (m,), measured by its largest term."""
     residuals = euler_lagrange_residual(lagrangian, coordinates, accelerations)
@@ -430,9 +416,9 @@ def distance_of_motion(
     return worst
 
 
-def _size(residual: Expression, table: dict[Expression, Array | float]) -> Array:
+def _size(residual: ex.Expression, table: dict[ex.Expression, Array | float]) -> Array:
     """The size of the largest term, which the residual is measured by."""
-    terms = residual.terms if isinstance(residual, Sum) else (residual,)
+    terms = residual.terms if isinstance(residual, ex.Sum) else (residual,)
     size = np.ones(len(array_value(residual, table)))
     for term in terms:
         size = np.maximum(size, np.abs(array_value(term, table)))
@@ -468,10 +454,10 @@ MOST_FULL_ROWS = 5
 
 def regular_accelerations(
     coordinates: Sequence[str],
-    lagrangian: Expression,
-    constraints: Sequence[Expression],
-    forces: Sequence[Expression] = (),
-) -> tuple[Expression, ...] | None:
+    lagrangian: ex.Expression,
+    constraints: Sequence[ex.Expression],
+    forces: Sequence[ex.Expression] = (),
+) -> tuple[ex.Expression, ...] | None:
     """All n accelerations over (q, v), with further forces Q; None where the matrices are too large to be inverted."""
     found = accelerations_and_multipliers(coordinates, lagrangian, constraints, forces)
     return None if found is None else found[0]
@@ -479,27 +465,27 @@ def regular_accelerations(
 
 def accelerations_and_multipliers(
     coordinates: Sequence[str],
-    lagrangian: Expression,
-    constraints: Sequence[Expression],
-    forces: Sequence[Expression] = (),
-) -> tuple[tuple[Expression, ...], tuple[Expression, ...]] | None:
+    lagrangian: ex.Expression,
+    constraints: Sequence[ex.Expression],
+    forces: Sequence[ex.Expression] = (),
+) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]] | None:
     """a and lambda; the constraints exert the forces w^T lambda."""
     names = tuple(coordinates)
     inertia = inverse(hessian(lagrangian, names))
     if inertia is None:
         return None
-    own = tuple(-e for e in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names)))
-    free = _applied(inertia, tuple(map(add, own, forces)) if forces else own)
+    own = tuple(-e for e in euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names)))
+    free = _applied(inertia, tuple(map(ex.add, own, forces)) if forces else own)
     if not constraints:
         return free, ()
-    rows = tuple(tuple(collect(differentiate(w, Velocity(name))) for name in names) for w in constraints)
+    rows = tuple(tuple(collect(differentiate(w, ex.Velocity(name))) for name in names) for w in constraints)
     lifted = tuple(_applied(inertia, row) for row in rows)
-    gram = inverse(tuple(tuple(dot(row, lift) for lift in lifted) for row in rows))
+    gram = inverse(tuple(tuple(ex.dot(row, lift) for lift in lifted) for row in rows))
     if gram is None:
         return None
-    defects = [_rate(w, names) + dot(row, free) for w, row in zip(constraints, rows, strict=True)]
-    multipliers = tuple(-dot(line, defects) for line in gram)
-    moved = (free[i] + dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
+    defects = [_rate(w, names) + ex.dot(row, free) for w, row in zip(constraints, rows, strict=True)]
+    multipliers = tuple(-ex.dot(line, defects) for line in gram)
+    moved = (free[i] + ex.dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
     return tuple(moved), multipliers
 
 
@@ -509,13 +495,13 @@ def inverse(matrix: Matrix) -> Matrix | None:
     InputError where it is singular everywhere.
     """
     span = range(len(matrix))
-    found: list[list[Expression]] = [[ZERO for _ in span] for _ in span]
-    for block in components({i: [j for j in span if matrix[i][j] != ZERO] for i in span}):
+    found: list[list[ex.Expression]] = [[ex.ZERO for _ in span] for _ in span]
+    for block in components({i: [j for j in span if matrix[i][j] != ex.ZERO] for i in span}):
         if len(block) > MOST_FULL_ROWS:
             return None
         inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
         whole = determinant(inner)
-        if whole == ZERO:
+        if whole == ex.ZERO:
             raise InputError(DEGENERATE)
         for a, i in enumerate(block):
             for b, j in enumerate(block):
@@ -523,15 +509,15 @@ def inverse(matrix: Matrix) -> Matrix | None:
     return tuple(map(tuple, found))
 
 
-def determinant(matrix: Matrix) -> Expression:
+def determinant(matrix: Matrix) -> ex.Expression:
     """The determinant by expansion along the first row; 1 for a matrix without rows."""
     if not matrix:
-        return ONE
-    terms = [entry * _cofactor(matrix, 0, j) for j, entry in enumerate(matrix[0]) if entry != ZERO]
-    return collect(add(*terms))
+        return ex.ONE
+    terms = [entry * _cofactor(matrix, 0, j) for j, entry in enumerate(matrix[0]) if entry != ex.ZERO]
+    return collect(ex.add(*terms))
 
 
-def _cofactor(matrix: Matrix, row: int, column: int) -> Expression:
+def _cofactor(matrix: Matrix, row: int, column: int) -> ex.Expression:
     minor = tuple(
         tuple(entry for j, entry in enumerate(line) if j != column) for i, line in enumerate(matrix) if i != row
     )
@@ -539,11 +525,11 @@ def _cofactor(matrix: Matrix, row: int, column: int) -> Expression:
     return -value if (row + column) % 2 else value
 
 
-def _rate(expression: Expression, names: tuple[str, ...]) -> Expression:
+def _rate(expression: ex.Expression, names: tuple[str, ...]) -> ex.Expression:
     """The part of the derivative in time that holds no acceleration."""
-    along = (differentiate(expression, Symbol(name)) * Velocity(name) for name in names)
-    return collect(add(*along, differentiate(expression, TIME)))
+    along = (differentiate(expression, ex.Symbol(name)) * ex.Velocity(name) for name in names)
+    return collect(ex.add(*along, differentiate(expression, ex.TIME)))
 
 
-def _applied(matrix: Matrix, vector: Sequence[Expression]) -> tuple[Expression, ...]:
-    return tuple(dot(row, vector) for row in matrix)
+def _applied(matrix: Matrix, vector: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
+    return tuple(ex.dot(row, vector) for row in matrix)

@@ -17,37 +17,11 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.functions import RECIPROCALS
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    PI,
-    TIME,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    distinct_nodes,
-    factors_of,
-    holds,
-    walk,
-)
-from inverse_service.field.exact_atoms import factored
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.expressions import functions, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_atoms, rational_functions
 from inverse_service.integrators.trajectory import Array
-from inverse_service.kernels.codegen.symengine_trees import (
-    ZERO,
-    Evaluator,
-    Formula,
-    closure,
-    free_names,
-    names_of,
-    symbol,
-    translate,
-)
+from inverse_service.kernels.codegen import symengine_trees as se
 from inverse_service.simulation.scene_data import Problem
 
 MOST_TERMS = 200
@@ -55,76 +29,76 @@ _POLES = {"tan": "cos", "sec": "cos", "cot": "sin", "csc": "sin"}
 _AT_ZERO = frozenset({"log", "coth", "csch"})
 
 
-def walls(tree: Expression, moving: set[Expression]) -> Iterator[Expression]:
+def walls(tree: ex.Expression, moving: set[ex.Expression]) -> Iterator[ex.Expression]:
     """The walls of the tree that hold a velocity or one of `moving`."""
-    for found in dict.fromkeys(wall for node in distinct_nodes([tree]) for wall in _walls_of(node)):
-        if any(isinstance(leaf, Velocity) or leaf in moving for leaf in walk(found)):
+    for found in dict.fromkeys(wall for node in ex.distinct_nodes([tree]) for wall in _walls_of(node)):
+        if any(isinstance(leaf, ex.Velocity) or leaf in moving for leaf in ex.walk(found)):
             yield from _without_squares(found)
 
 
 @lru_cache(maxsize=256)
-def _without_squares(wall: Expression) -> tuple[Expression, ...]:
+def _without_squares(wall: ex.Expression) -> tuple[ex.Expression, ...]:
     """The factors of a sum that is no product of different ones: the sign of x^2 - 2 x + 1 shows no zero."""
-    names = [node for node in dict.fromkeys(walk(wall)) if isinstance(node, Symbol | Velocity)]
+    names = [node for node in dict.fromkeys(ex.walk(wall)) if isinstance(node, ex.Symbol | ex.Velocity)]
     tree = wall
-    if isinstance(wall, Sum):
-        with suppress(TooLarge, ZeroDivisionError, KeyError):
-            (tree,) = factored([wall], names, Budget(MOST_TERMS))
-    parts = factors_of(tree)
-    squared = any(isinstance(part, Power) and isinstance(part.base, Sum) for part in parts)
+    if isinstance(wall, ex.Sum):
+        with suppress(rational_functions.TooLarge, ZeroDivisionError, KeyError):
+            (tree,) = exact_atoms.factored([wall], names, rational_functions.Budget(MOST_TERMS))
+    parts = ex.factors_of(tree)
+    squared = any(isinstance(part, ex.Power) and isinstance(part.base, ex.Sum) for part in parts)
     return tuple(_factors(tree)) if squared else (wall,)
 
 
-def switching_functions(trees: Sequence[Expression | None], coordinates: Sequence[str]) -> tuple[Expression, ...]:
+def switching_functions(trees: Sequence[ex.Expression | None], coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:
     """The u of every sqrt(u^2) that changes along a motion, those that others contain first."""
-    moving: set[Expression] = {TIME, *map(Symbol, coordinates), *map(Velocity, coordinates)}
+    moving: set[ex.Expression] = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
     found = [
         factor.base
-        for node in distinct_nodes([tree for tree in trees if tree is not None])
-        if is_root(node) and isinstance(node, Power)
-        for factor in factors_of(node.base)
-        if is_square(factor) and isinstance(factor, Power) and holds(factor.base, *moving)
+        for node in ex.distinct_nodes([tree for tree in trees if tree is not None])
+        if is_root(node) and isinstance(node, ex.Power)
+        for factor in ex.factors_of(node.base)
+        if is_square(factor) and isinstance(factor, ex.Power) and ex.holds(factor.base, *moving)
     ]
     return tuple(dict.fromkeys(reversed(found)))
 
 
-def is_root(node: Expression) -> bool:
+def is_root(node: ex.Expression) -> bool:
     """Whether it is a power with a broken exponent."""
-    return isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator != 1
+    return isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value.denominator != 1
 
 
-def is_square(node: Expression) -> bool:
+def is_square(node: ex.Expression) -> bool:
     """Whether it is a power with an even exponent."""
-    exponent = node.exponent.value if isinstance(node, Power) and isinstance(node.exponent, Number) else 1
+    exponent = node.exponent.value if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) else 1
     return exponent % 2 == 0 and exponent != 0
 
 
-def _walls_of(node: Expression) -> Iterator[Expression]:
-    if isinstance(node, Power) and isinstance(node.exponent, Number):
+def _walls_of(node: ex.Expression) -> Iterator[ex.Expression]:
+    if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number):
         exponent = node.exponent.value
         if exponent < 0 or exponent.denominator != 1:
             yield from _factors(node.base)
-    elif isinstance(node, Power):
+    elif isinstance(node, ex.Power):
         yield from _factors(node.base)
-    elif isinstance(node, Apply) and node.function in _POLES:
-        yield Apply(_POLES[node.function], node.argument)
-    elif isinstance(node, Apply) and node.function in _AT_ZERO:
+    elif isinstance(node, ex.Apply) and node.function in _POLES:
+        yield ex.Apply(_POLES[node.function], node.argument)
+    elif isinstance(node, ex.Apply) and node.function in _AT_ZERO:
         yield from _factors(node.argument)
 
 
-def _factors(base: Expression) -> Iterator[Expression]:
-    if isinstance(base, Product):
+def _factors(base: ex.Expression) -> Iterator[ex.Expression]:
+    if isinstance(base, ex.Product):
         for factor in base.factors:
             yield from _factors(factor)
-    elif isinstance(base, Power):
+    elif isinstance(base, ex.Power):
         yield from _factors(base.base)
-    elif not isinstance(base, Number):
+    elif not isinstance(base, ex.Number):
         yield base
 
 
 # t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
-MOMENT = symbol("t")
-Gradient = Callable[[list[Formula], list[Formula]], list[Formula]]
+MOMENT = se.symbol("t")
+Gradient = Callable[[list[se.Formula], list[se.Formula]], list[se.Formula]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +106,7 @@ class Denominator:
     """What a formula divides by, or takes a logarithm or a root of: where it vanishes, the formula has a pole or an
     end."""
 
-    formula: Formula
+    formula: se.Formula
     text: str
     moves: bool  # whether velocities occur in it
 
@@ -152,90 +126,92 @@ class Formulas:
         return self.problem.depends_on_time
 
     @cached_property
-    def table(self) -> dict[Expression, Formula]:
-        return names_of(self.problem.coordinates, self.problem.parameters) | {TIME: MOMENT}
+    def table(self) -> dict[ex.Expression, se.Formula]:
+        return se.names_of(self.problem.coordinates, self.problem.parameters) | {ex.TIME: MOMENT}
 
-    def symbols(self, letter: str) -> list[Formula]:
-        return [symbol(f"{letter}{k}") for k in range(self.size)]
+    def symbols(self, letter: str) -> list[se.Formula]:
+        return [se.symbol(f"{letter}{k}") for k in range(self.size)]
 
     @property
     def parameters(self) -> tuple[str, ...]:
         return tuple(f"c{k}" for k in range(len(self.problem.parameters)))
 
-    def of(self, tree: Expression | None, what: str) -> Formula:
+    def of(self, tree: ex.Expression | None, what: str) -> se.Formula:
         """The tree, translated; InputError where the problem does not have it."""
         if tree is None:
             raise InputError(f"This method needs {what}, which the system of this scene does not have.")
-        return translate(tree, self.table)
+        return se.translate(tree, self.table)
 
     @cached_property
-    def lagrangian(self) -> Formula:
+    def lagrangian(self) -> se.Formula:
         return self.of(self.problem.lagrangian, "a Lagrangian")
 
     @cached_property
-    def free_lagrangian(self) -> Formula:
+    def free_lagrangian(self) -> se.Formula:
         return self.of(self.problem.free_lagrangian, "a free Lagrangian (that of a variational associated system)")
 
     @cached_property
-    def hamiltonian(self) -> Formula:
+    def hamiltonian(self) -> se.Formula:
         what = "the Hamiltonian of a free Lagrangian in closed form (the raw form does without)"
         return self.of(self.problem.free_hamiltonian, what)
 
     @cached_property
-    def accelerations(self) -> list[Formula]:
+    def accelerations(self) -> list[se.Formula]:
         if self.problem.accelerations is None:
             raise InputError("This method needs the accelerations of the motion, which this scene does not have.")
-        return [translate(tree, self.table) for tree in self.problem.accelerations]
+        return [se.translate(tree, self.table) for tree in self.problem.accelerations]
 
     @cached_property
-    def forces(self) -> list[Formula]:
+    def forces(self) -> list[se.Formula]:
         """The further forces Q(t, q, v), empty where there are none."""
-        return [translate(tree, self.table) for tree in self.problem.forces]
+        return [se.translate(tree, self.table) for tree in self.problem.forces]
 
-    def forces_at(self, place: Sequence[Formula], velocity: Sequence[Formula], moment: Formula) -> list[Formula]:
+    def forces_at(
+        self, place: Sequence[se.Formula], velocity: Sequence[se.Formula], moment: se.Formula
+    ) -> list[se.Formula]:
         names = [*self.symbols("q"), *self.symbols("v"), MOMENT]
         table = dict(zip(names, [*place, *velocity, moment], strict=True))
         return [force.subs(table) for force in self.forces]
 
-    def pushed(self, slope_q: Gradient, moment: Formula) -> Gradient:
+    def pushed(self, slope_q: Gradient, moment: se.Formula) -> Gradient:
         """L_q + Q in the place of L_q: the discrete forces of Lagrange and d'Alembert at the same point."""
         if not self.forces:
             return slope_q
 
-        def at(place: list[Formula], velocity: list[Formula]) -> list[Formula]:
+        def at(place: list[se.Formula], velocity: list[se.Formula]) -> list[se.Formula]:
             forces = self.forces_at(place, velocity, moment)
             return [slope + force for slope, force in zip(slope_q(place, velocity), forces, strict=True)]
 
         return at
 
-    def held(self, slope_q: Gradient, slope_p: Gradient, moment: Formula) -> Gradient:
+    def held(self, slope_q: Gradient, slope_p: Gradient, moment: se.Formula) -> Gradient:
         """H_q - Q at the velocity H_p in the place of H_q."""
         if not self.forces:
             return slope_q
 
-        def at(place: list[Formula], momentum: list[Formula]) -> list[Formula]:
+        def at(place: list[se.Formula], momentum: list[se.Formula]) -> list[se.Formula]:
             forces = self.forces_at(place, slope_p(place, momentum), moment)
             return [slope - force for slope, force in zip(slope_q(place, momentum), forces, strict=True)]
 
         return at
 
     @cached_property
-    def forms(self) -> list[list[Formula]]:
+    def forms(self) -> list[list[se.Formula]]:
         """omega^a_i(q), one row for each constraint; InputError where one is not linear in the velocities."""
         rows = []
         for tree in self.problem.constraints:
-            formula = translate(tree, self.table)
+            formula = se.translate(tree, self.table)
             row = [formula.diff(v) for v in self.symbols("v")]
             if any(entry.free_symbols & set(self.symbols("v")) for entry in row):
-                raise InputError(f"The constraint {to_text(tree)} is not linear in the velocities.")
+                raise InputError(f"The constraint {printing.to_text(tree)} is not linear in the velocities.")
             rows.append(row)
         return rows
 
     @cached_property
-    def drifts(self) -> list[Formula]:
+    def drifts(self) -> list[se.Formula]:
         """The parts c^a(q) of the constraints omega^a v + c^a = 0 that hold no velocity."""
-        rest = dict.fromkeys(self.symbols("v"), ZERO)
-        return [translate(tree, self.table).subs(rest) for tree in self.problem.constraints]
+        rest = dict.fromkeys(self.symbols("v"), se.ZERO)
+        return [se.translate(tree, self.table).subs(rest) for tree in self.problem.constraints]
 
     @cached_property
     def moving_alone(self) -> int | None:
@@ -245,17 +221,17 @@ class Formulas:
             return None
         (place,) = places
         names = self._slope(place).free_symbols
-        return place if symbol(f"q{place}") in names and symbol(f"p{place}") not in names else None
+        return place if se.symbol(f"q{place}") in names and se.symbol(f"p{place}") not in names else None
 
-    def _slope(self, place: int) -> Formula:
-        return self.hamiltonian.diff(symbol(f"q{place}")).diff(symbol(f"p{place}")).expand()
+    def _slope(self, place: int) -> se.Formula:
+        return self.hamiltonian.diff(se.symbol(f"q{place}")).diff(se.symbol(f"p{place}")).expand()
 
     @cached_property
     def _slope_function(self) -> tuple[list[str], Any]:
         assert self.moving_alone is not None
         slope, name = self._slope(self.moving_alone), f"q{self.moving_alone}"
-        names = [name, *sorted(free_names(slope) - {name})]
-        return names, closure(names, [slope])
+        names = [name, *sorted(se.free_names(slope) - {name})]
+        return names, se.closure(names, [slope])
 
     def slope_on_way(self, table: Mapping[str, float], way: Array) -> Array:
         """d2H/dq dp of the coordinate that moves alone, at places `way` of it."""
@@ -264,51 +240,51 @@ class Formulas:
         return np.asarray(function(np.stack(columns, axis=1)), dtype=np.float64).ravel()
 
     @cached_property
-    def _evaluators(self) -> dict[str, Evaluator]:
+    def _evaluators(self) -> dict[str, se.Evaluator]:
         return {}
 
-    def evaluator(self, key: str, make: Callable[[], Sequence[Formula]]) -> Evaluator:
+    def evaluator(self, key: str, make: Callable[[], Sequence[se.Formula]]) -> se.Evaluator:
         """Values of formulas over q, v and the parameters; made when `key` is first asked for."""
         if key not in self._evaluators:
             names = [*(str(name) for letter in "qv" for name in self.symbols(letter)), *self.parameters, str(MOMENT)]
-            self._evaluators[key] = Evaluator(make(), names)
+            self._evaluators[key] = se.Evaluator(make(), names)
         return self._evaluators[key]
 
     def gradient(
-        self, formula: Formula, letter: str, first: str = "q", second: str = "v", moment: Formula = MOMENT
+        self, formula: se.Formula, letter: str, first: str = "q", second: str = "v", moment: se.Formula = MOMENT
     ) -> Gradient:
         """The derivatives by the symbols of `letter` at the time `moment`, as a callable of (values of first, values
         of second)."""
         slopes = [formula.diff(variable) for variable in self.symbols(letter)]
         names = [*self.symbols(first), *self.symbols(second)]
 
-        def at(left: Sequence[Formula], right: Sequence[Formula]) -> list[Formula]:
+        def at(left: Sequence[se.Formula], right: Sequence[se.Formula]) -> list[se.Formula]:
             table = dict(zip([*names, MOMENT], [*left, *right, moment], strict=True))
             return [slope.subs(table) for slope in slopes]
 
         return at
 
-    def forms_at(self, place: Sequence[Formula]) -> list[list[Formula]]:
+    def forms_at(self, place: Sequence[se.Formula]) -> list[list[se.Formula]]:
         table = dict(zip(self.symbols("q"), place, strict=True))
         return [[entry.subs(table) for entry in row] for row in self.forms]
 
-    def drifts_at(self, place: Sequence[Formula]) -> list[Formula]:
+    def drifts_at(self, place: Sequence[se.Formula]) -> list[se.Formula]:
         table = dict(zip(self.symbols("q"), place, strict=True))
         return [drift.subs(table) for drift in self.drifts]
 
     @cached_property
-    def dependent(self) -> dict[int, Formula]:
+    def dependent(self) -> dict[int, se.Formula]:
         """Velocities that the constraints give, over q and the other velocities: {place: formula}.
 
         A velocity with a constant coefficient is taken where there is one, else the last of the constraint.
         """
-        solved: dict[int, Formula] = {}
+        solved: dict[int, se.Formula] = {}
         velocities = self.symbols("v")
         for row, drift in zip(self.forms, self.drifts, strict=True):
             formula = (_linear(row, velocities) + drift).subs({velocities[k]: value for k, value in solved.items()})
             entries = [formula.diff(v) for v in velocities]
             place = _pivot(entries)
-            rest = formula.subs({velocities[place]: ZERO})
+            rest = formula.subs({velocities[place]: se.ZERO})
             value = (-rest / entries[place]).expand()
             solved = {k: old.subs({velocities[place]: value}).expand() for k, old in solved.items()}
             solved[place] = value
@@ -319,10 +295,10 @@ class Formulas:
         """The walls of L~, parameters alone left out."""
         return self.walls_of([self.problem.free_lagrangian])
 
-    def walls_of(self, trees: Sequence[Expression | None]) -> list[Denominator]:
+    def walls_of(self, trees: Sequence[ex.Expression | None]) -> list[Denominator]:
         """What may not change its sign where the formulas are to stay smooth, each once."""
         names = [*self.problem.coordinates, *(f"p_{name}" for name in self.problem.coordinates)]
-        moving: set[Expression] = {Symbol(name) for name in names}
+        moving: set[ex.Expression] = {ex.Symbol(name) for name in names}
         found = dict.fromkeys(wall for tree in trees if tree is not None for wall in walls(tree, moving))
         return [self._denominator(wall) for wall in found]
 
@@ -332,7 +308,7 @@ class Formulas:
         return [self._denominator(tree) for tree in self.problem.domain]
 
     @cached_property
-    def momenta_may_fail(self) -> list[Formula]:
+    def momenta_may_fail(self) -> list[se.Formula]:
         """p - L~_v(q, H_p), where it is not seen to be 0: a Legendre map that is no map of all momenta.
 
         An L~ quadratic in the velocities has one of all; empty there.
@@ -343,11 +319,11 @@ class Formulas:
             return []
         table = dict(zip(velocities, (self.hamiltonian.diff(p) for p in momenta), strict=True))
         defects = [p - slope.subs(table) for p, slope in zip(momenta, slopes, strict=True)]
-        return [defect for defect in defects if defect.expand() != ZERO]
+        return [defect for defect in defects if defect.expand() != se.ZERO]
 
-    def _denominator(self, base: Expression) -> Denominator:
-        moves = any(isinstance(node, Velocity) for node in walk(base))
-        return Denominator(translate(base, self.table), to_text(base), moves)
+    def _denominator(self, base: ex.Expression) -> Denominator:
+        moves = any(isinstance(node, ex.Velocity) for node in ex.walk(base))
+        return Denominator(se.translate(base, self.table), printing.to_text(base), moves)
 
 
 @lru_cache(maxsize=8)
@@ -356,12 +332,12 @@ def formulas_of(problem: Problem) -> Formulas:
     return Formulas(problem)
 
 
-def _linear(row: Sequence[Formula], velocities: Sequence[Formula]) -> Formula:
-    return sum((a * v for a, v in zip(row, velocities, strict=True)), ZERO)
+def _linear(row: Sequence[se.Formula], velocities: Sequence[se.Formula]) -> se.Formula:
+    return sum((a * v for a, v in zip(row, velocities, strict=True)), se.ZERO)
 
 
-def _pivot(entries: Sequence[Formula]) -> int:
-    present = [k for k, entry in enumerate(entries) if entry != ZERO]
+def _pivot(entries: Sequence[se.Formula]) -> int:
+    present = [k for k, entry in enumerate(entries) if entry != se.ZERO]
     if not present:
         raise InputError("The constraints are not independent: leave the redundant one out.")
     constant = [k for k in present if not entries[k].free_symbols]
@@ -373,7 +349,7 @@ _NUMPY = {name: f"arc{name[1:]}" for name in ("asin", "acos", "atan", "asinh", "
 
 
 def array_function(name: str, values: Any) -> Any:
-    below = RECIPROCALS.get(name)
+    below = functions.RECIPROCALS.get(name)
     return 1 / array_function(below, values) if below else getattr(np, _NUMPY.get(name, name))(values)
 
 
@@ -389,20 +365,20 @@ def table_of(
     velocities: Array | None,
     values: Mapping[str, float | Array],
     times: Array | None = None,
-) -> dict[Expression, Any]:
+) -> dict[ex.Expression, Any]:
     """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate; parameters numbers or (m,).
 
     `times` (m,) are values of t; left out, t is 0, as at the start.
     """
-    table: dict[Expression, Any] = {TIME: 0.0 if times is None else times}
-    table |= {Symbol(name): value for name, value in values.items()}
-    table |= {Symbol(name): positions[:, k] for k, name in enumerate(coordinates)}
+    table: dict[ex.Expression, Any] = {ex.TIME: 0.0 if times is None else times}
+    table |= {ex.Symbol(name): value for name, value in values.items()}
+    table |= {ex.Symbol(name): positions[:, k] for k, name in enumerate(coordinates)}
     if velocities is not None:
-        table |= {Velocity(name): velocities[:, k] for k, name in enumerate(coordinates)}
+        table |= {ex.Velocity(name): velocities[:, k] for k, name in enumerate(coordinates)}
     return table
 
 
-def array_value(expression: Expression, table: Mapping[Expression, Any]) -> Array:
+def array_value(expression: ex.Expression, table: Mapping[ex.Expression, Any]) -> Array:
     """The formula at every row of the table, as (m,); nan or infinite where it has no real value.
 
     Raises NoValue for a name or an arbitrary function that the table does not hold.
@@ -413,39 +389,39 @@ def array_value(expression: Expression, table: Mapping[Expression, Any]) -> Arra
     return np.broadcast_to(np.asarray(value, dtype=float), sizes[0] if sizes else (1,))
 
 
-def _value(expression: Expression, known: dict[Expression, Any]) -> Any:
+def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
     if expression not in known:
         known[expression] = _computed(expression, known)
     return known[expression]
 
 
-def _computed(expression: Expression, known: dict[Expression, Any]) -> Any:
+def _computed(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
     match expression:
-        case Number(value):
+        case ex.Number(value):
             return float(value)
-        case Sum(terms):
+        case ex.Sum(terms):
             return sum(_value(term, known) for term in terms)
-        case Product(factors):
+        case ex.Product(factors):
             product: Any = 1.0
             for factor in factors:
                 product = product * _value(factor, known)
             return product
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             return _power(_value(base, known), exponent, known)
-        case Apply(function, argument):
+        case ex.Apply(function, argument):
             return array_function(function, _value(argument, known))
-        case _ if expression == PI:
+        case _ if expression == ex.PI:
             return np.pi
         case _:
             raise NoValue(f"a formula has no value here: {getattr(expression, 'name', 'a name')} is not given.")
 
 
-def _power(base: Any, exponent: Expression, known: dict[Expression, Any]) -> Any:
-    if isinstance(exponent, Number) and exponent.value.denominator == 1 and abs(exponent.value) <= 8:
+def _power(base: Any, exponent: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
+    if isinstance(exponent, ex.Number) and exponent.value.denominator == 1 and abs(exponent.value) <= 8:
         whole = int(exponent.value)
         product = np.asarray(base, dtype=float) ** abs(whole)
         return product if whole >= 0 else 1 / product
-    if isinstance(exponent, Number) and exponent.value.denominator == 2 and abs(exponent.value.numerator) == 1:
+    if isinstance(exponent, ex.Number) and exponent.value.denominator == 2 and abs(exponent.value.numerator) == 1:
         root = np.sqrt(base)
         return root if exponent.value > 0 else 1 / root
     return np.power(np.asarray(base, dtype=float), _value(exponent, known))

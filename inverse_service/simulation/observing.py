@@ -41,20 +41,9 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
-from inverse_service.simulation.derivation import timed
-from inverse_service.simulation.motions import NOTICED, accelerations_and_multipliers, distance_of_motion
-from inverse_service.simulation.numeric_formulas import NoValue, array_value, table_of, walls
-from inverse_service.simulation.scene_data import (
-    Grid,
-    Observable,
-    Observation,
-    Problem,
-    Requested,
-    Scene,
-    Truth,
-    Unavailable,
-    places_of,
-)
+from inverse_service.simulation import derivation, motions
+from inverse_service.simulation import numeric_formulas as nf
+from inverse_service.simulation import scene_data as data
 
 WITH_TIME = "The Lagrangian contains t, so its energy changes."
 FORCED = "Forces do work, so the energy T + V changes: see its balance with the work."
@@ -79,12 +68,12 @@ def energy(lagrangian: Expression, coordinates: tuple[str, ...]) -> Expression:
     return add(*(Velocity(name) * p for name, p in pairs)) - lagrangian
 
 
-def lagrangian_of_energy(scene: Scene) -> Expression | None:
+def lagrangian_of_energy(scene: data.Scene) -> Expression | None:
     """The Lagrangian of the scene; of a system given by its equations the one that was found."""
     return scene.found.lagrangian if scene.lagrangian is None and scene.found is not None else scene.lagrangian
 
 
-def start_energy(scene: Scene) -> float | None:
+def start_energy(scene: data.Scene) -> float | None:
     """E_0 of the initial data, 0 where it is round-off; None for a system without a Lagrangian."""
     if lagrangian_of_energy(scene) is None:
         return None
@@ -97,24 +86,24 @@ def without_noise(energies: Array, kinetic: Array) -> Array:
     return np.where(np.abs(energies) <= ROUND_OFF * kinetic, 0.0, energies)
 
 
-def observables(scene: Scene) -> tuple[Observable, ...]:
+def observables(scene: data.Scene) -> tuple[data.Observable, ...]:
     """The formulas that the kernel evaluates at every step: those of the observed quantities, no others."""
     found = []
     if "energy" in scene.observe and scene.lagrangian is not None:
         error = energy(scene.lagrangian, scene.coordinates) - Symbol(ENERGY_START)
-        found.append(Observable("energy_error", error))
+        found.append(data.Observable("energy_error", error))
     if "constraints" in scene.observe:
-        found += [Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]
+        found += [data.Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]
     return tuple(found)
 
 
-def observation_of(scene: Scene) -> Observation:
+def observation_of(scene: data.Scene) -> data.Observation:
     """What the integrator records for a scene."""
     # Momenta are the state itself: they cost a column, and velocities at the points follow from them.
-    return Observation(momenta=True, velocities="velocities" in scene.observe, observables=observables(scene))
+    return data.Observation(momenta=True, velocities="velocities" in scene.observe, observables=observables(scene))
 
 
-def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:
+def conserved_momenta(scene: data.Scene, problem: data.Problem) -> dict[int, str]:
     """Places of the coordinates that do not occur in the method's Lagrangian: their momenta are constants."""
     lagrangian = problem.free_lagrangian or problem.lagrangian
     if lagrangian is None:
@@ -129,7 +118,7 @@ def conserved_momenta(scene: Scene, problem: Problem) -> dict[int, str]:
     }
 
 
-def why_energy_varies(scene: Scene) -> str | None:
+def why_energy_varies(scene: data.Scene) -> str | None:
     """A sentence where the energy of the scene is no constant of the motion."""
     lagrangian = lagrangian_of_energy(scene)
     if lagrangian is not None and holds(lagrangian, TIME):
@@ -142,16 +131,16 @@ def why_energy_varies(scene: Scene) -> str | None:
     return FORCED if scene.forces else None
 
 
-def point_energy(scene: Scene, positions: Array, velocities: Array, times: Array | None = None) -> Array:
+def point_energy(scene: data.Scene, positions: Array, velocities: Array, times: Array | None = None) -> Array:
     """E(q_k, v_k) at the recorded points, (m,)."""
     lagrangian = lagrangian_of_energy(scene)
     assert lagrangian is not None
-    table = table_of(scene.coordinates, positions, velocities, scene.values, times)
-    return array_value(energy(lagrangian, scene.coordinates), table)
+    table = nf.table_of(scene.coordinates, positions, velocities, scene.values, times)
+    return nf.array_value(energy(lagrangian, scene.coordinates), table)
 
 
 def point_kinetic(
-    scene: Scene,
+    scene: data.Scene,
     positions: Array,
     velocities: Array,
     times: Array,
@@ -160,14 +149,14 @@ def point_kinetic(
     """|v dL/dv| / 2 at the recorded points, (m,): the kinetic energy where L has masses."""
     lagrangian = lagrangian_of_energy(scene)
     assert lagrangian is not None
-    table = table_of(scene.coordinates, positions, velocities, values or scene.values, times)
+    table = nf.table_of(scene.coordinates, positions, velocities, values or scene.values, times)
     powers = [
-        v * array_value(p, table) for v, p in zip(velocities.T, momenta(lagrangian, scene.coordinates), strict=True)
+        v * nf.array_value(p, table) for v, p in zip(velocities.T, momenta(lagrangian, scene.coordinates), strict=True)
     ]
     return np.abs(sum(powers, np.zeros(len(positions)))) / 2
 
 
-def end_of_energy(scene: Scene, positions: Array, velocities: Array, times: Array) -> str | None:
+def end_of_energy(scene: data.Scene, positions: Array, velocities: Array, times: Array) -> str | None:
     """How the Lagrangian that was found stops being one of the motion at the points; None where it does not.
 
     It is divided by, or takes roots or logarithms of, what passes through 0, its domain ends, or its equations are
@@ -175,25 +164,25 @@ def end_of_energy(scene: Scene, positions: Array, velocities: Array, times: Arra
     """
     if scene.found is None:
         return None
-    table = table_of(scene.coordinates, positions, velocities, scene.values, times)
-    own = walls(scene.found.lagrangian, set(map(Symbol, scene.coordinates)))
+    table = nf.table_of(scene.coordinates, positions, velocities, scene.values, times)
+    own = nf.walls(scene.found.lagrangian, set(map(Symbol, scene.coordinates)))
     for wall in dict.fromkeys((*own, *scene.found.domain)):
-        values = array_value(wall, table)
+        values = nf.array_value(wall, table)
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
             return f"ends where {to_text(wall)} = 0, and the motion passes there"
-    apart = distance_of_motion(scene.found.lagrangian, scene.coordinates, scene.accelerations or (), table)
-    return "has another motion than the equations on a part of the way" if (apart > NOTICED).any() else None
+    apart = motions.distance_of_motion(scene.found.lagrangian, scene.coordinates, scene.accelerations or (), table)
+    return "has another motion than the equations on a part of the way" if (apart > motions.NOTICED).any() else None
 
 
-def point_constraints(scene: Scene, positions: Array, velocities: Array) -> dict[str, Any]:
+def point_constraints(scene: data.Scene, positions: Array, velocities: Array) -> dict[str, Any]:
     """max |w(q_k) v_k| of all constraints over the recorded points."""
-    table = table_of(scene.coordinates, positions, velocities, scene.values)
-    defects = [greatest(array_value(w, table)) for w in scene.constraints]
+    table = nf.table_of(scene.coordinates, positions, velocities, scene.values)
+    defects = [greatest(nf.array_value(w, table)) for w in scene.constraints]
     known = [defect for defect in defects if defect is not None]
     return {"max_constraint_at_points": max(known) if len(known) == len(defects) else None}
 
 
-def constraint_numbers(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
+def constraint_numbers(scene: data.Scene, trajectory: Trajectory) -> dict[str, Any]:
     """The greatest defect of all constraints over all steps, and each one's."""
     each = {f"constraint_{k}": trajectory.maxima[f"constraint_{k}"] for k in range(1, len(scene.constraints) + 1)}
     return {"max_constraint": max(each.values(), default=None)}
@@ -260,7 +249,9 @@ def phase_numbers(points: Array, exact: Array) -> tuple[dict[str, Any], Array]:
     return {"max_phase_error": greatest(error), "final_phase_error": float(error[-1])}, error
 
 
-def error_numbers(scene: Scene, positions: Array, true: Array, truth: Truth) -> tuple[dict[str, Any], dict[str, Array]]:
+def error_numbers(
+    scene: data.Scene, positions: Array, true: Array, truth: data.Truth
+) -> tuple[dict[str, Any], dict[str, Array]]:
     """The greatest and the last distance from the true positions, with a bound of how far these are off themselves.
 
     Where the truth is lost before the run ends there is no greatest error of the run, and `error_until` holds that of
@@ -286,7 +277,7 @@ def error_numbers(scene: Scene, positions: Array, true: Array, truth: Truth) -> 
 
 
 def point_velocities(
-    scene: Scene, problem: Problem, method: str, trajectory: Trajectory, values: dict[str, float]
+    scene: data.Scene, problem: data.Problem, method: str, trajectory: Trajectory, values: dict[str, float]
 ) -> Array | None:
     """(m, n), or None where the method has no momenta or their velocities have no formula or no value."""
     if trajectory.momenta is None:
@@ -297,7 +288,7 @@ def point_velocities(
         return None
 
 
-def mean_velocities(positions: Array, grid: Grid) -> Array | None:
+def mean_velocities(positions: Array, grid: data.Grid) -> Array | None:
     """Differences of positions about each point, of order 2, (m, n); None where steps are left out."""
     if grid.record_every > 1 or len(positions) < 3:
         return None
@@ -306,7 +297,7 @@ def mean_velocities(positions: Array, grid: Grid) -> Array | None:
 
 
 def _velocities_of_method(
-    scene: Scene, problem: Problem, method: str, trajectory: Trajectory, values: dict[str, float]
+    scene: data.Scene, problem: data.Problem, method: str, trajectory: Trajectory, values: dict[str, float]
 ) -> Array | None:
     if method == "variational" and problem.free_hamiltonian is not None:
         return _from_hamiltonian(scene, problem.free_hamiltonian, trajectory, values)
@@ -315,16 +306,18 @@ def _velocities_of_method(
     return None
 
 
-def _from_hamiltonian(scene: Scene, hamiltonian: Expression, trajectory: Trajectory, values: dict[str, float]) -> Array:
+def _from_hamiltonian(
+    scene: data.Scene, hamiltonian: Expression, trajectory: Trajectory, values: dict[str, float]
+) -> Array:
     assert trajectory.momenta is not None
-    table = table_of(scene.coordinates, trajectory.positions, None, values, trajectory.times)
+    table = nf.table_of(scene.coordinates, trajectory.positions, None, values, trajectory.times)
     names = [Symbol(f"p_{name}") for name in scene.coordinates]
     table |= {name: trajectory.momenta[:, k] for k, name in enumerate(names)}
-    return np.column_stack([array_value(differentiate(hamiltonian, name), table) for name in names])
+    return np.column_stack([nf.array_value(differentiate(hamiltonian, name), table) for name in names])
 
 
 def _from_lagrangian(
-    scene: Scene, lagrangian: Expression, trajectory: Trajectory, values: dict[str, float]
+    scene: data.Scene, lagrangian: Expression, trajectory: Trajectory, values: dict[str, float]
 ) -> Array | None:
     assert trajectory.momenta is not None
     rates = [Velocity(name) for name in scene.coordinates]
@@ -332,15 +325,15 @@ def _from_lagrangian(
     if any(isinstance(node, Velocity) for row in matrix for entry in row for node in walk(entry)):
         return None
     rest = np.zeros_like(trajectory.positions)
-    table = table_of(scene.coordinates, trajectory.positions, rest, values, trajectory.times)
-    mass = np.array([[array_value(entry, table) for entry in row] for row in matrix]).transpose(2, 0, 1)
-    offsets = np.column_stack([array_value(p, table) for p in momenta(lagrangian, scene.coordinates)])
+    table = nf.table_of(scene.coordinates, trajectory.positions, rest, values, trajectory.times)
+    mass = np.array([[nf.array_value(entry, table) for entry in row] for row in matrix]).transpose(2, 0, 1)
+    offsets = np.column_stack([nf.array_value(p, table) for p in momenta(lagrangian, scene.coordinates)])
     free = _solved(mass, (trajectory.momenta - offsets)[:, :, None])
     if not scene.constraints:
         return np.asarray(free[:, :, 0])
-    rows = np.array([[array_value(differentiate(w, rate), table) for rate in rates] for w in scene.constraints])
+    rows = np.array([[nf.array_value(differentiate(w, rate), table) for rate in rates] for w in scene.constraints])
     rows = rows.transpose(2, 0, 1)
-    drifts = np.column_stack([array_value(w, table) for w in scene.constraints])[:, :, None]
+    drifts = np.column_stack([nf.array_value(w, table) for w in scene.constraints])[:, :, None]
     lifted = _solved(mass, rows.transpose(0, 2, 1))
     reactions = np.linalg.solve(rows @ lifted, rows @ free + drifts)
     return np.asarray((free - lifted @ reactions)[:, :, 0])
@@ -367,12 +360,12 @@ class Observed:
     """One run as it is observed: `problem` is None for the exact solution, `values` hold the free constants too. A run
     `in_pieces` has the velocities of its points, and no momenta."""
 
-    scene: Scene
-    requested: Requested
+    scene: data.Scene
+    requested: data.Requested
     trajectory: Trajectory
-    problem: Problem | None
+    problem: data.Problem | None
     values: Mapping[str, float]
-    truth: Truth | Unavailable | None
+    truth: data.Truth | data.Unavailable | None
     in_pieces: bool = False
 
 
@@ -381,14 +374,14 @@ def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
     scene, truth = run.scene, run.truth
-    true = truth.positions[places_of(truth, run.trajectory.times)] if isinstance(truth, Truth) else None
+    true = truth.positions[data.places_of(truth, run.trajectory.times)] if isinstance(truth, data.Truth) else None
     for name in scene.observe:
-        with timed(seconds, name):
+        with derivation.timed(seconds, name):
             found, columns = _quantity(name, run, true)
             numbers |= found
             series |= columns
     if scene.own:
-        with timed(seconds, "own observables"):
+        with derivation.timed(seconds, "own observables"):
             found, columns = _own(run)
             numbers |= found
             series |= columns
@@ -402,11 +395,11 @@ def _own(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     series: dict[str, Array] = {}
     at = run.trajectory
     values = dict(run.scene.values)
-    table = table_of(run.scene.coordinates, at.positions, velocities, values, at.times)
+    table = nf.table_of(run.scene.coordinates, at.positions, velocities, values, at.times)
     for one in run.scene.own:
         try:
-            column = array_value(one.expression, table)
-        except NoValue:
+            column = nf.array_value(one.expression, table)
+        except nf.NoValue:
             numbers[one.name] = {"note": _NO_VELOCITIES}
             continue
         series[one.name] = column
@@ -423,9 +416,9 @@ def _own(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
 def _balance(run: Observed, velocities: Array, points: Array, start: float) -> tuple[dict[str, Any], dict[str, Array]]:
     """Power Q v and its work at the recorded points, and how far E - E_0 is from the work."""
     scene, times = run.scene, run.trajectory.times
-    table = table_of(scene.coordinates, run.trajectory.positions, velocities, dict(scene.values), times)
+    table = nf.table_of(scene.coordinates, run.trajectory.positions, velocities, dict(scene.values), times)
     power = sum(
-        (array_value(force, table) * velocities[:, k] for k, force in enumerate(scene.forces)), np.zeros(len(times))
+        (nf.array_value(force, table) * velocities[:, k] for k, force in enumerate(scene.forces)), np.zeros(len(times))
     )
     work = _integral(power, times)
     difference = np.abs(points - start - work)
@@ -477,14 +470,14 @@ def _constraint_forces(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]
     if velocities is None or scene.lagrangian is None or not scene.constraints:
         note = _NO_VELOCITIES if velocities is None else "There are no constraints."
         return {"constraint_forces": None, "constraint_forces_note": note}, {}
-    found = accelerations_and_multipliers(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
+    found = motions.accelerations_and_multipliers(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
     if found is None:
         return {"constraint_forces": None, "constraint_forces_note": "The constraints are too many for a formula."}, {}
-    table = table_of(scene.coordinates, run.trajectory.positions, velocities, dict(run.values), run.trajectory.times)
-    columns = {f"lambda_{a}": array_value(one, table) for a, one in enumerate(found[1], 1)}
+    table = nf.table_of(scene.coordinates, run.trajectory.positions, velocities, dict(run.values), run.trajectory.times)
+    columns = {f"lambda_{a}": nf.array_value(one, table) for a, one in enumerate(found[1], 1)}
     for name in scene.coordinates:
         pairs = zip(scene.constraints, columns.copy().items(), strict=False)
-        forces = [array_value(differentiate(w, Velocity(name)), table) * column for w, (key, column) in pairs]
+        forces = [nf.array_value(differentiate(w, Velocity(name)), table) * column for w, (key, column) in pairs]
         columns[f"force_{name}"] = sum(forces, np.zeros(len(run.trajectory.times)))
     formulas = {f"lambda_{a}": to_text(one) for a, one in enumerate(found[1], 1)}
     largest = {name: greatest(column) for name, column in columns.items()}
@@ -515,10 +508,7 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
         further, columns = _balance(run, velocities, points, start)
         return numbers | further, series | columns | drifts
     errors = np.abs(points - start) / (abs(start) or 1.0)
-    found: dict[str, Any] = {
-        "energy_start": start,
-        "max_energy_error": greatest(errors),
-    }
+    found: dict[str, Any] = {"energy_start": start, "max_energy_error": greatest(errors)}
     found |= {} if start else {"energy_error_is": "absolute, because the energy of the start is 0"}
     return found | numbers, series
 
@@ -529,11 +519,11 @@ def _conserved(run: Observed, velocities: Array) -> tuple[dict[str, Any], dict[s
     found: dict[str, Any] = {}
     series: dict[str, Array] = {}
     at, scene = run.trajectory, run.scene
-    table = table_of(scene.coordinates, at.positions, velocities, dict(run.values), at.times)
+    table = nf.table_of(scene.coordinates, at.positions, velocities, dict(run.values), at.times)
     for k, one in enumerate(scene.conserved, 1):
-        values = array_value(one.expression, table)
-        ends = walls(one.expression, set(map(Symbol, scene.coordinates)))
-        turned = [np.diff(np.sign(array_value(wall, table))) != 0 for wall in ends]
+        values = nf.array_value(one.expression, table)
+        ends = nf.walls(one.expression, set(map(Symbol, scene.coordinates)))
+        turned = [np.diff(np.sign(nf.array_value(wall, table))) != 0 for wall in ends]
         cuts = np.flatnonzero(np.any([*turned, np.zeros(len(values) - 1, dtype=bool)], axis=0)) + 1
         pieces = np.split(values, cuts)
         drift = np.concatenate([piece - piece[0] for piece in pieces])
@@ -573,10 +563,10 @@ def velocities_at_points(run: Observed) -> Array | None:
 
 
 def _compared(
-    name: str, scene: Scene, positions: Array, true: Array | None, truth: Truth | Unavailable | None
+    name: str, scene: data.Scene, positions: Array, true: Array | None, truth: data.Truth | data.Unavailable | None
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    if true is None or not isinstance(truth, Truth):
-        reason = truth.reason if isinstance(truth, Unavailable) else "nothing to compare with"
+    if true is None or not isinstance(truth, data.Truth):
+        reason = truth.reason if isinstance(truth, data.Unavailable) else "nothing to compare with"
         return {f"max_{name}" if name == "error" else "max_phase_error": None, f"{name}_note": reason}, {}
     if name == "error":
         return error_numbers(scene, positions, true, truth)
@@ -594,7 +584,7 @@ def last_point(run: Observed) -> tuple[float, Array, Array | None]:
     return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
 
 
-def columns_of(scene: Scene, table: Array, prefix: str = "") -> dict[str, Any]:
+def columns_of(scene: data.Scene, table: Array, prefix: str = "") -> dict[str, Any]:
     """What a table (m, n), or one row of it, holds of each coordinate."""
     return {f"{prefix}{name}": table[..., k] for k, name in enumerate(scene.coordinates)}
 

@@ -14,19 +14,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import (
-    PI,
-    TIME,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    walk,
-)
+from inverse_service.expressions import tree as ex
 from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen.symengine_trees import closure
@@ -107,7 +95,7 @@ def _power_of_2(size: float) -> float:
     return float(2.0 ** np.clip(np.floor(np.log2(size)), -500, 500))
 
 
-def _table(problem: Problem, rows: Array, values: Mapping[str, float], times: Array) -> dict[Expression, Any]:
+def _table(problem: Problem, rows: Array, values: Mapping[str, float], times: Array) -> dict[ex.Expression, Any]:
     positions, velocities = np.split(rows, 2, axis=1)
     return table_of(problem.coordinates, positions, velocities, dict(values), times)
 
@@ -128,7 +116,7 @@ def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
 
 def used_parameters(problem: Problem) -> list[str]:
     """Those that occur in the accelerations: heyoka takes no others."""
-    used = {node.name for tree in problem.accelerations or () for node in walk(tree) if isinstance(node, Symbol)}
+    used = {node.name for tree in problem.accelerations or () for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
     return [name for name in problem.parameters if name in used]
 
 
@@ -142,38 +130,38 @@ def taylor_integrator(problem: Problem, tolerance: float = 1e-15, unit: float = 
     names = [f"q{k}" for k in range(len(problem.coordinates))] + [f"v{k}" for k in range(len(problem.coordinates))]
     variables = heyoka.make_vars(*names)
     size = len(problem.coordinates)
-    table: dict[Expression, Any] = {
-        PI: heyoka.expression(np.pi),
-        TIME: heyoka.time if clock == 1 else clock * heyoka.time,
+    table: dict[ex.Expression, Any] = {
+        ex.PI: heyoka.expression(np.pi),
+        ex.TIME: heyoka.time if clock == 1 else clock * heyoka.time,
     }
     parameters = used_parameters(problem)
-    table |= {Symbol(name): heyoka.par[k] for k, name in enumerate(parameters)}
+    table |= {ex.Symbol(name): heyoka.par[k] for k, name in enumerate(parameters)}
     scaled = [unit * variable for variable in variables] if unit != 1 else variables
-    table |= {Symbol(name): scaled[k] for k, name in enumerate(problem.coordinates)}
+    table |= {ex.Symbol(name): scaled[k] for k, name in enumerate(problem.coordinates)}
     rates = scaled[size:] if clock == 1 else [rate / clock for rate in scaled[size:]]
-    table |= {Velocity(name): rates[k] for k, name in enumerate(problem.coordinates)}
+    table |= {ex.Velocity(name): rates[k] for k, name in enumerate(problem.coordinates)}
     forces = [_translated(tree, table, heyoka) / unit * clock**2 for tree in problem.accelerations or ()]
     system = [*zip(variables[:size], variables[size:], strict=True), *zip(variables[size:], forces, strict=True)]
     pars = [0.0] * len(parameters)
     return heyoka.taylor_adaptive(system, [0.0] * 2 * size, tol=tolerance, pars=pars, compact_mode=size > LARGE)
 
 
-def _translated(tree: Expression, table: Mapping[Expression, Any], heyoka: Any) -> Any:
+def _translated(tree: ex.Expression, table: Mapping[ex.Expression, Any], heyoka: Any) -> Any:
     known = table.get(tree)
     if known is not None:
         return known
     match tree:
-        case Number(value):
+        case ex.Number(value):
             return heyoka.expression(value.numerator / value.denominator)
-        case Sum(terms):
+        case ex.Sum(terms):
             return heyoka.sum([_translated(term, table, heyoka) for term in terms])
-        case Product(factors):
+        case ex.Product(factors):
             return heyoka.prod([_translated(factor, table, heyoka) for factor in factors])
-        case Power(base, Number(value)) if value.denominator == 1 and 2 < value <= LARGEST_PRODUCT:
+        case ex.Power(base, ex.Number(value)) if value.denominator == 1 and 2 < value <= LARGEST_PRODUCT:
             return _product(_translated(base, table, heyoka), value.numerator, heyoka)
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             return _translated(base, table, heyoka) ** _translated(exponent, table, heyoka)
-        case Apply(function, argument):
+        case ex.Apply(function, argument):
             return _applied(function, _translated(argument, table, heyoka), heyoka)
         case _:
             raise InputError("heyoka cannot take a formula with functions or names that have no value.")

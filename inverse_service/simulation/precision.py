@@ -20,17 +20,8 @@ import numpy as np
 
 from inverse_service.integrators.method_table import METHODS
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation.derivation import Derived
-from inverse_service.simulation.observing import (
-    greatest,
-    point_constraints,
-    point_energy,
-    start_energy,
-    velocities_at_points,
-    why_energy_varies,
-)
-from inverse_service.simulation.running import MethodRun, observed_run, true_motion
-from inverse_service.simulation.scene_data import EXACT, Grid, Progress, Requested, Scene, Truth, Unavailable
+from inverse_service.simulation import derivation, observing, running
+from inverse_service.simulation import scene_data as data
 
 CHECKS = 8
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -57,7 +48,7 @@ class Setting:
     own, and `step` is only the distance of the times at which it is seen.
     """
 
-    requested: Requested
+    requested: data.Requested
     step: float
     steps: int
     error: float | None = None
@@ -97,8 +88,8 @@ class LongRun:
 class Precision:
     """All settings, in the order of methods and from coarse to fine; `scale` is the size of the motion."""
 
-    scene: Scene
-    truth: Truth
+    scene: data.Scene
+    truth: data.Truth
     scale: float
     settings: tuple[Setting, ...]
     long: tuple[LongRun, ...] = ()
@@ -116,26 +107,26 @@ class Price:
 
 
 def measure(
-    scene: Scene,
-    derived: Derived,
+    scene: data.Scene,
+    derived: derivation.Derived,
     steps: Sequence[float],
     repeats: int,
     time_limit: float,
-    progress: Progress | None = None,
+    progress: data.Progress | None = None,
     long: bool = False,
-) -> Precision | Unavailable:
+) -> Precision | data.Unavailable:
     """Measure every method of the scene but the exact one, at `steps` or from coarse to fine; Unavailable where nothing
     is true."""
     begun, length = time.process_time(), scene.grid.step * scene.grid.steps
     plain = replace(scene, observe=())
     finest = max(_counts(length, steps or [scene.grid.step / 8]))
-    truth = true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
-    if isinstance(truth, Unavailable):
+    truth = running.true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
+    if isinstance(truth, data.Unavailable):
         return truth
     if not np.isfinite(truth.positions).all():
-        return Unavailable(truth.reason)
+        return data.Unavailable(truth.reason)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
-    methods = [requested for requested in scene.methods if requested.method != EXACT]
+    methods = [requested for requested in scene.methods if requested.method != data.EXACT]
 
     def run(blank: Setting) -> Setting:
         if progress is not None:
@@ -165,7 +156,7 @@ def measure(
 
 
 def _refined(
-    run: Callable[[Setting], Setting], blanks: Iterator[Setting], truth: Truth, scale: float, seconds: float
+    run: Callable[[Setting], Setting], blanks: Iterator[Setting], truth: data.Truth, scale: float, seconds: float
 ) -> list[Setting]:
     """From coarse to fine until the error is round-off, no longer falls, or a run takes long."""
     found: list[Setting] = []
@@ -184,10 +175,10 @@ def _refined(
 
 def _by_halves(
     run: Callable[[Setting], Setting],
-    requested: Requested,
+    requested: data.Requested,
     length: float,
     step: float,
-    truth: Truth,
+    truth: data.Truth,
     scale: float,
     seconds: float,
 ) -> list[Setting]:
@@ -213,7 +204,7 @@ def _counts(length: float, steps: Sequence[float]) -> list[int]:
     return sorted(count for count in counts if count <= MOST_STEPS) or [min(counts)]
 
 
-def _tolerances(requested: Requested, length: float) -> Iterator[Setting]:
+def _tolerances(requested: data.Requested, length: float) -> Iterator[Setting]:
     factor = 100.0 if METHODS[requested.method].scipy else 10.0
     tolerance = LOOSEST
     while tolerance > 0.9 * TIGHTEST:
@@ -221,20 +212,20 @@ def _tolerances(requested: Requested, length: float) -> Iterator[Setting]:
         tolerance /= factor
 
 
-def _blank(requested: Requested, length: float, count: int, tolerance: float | None = None) -> Setting:
+def _blank(requested: data.Requested, length: float, count: int, tolerance: float | None = None) -> Setting:
     """A setting before it is measured; a tolerance is part of what is requested."""
     if tolerance is not None and requested.choice is not None:
         requested = replace(requested, choice=replace(requested.choice, tolerance=tolerance))
     return Setting(requested, _grid(length, count).step, count, tolerance=tolerance)
 
 
-def _grid(length: float, count: int) -> Grid:
-    return Grid(length / count, count, count // CHECKS)
+def _grid(length: float, count: int) -> data.Grid:
+    return data.Grid(length / count, count, count // CHECKS)
 
 
-def _first(scene: Scene, blank: Setting, derived: Derived, truth: Truth, length: float) -> Setting:
+def _first(scene: data.Scene, blank: Setting, derived: derivation.Derived, truth: data.Truth, length: float) -> Setting:
     begun = time.perf_counter()
-    run = observed_run(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None)
+    run = running.observed_run(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None)
     first, at = time.perf_counter() - begun, run.trajectory
     if at is None or not run.outcome.completed:
         return replace(blank, reason=reason_of(run), first=first)
@@ -248,30 +239,30 @@ def _first(scene: Scene, blank: Setting, derived: Derived, truth: Truth, length:
     )  # fmt: skip
 
 
-def _further(scene: Scene, run: MethodRun, truth: Truth) -> dict[str, float | None]:
+def _further(scene: data.Scene, run: running.MethodRun, truth: data.Truth) -> dict[str, float | None]:
     """Greatest errors at the CHECKS common times, of what has values there."""
-    velocities = None if run.observed is None else velocities_at_points(run.observed)
+    velocities = None if run.observed is None else observing.velocities_at_points(run.observed)
     if velocities is None or run.trajectory is None:
         return {}
     errors = energy_errors(scene, run.trajectory.positions, velocities, run.trajectory.times)
-    found = {"velocity_error": greatest(velocities - truth.velocities)}
-    found |= {} if errors is None else {"energy_error": greatest(errors)}
+    found = {"velocity_error": observing.greatest(velocities - truth.velocities)}
+    found |= {} if errors is None else {"energy_error": observing.greatest(errors)}
     if scene.constraints:
-        found["constraint_error"] = point_constraints(scene, run.trajectory.positions, velocities)[
+        found["constraint_error"] = observing.point_constraints(scene, run.trajectory.positions, velocities)[
             "max_constraint_at_points"
         ]
     return found
 
 
-def energy_errors(scene: Scene, positions: Array, velocities: Array, times: Array) -> Array | None:
+def energy_errors(scene: data.Scene, positions: Array, velocities: Array, times: Array) -> Array | None:
     """E/E_0 - 1 (E - E_0 where E_0 is 0) at points, (m,); None where E is no constant or is not known."""
-    if scene.lagrangian is None or why_energy_varies(scene) is not None:
+    if scene.lagrangian is None or observing.why_energy_varies(scene) is not None:
         return None
-    start = start_energy(scene) or 0.0
-    return (point_energy(scene, positions, velocities, times) - start) / (abs(start) or 1.0)
+    start = observing.start_energy(scene) or 0.0
+    return (observing.point_energy(scene, positions, velocities, times) - start) / (abs(start) or 1.0)
 
 
-def reason_of(run: MethodRun) -> str:
+def reason_of(run: running.MethodRun) -> str:
     """Why a setting has no error, in a line."""
     outcome = run.outcome
     if run.trajectory is None:
@@ -282,7 +273,7 @@ def reason_of(run: MethodRun) -> str:
 
 
 def _repeated(
-    scene: Scene, derived: Derived, settings: list[Setting], length: float, repeats: int, budget: float
+    scene: data.Scene, derived: derivation.Derived, settings: list[Setting], length: float, repeats: int, budget: float
 ) -> list[Setting]:
     """Steady times: rounds over all settings that worked, in alternating order, until the budget is used up."""
     begun = time.process_time()
@@ -295,7 +286,7 @@ def _repeated(
             if turn == 0:
                 times[k].append(one.best or 0.0)
                 continue
-            run = observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived, None)
+            run = running.observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived, None)
             if run.trajectory is not None and run.outcome.completed:
                 times[k].append(run.trajectory.run_seconds)
     return [
@@ -389,7 +380,7 @@ def prices(measured: Precision) -> dict[float, dict[str, Price]]:
     return found
 
 
-def _long_runs(measured: Precision, derived: Derived, budget: float) -> Iterator[LongRun]:
+def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) -> Iterator[LongRun]:
     """Each method over LONG times the time, with the coarsest setting that has an error of a thousandth."""
     begun, scene = time.process_time(), measured.scene
     wanted = [next((s for s in curve if (s.error or 1.0) <= TARGETS[0] * measured.scale), curve[-1])
@@ -400,18 +391,18 @@ def _long_runs(measured: Precision, derived: Derived, budget: float) -> Iterator
             yield LongRun(one, reason=f"not measured: it takes about {expected:.1g} s")
             continue
         count = one.steps * LONG
-        grid = Grid(one.step, count, max(1, count // (PARTS * 200)))
+        grid = data.Grid(one.step, count, max(1, count // (PARTS * 200)))
         yield _long_run(replace(scene, observe=(), grid=grid), one, derived)
 
 
-def _long_run(scene: Scene, one: Setting, derived: Derived) -> LongRun:
+def _long_run(scene: data.Scene, one: Setting, derived: derivation.Derived) -> LongRun:
     requested = one.requested
     if requested.choice is not None:  # as in the table: no second look at what is long
         requested = replace(requested, choice=replace(requested.choice, guard=False))
-    run = observed_run(scene, requested, derived, None)
+    run = running.observed_run(scene, requested, derived, None)
     if run.trajectory is None or not run.outcome.completed or run.observed is None:
         return LongRun(one, reason=reason_of(run))
-    at, velocities = run.trajectory, velocities_at_points(run.observed)
+    at, velocities = run.trajectory, observing.velocities_at_points(run.observed)
     part = max(2, len(at.times) // PARTS)
     extents = [np.ptp(at.positions[rows], axis=0) for rows in (slice(0, part), slice(-part, None))]
     shape = float(np.max(np.abs(extents[1] - extents[0]) / max(float(extents[0].max()), 1e-300)))
@@ -419,7 +410,7 @@ def _long_run(scene: Scene, one: Setting, derived: Derived) -> LongRun:
     if velocities is not None:
         errors = energy_errors(scene, at.positions, velocities, at.times)
         if errors is not None:
-            energy, drift = greatest(errors), float(abs(errors[-part:].mean() - errors[:part].mean()))
+            energy, drift = observing.greatest(errors), float(abs(errors[-part:].mean() - errors[:part].mean()))
         if scene.constraints:
-            constraint = point_constraints(scene, at.positions, velocities)["max_constraint_at_points"]
+            constraint = observing.point_constraints(scene, at.positions, velocities)["max_constraint_at_points"]
     return LongRun(one, at.run_seconds, energy, drift, constraint, shape)

@@ -29,39 +29,10 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.simulation import derivation, ensembles, estimates, execution, initial, motions, observing
 from inverse_service.simulation.advice import COST, Means, effects_of, part_costs
-from inverse_service.simulation.derivation import (
-    COMPARED,
-    USES_EXACT,
-    Derived,
-    Find,
-    derived_for_truth,
-    problem_of,
-    timed,
-    with_accelerations,
-    with_energy,
-)
-from inverse_service.simulation.ensembles import EnsembleRun, run_members
-from inverse_service.simulation.estimates import (
-    apart_from,
-    estimated,
-    has_functions_of_time,
-    jump_of_energy,
-    other_motion,
-)
 from inverse_service.simulation.events import Found, Pieces, has_pieces, period_of, run_pieces, with_events
-from inverse_service.simulation.execution import run
-from inverse_service.simulation.initial import NO_VALUE, ended_at_start
-from inverse_service.simulation.motions import ExactMotion, positions_of
 from inverse_service.simulation.numeric_formulas import array_value, table_of
-from inverse_service.simulation.observing import (
-    ENERGY_START,
-    Observed,
-    observables,
-    observation_of,
-    observed_quantities,
-    start_energy,
-)
 from inverse_service.simulation.scene_data import (
     EXACT,
     FreeLagrangian,
@@ -100,7 +71,7 @@ class MethodRun:
     seconds: Mapping[str, float] = field(default_factory=dict)
     free: FreeLagrangian | None = None
     events: tuple[Found, ...] = ()
-    observed: Observed | None = None
+    observed: observing.Observed | None = None
     pieces: Pieces | None = None
 
 
@@ -109,17 +80,17 @@ class SceneRun:
     """All runs of a scene, with the true motion where something observed needed it."""
 
     scene: Scene
-    derived: Derived
+    derived: derivation.Derived
     truth: Truth | Unavailable | None
     runs: tuple[MethodRun, ...]
-    members: tuple[EnsembleRun, ...] = ()
+    members: tuple[ensembles.EnsembleRun, ...] = ()
     lyapunov: Mapping[str, Any] | None = None
     effects: Mapping[str, Any] = field(default_factory=dict)
 
 
 def run_scene(
-    scene: Scene, derived: Derived, progress: Progress | None = None, stop: Stop | None = None,
-    find: Find | None = None, compared_until: Stop | None = None,
+    scene: Scene, derived: derivation.Derived, progress: Progress | None = None, stop: Stop | None = None,
+    find: derivation.Find | None = None, compared_until: Stop | None = None,
 ) -> SceneRun:  # fmt: skip
     """Run every method; what ends a method is its outcome and does not touch the others.
 
@@ -127,13 +98,13 @@ def run_scene(
     `compared_until` says so, that the methods have time left.
     """
     tell = progress or (lambda message: None)
-    scene = with_energy(scene, derived)
+    scene = derivation.with_energy(scene, derived)
     truth = None
-    if USES_EXACT & set(scene.observe) and scene.ensemble is None:
+    if derivation.USES_EXACT & set(scene.observe) and scene.ensemble is None:
         tell("true motion")
         truth = _truth(scene, derived, compared_until or stop)
     runs: list[MethodRun] = []
-    members: list[EnsembleRun] = []
+    members: list[ensembles.EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         if stop is not None and stop() and scene.ensemble is None:
@@ -142,14 +113,14 @@ def run_scene(
             continue
         try:
             if scene.ensemble is not None:
-                members.append(run_members(scene, derived, requested, stop))
+                members.append(ensembles.run_members(scene, derived, requested, stop))
                 continue
             runs.append(run_method(scene, requested, derived, truth, stop, find))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
     exponent = None
-    begins = not isinstance(with_accelerations(scene, derived), Unavailable)
+    begins = not isinstance(derivation.with_accelerations(scene, derived), Unavailable)
     if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple) and begins:
         tell("Lyapunov exponent")
         exponent = largest_exponent(scene, derived.accelerations, stop)
@@ -160,10 +131,10 @@ def run_scene(
 def run_method(
     scene: Scene,
     requested: Requested,
-    derived: Derived,
+    derived: derivation.Derived,
     truth: Truth | Unavailable | None,
     stop: Stop | None = None,
-    find: Find | None = None,
+    find: derivation.Find | None = None,
 ) -> MethodRun:
     """One method and its observed quantities, with an estimate of its error, and what its parts cost."""
     run_ = observed_run(scene, requested, derived, truth, stop)
@@ -172,16 +143,18 @@ def run_method(
         return run_
     outcome, numbers, seconds = run_.outcome, dict(run_.numbers), dict(run_.seconds)
     if outcome.completed:
-        with timed(seconds, "half the step"):
-            numbers |= estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
+        with derivation.timed(seconds, "half the step"):
+            numbers |= estimates.estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
         doubt = numbers.pop("doubt")
-        if not doubt and has_functions_of_time(run_.observed):
-            with timed(seconds, "adaptive"):
-                other = observed_run(replace(scene, observe=()), OTHER, derived_for_truth(scene, derived), None, stop)
-            doubt = "" if other.trajectory is None else apart_from(run_.observed, other.trajectory)
+        if not doubt and estimates.has_functions_of_time(run_.observed):
+            with derivation.timed(seconds, "adaptive"):
+                other = observed_run(
+                    replace(scene, observe=()), OTHER, derivation.derived_for_truth(scene, derived), None, stop
+                )
+            doubt = "" if other.trajectory is None else estimates.apart_from(run_.observed, other.trajectory)
         outcome = replace(outcome, doubt=doubt)
     if COST in scene.observe:
-        with timed(seconds, COST):
+        with derivation.timed(seconds, COST):
             numbers[COST] = _costs(scene, requested, derived, run_.free, stop, find)
     return replace(run_, outcome=outcome, numbers=numbers, seconds=seconds)
 
@@ -189,14 +162,14 @@ def run_method(
 def observed_run(
     scene: Scene,
     requested: Requested,
-    derived: Derived,
+    derived: derivation.Derived,
     truth: Truth | Unavailable | None,
     stop: Stop | None = None,
 ) -> MethodRun:
     """One method and its observed quantities, as far as it came and its steps saw what they moved through."""
     free = derived.free.get(requested.free) if requested.method in ("variational", "modified") else None
     known = free if isinstance(free, FreeLagrangian) else None
-    if (lost := ended_at_start(scene)) is not None:
+    if (lost := initial.ended_at_start(scene)) is not None:
         return MethodRun(requested, lost.outcome, lost, free=known)
     problem, ran = _motion(scene, requested, derived, known, stop)
     if isinstance(ran, Unavailable):
@@ -205,33 +178,36 @@ def observed_run(
     found = ran.trajectory if isinstance(ran, Pieces) else ran
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
     values = values_of(scene, requested, known)
-    observed = Observed(scene, requested, found, problem, values, truth, pieces is not None)
+    observed = observing.Observed(scene, requested, found, problem, values, truth, pieces is not None)
     events: tuple[Found, ...] = () if pieces is None else pieces.events
     if pieces is None:
-        if found.outcome.completed and (unseen := other_motion(observed) or jump_of_energy(observed)) is not None:
+        if (
+            found.outcome.completed
+            and (unseen := estimates.other_motion(observed) or estimates.jump_of_energy(observed)) is not None
+        ):
             found = found.ended(found.times <= (unseen.time or 0.0), unseen)
             observed = replace(observed, trajectory=found)
         if scene.events and len(found.times) > 1:
-            with timed(seconds, "events"):
-                found, events = with_events(observed, with_accelerations(scene, derived))
+            with derivation.timed(seconds, "events"):
+                found, events = with_events(observed, derivation.with_accelerations(scene, derived))
                 observed = replace(observed, trajectory=found)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=known)
-    numbers, series = observed_quantities(observed, seconds)
+    numbers, series = observing.observed_quantities(observed, seconds)
     if "period" in scene.observe:
-        with timed(seconds, "period"):
-            numbers |= period_of(observed, with_accelerations(scene, derived))
+        with derivation.timed(seconds, "period"):
+            numbers |= period_of(observed, derivation.with_accelerations(scene, derived))
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, known, events, observed, pieces)
 
 
 def _motion(
-    scene: Scene, requested: Requested, derived: Derived, free: FreeLagrangian | None, stop: Stop | None
+    scene: Scene, requested: Requested, derived: derivation.Derived, free: FreeLagrangian | None, stop: Stop | None
 ) -> tuple[Problem | None, Trajectory | Pieces | Unavailable]:
     """The problem that a method has, None of the exact solution, and its trajectory, or its pieces."""
     if requested.method == EXACT:
         exact = exact_trajectory(scene, derived)
         return None, with_series(scene, exact) if isinstance(exact, Trajectory) else exact
-    problem = problem_of(scene, requested, derived)
+    problem = derivation.problem_of(scene, requested, derived)
     if isinstance(problem, Unavailable):
         return None, problem
     return problem, _integrated(scene, requested, problem, free, stop, derived)
@@ -239,18 +215,18 @@ def _motion(
 
 def _integrated(
     scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None,
-    derived: Derived | None = None,
+    derived: derivation.Derived | None = None,
 ) -> Trajectory | Pieces | Unavailable:  # fmt: skip
     assert requested.choice is not None
     values = values_of(scene, requested, free)
     if "energy" in scene.observe and scene.lagrangian is not None:
-        values[ENERGY_START] = start_energy(scene) or 0.0
-        if not np.isfinite(values[ENERGY_START]):
+        values[observing.ENERGY_START] = observing.start_energy(scene) or 0.0
+        if not np.isfinite(values[observing.ENERGY_START]):
             return Unavailable("The energy has no finite value at the start: start somewhere else.")
 
     def piece(what: Problem, choice: MethodChoice, start: Start, grid: Grid) -> Trajectory:
         own, observation = observed_problem(scene, what)
-        return run(own, choice, start, grid, values, observation, stop, in_pieces)
+        return execution.run(own, choice, start, grid, values, observation, stop, in_pieces)
 
     in_pieces = derived is not None and has_pieces(scene, problem)
     try:
@@ -258,14 +234,16 @@ def _integrated(
         if not in_pieces or derived is None:
             return piece(problem, requested.choice, start, scene.grid)
         every, whole = scene.grid.record_every, replace(scene, grid=replace(scene.grid, record_every=1))
-        found = run_pieces(whole, requested, problem, with_accelerations(scene, derived), start, values, piece, stop)
+        found = run_pieces(
+            whole, requested, problem, derivation.with_accelerations(scene, derived), start, values, piece, stop
+        )
         return found if every == 1 or isinstance(found, Unavailable) else found.thinned(scene.grid)
     except InputError as error:
         return Unavailable(error.detail)
 
 
 def _again(
-    problem: Problem, free: FreeLagrangian | None, stop: Stop | None, derived: Derived, scene: Scene,
+    problem: Problem, free: FreeLagrangian | None, stop: Stop | None, derived: derivation.Derived, scene: Scene,
     requested: Requested,
 ) -> Trajectory | Unavailable:  # fmt: skip
     """The method once more."""
@@ -275,15 +253,15 @@ def _again(
 
 def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:
     """The problem with the parameters that the observed formulas need, and what is recorded."""
-    observation = observation_of(scene)
+    observation = observing.observation_of(scene)
     if observation.observables and "energy" in scene.observe:
-        problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
+        problem = replace(problem, parameters=(*problem.parameters, observing.ENERGY_START))
     return problem.with_used_parameters([one.expression for one in observation.observables]), observation
 
 
 def _costs(
-    scene: Scene, requested: Requested, derived: Derived, free: FreeLagrangian | None, stop: Stop | None,
-    find: Find | None,
+    scene: Scene, requested: Requested, derived: derivation.Derived, free: FreeLagrangian | None, stop: Stop | None,
+    find: derivation.Find | None,
 ) -> dict[str, Any]:  # fmt: skip
     def step(variant: Scene, problem: Problem) -> Trajectory | Unavailable:
         known = None
@@ -321,16 +299,16 @@ def start_of(scene: Scene, requested: Requested, free: FreeLagrangian | None, va
 
 def with_series(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """The exact trajectory with the formulas of the observed quantities at its points."""
-    values = dict(scene.values) | {ENERGY_START: start_energy(scene) or 0.0}
+    values = dict(scene.values) | {observing.ENERGY_START: observing.start_energy(scene) or 0.0}
     table = table_of(scene.coordinates, trajectory.positions, trajectory.velocities, values, trajectory.times)
-    series = {one.name: array_value(one.expression, table) for one in observables(scene)}
+    series = {one.name: array_value(one.expression, table) for one in observing.observables(scene)}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     return replace(trajectory, series=series, maxima=maxima)
 
 
-def _truth(scene: Scene, derived: Derived, stop: Stop | None) -> Truth | Unavailable:
+def _truth(scene: Scene, derived: derivation.Derived, stop: Stop | None) -> Truth | Unavailable:
     """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
-    if COMPARED & set(scene.observe) or isinstance(derived.exact, ExactMotion):
+    if derivation.COMPARED & set(scene.observe) or isinstance(derived.exact, motions.ExactMotion):
         return true_motion(scene, derived, stop)
     return Unavailable("No exact solution is known here.")
 
@@ -357,7 +335,7 @@ def largest_exponent(
     for part in range(PARTS):
         begin = scene.grid.begin + part * length / PARTS
         start = Start((*positions, *tangent[:n]), velocities=(*velocities, *tangent[n:]))
-        found = run(problem, CHOICE, start, Grid(length / PARTS, 1, 1, begin), dict(scene.values), BARE, stop)
+        found = execution.run(problem, CHOICE, start, Grid(length / PARTS, 1, 1, begin), dict(scene.values), BARE, stop)
         if stop is not None and stop():
             return {"largest": None, "note": OVER}
         if not found.outcome.completed or found.velocities is None:
@@ -407,9 +385,9 @@ NONE_FOUND = "No reference solution was found: the reference integrators did not
 PARTED = "The true motion is known until t = {:.6g} only: {}."
 
 
-def true_motion(scene: Scene, derived: Derived, stop: Stop | None = None) -> Truth | Unavailable:
+def true_motion(scene: Scene, derived: derivation.Derived, stop: Stop | None = None) -> Truth | Unavailable:
     """The true motion at the recorded times of the scene, or why it is not known."""
-    if not isinstance(derived.exact, ExactMotion):
+    if not isinstance(derived.exact, motions.ExactMotion):
         return _references(scene, derived, stop)
     found = exact_trajectory(scene, derived)
     if isinstance(found, Unavailable) or found.velocities is None:
@@ -418,26 +396,26 @@ def true_motion(scene: Scene, derived: Derived, stop: Stop | None = None) -> Tru
     return Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
 
 
-def exact_trajectory(scene: Scene, derived: Derived) -> Trajectory | Unavailable:
+def exact_trajectory(scene: Scene, derived: derivation.Derived) -> Trajectory | Unavailable:
     """The exact solution as a trajectory, at the recorded times."""
-    if not isinstance(derived.exact, ExactMotion):
+    if not isinstance(derived.exact, motions.ExactMotion):
         reason = derived.exact.reason if derived.exact is not None else "It was not asked for."
         return Unavailable(f"No exact solution is known for this scene. {reason}")
-    if ended_at_start(scene) is not None:
-        return Unavailable(NO_VALUE)
+    if initial.ended_at_start(scene) is not None:
+        return Unavailable(initial.NO_VALUE)
     begun = time.perf_counter()
     times = scene.grid.times
     try:
-        rows = positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
+        rows = motions.positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
     except ValueError as error:
         return Unavailable(f"The exact solution ends: {error}.")
     seconds = time.perf_counter() - begun
     return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), 0, 0, 0.0, seconds)
 
 
-def _references(scene: Scene, derived: Derived, stop: Stop | None) -> Truth | Unavailable:
+def _references(scene: Scene, derived: derivation.Derived, stop: Stop | None) -> Truth | Unavailable:
     begun, times = time.perf_counter(), scene.grid.times
-    problem = with_accelerations(scene, derived)
+    problem = derivation.with_accelerations(scene, derived)
     if isinstance(problem, Unavailable):
         return problem
 
@@ -501,7 +479,7 @@ def _part(
     """A part of the run, with the events that act and the switches in it."""
 
     def piece(what: Problem, by: MethodChoice, begin: Start, over: Grid) -> Trajectory:
-        return run(what, by, begin, over, dict(scene.values), Observation(momenta=False), stop, in_pieces)
+        return execution.run(what, by, begin, over, dict(scene.values), Observation(momenta=False), stop, in_pieces)
 
     acting = tuple(event for event in scene.events if event.acts)
     own = replace(scene, grid=replace(grid, record_every=1), events=acting)

@@ -431,12 +431,7 @@ def _point_program(
     watches = [*watches, *rank_watches(f, [q + d for q, d in zip(f.symbols("q"), changes, strict=False)])]
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
     state, updates = with_clock(f, carried, changes, observed)
-    needed = [
-        *updates,
-        *further,
-        *(watch.formula for watch in watches),
-        *(formula for _, formula in observed),
-    ]
+    needed = [*updates, *further, *(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return Program(
         state=state, arguments=("h", "a", *f.parameters), statements=used_only(statements, needed),
         updates=tuple(updates), watches=tuple(watches), observed=observed, forces=forces,

@@ -26,8 +26,7 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.kernels.codegen.kernel import AdaptiveKernel, Kernel
 from inverse_service.kernels.codegen.llvm_writer import LlvmWriter
 from inverse_service.kernels.codegen.program import Layout, Program, Solve, layout_of
-from inverse_service.kernels.machine_code import code_store
-from inverse_service.kernels.machine_code.loading import engine_of, processor_name, target_machine
+from inverse_service.kernels.machine_code import code_store, loading
 
 _ROOMS = ("kernels", "integrators", "simulation", "expressions")
 
@@ -40,7 +39,7 @@ def code_digest() -> str:
     for room in _ROOMS:
         for path in sorted([*(root / room).rglob("*.py"), *(root / room).rglob("*.toml")]):
             digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    digest.update(processor_name().encode())
+    digest.update(loading.processor_name().encode())
     return digest.hexdigest()
 
 
@@ -58,7 +57,7 @@ def object_code(ir: str, thorough: bool = False) -> bytes:
     Subexpressions are already shared, so a single trajectory needs little: LLVM's whole pipeline (`thorough`) takes 8
     to 13 ms more, to compile in 15 to 33 ms, and its steps are no shorter; those of ensembles are, by 0 to 40 %.
     """
-    machine = target_machine()
+    machine = loading.target_machine()
     module = llvm.parse_assembly(ir)
     module.triple = machine.triple
     _optimise(machine, module, thorough)
@@ -102,7 +101,7 @@ class Machine:
 
 def load(code: bytes) -> Machine:
     """The kernel of an object file, ready to be called."""
-    engine = engine_of(code)
+    engine = loading.engine_of(code)
     address = engine.get_function_address("kernel")
     if not address:
         raise OSError("the object file has no kernel")

@@ -12,18 +12,7 @@ from typing import Any
 import symengine
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import (
-    PI,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-)
+from inverse_service.expressions import tree as ex
 
 Formula = Any  # symengine has no types
 
@@ -44,39 +33,39 @@ STEP, ALPHA = symbol("h"), symbol("a")
 WHOLE_STEP = symbol("whole")  # from one point of the grid to the next, in kernels that choose their steps
 
 
-def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[Expression, Formula]:
+def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[ex.Expression, Formula]:
     """The table of leaves: Symbol and Velocity of each coordinate, Symbol("p_x"), Symbol of each parameter."""
-    table: dict[Expression, Formula] = {PI: symengine.pi}
+    table: dict[ex.Expression, Formula] = {ex.PI: symengine.pi}
     for place, name in enumerate(parameters):
-        table[Symbol(name)] = symbol(f"c{place}")
+        table[ex.Symbol(name)] = symbol(f"c{place}")
     for place, name in enumerate(coordinates):
-        table[Symbol(f"p_{name}")] = symbol(f"p{place}")
+        table[ex.Symbol(f"p_{name}")] = symbol(f"p{place}")
     for place, name in enumerate(coordinates):
-        table[Symbol(name)] = symbol(f"q{place}")
-        table[Velocity(name)] = symbol(f"v{place}")
+        table[ex.Symbol(name)] = symbol(f"q{place}")
+        table[ex.Velocity(name)] = symbol(f"v{place}")
     return table
 
 
-def translate(tree: Expression, table: Mapping[Expression, Formula]) -> Formula:
+def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Formula:
     """The tree in symengine; InputError for a name without a value, an arbitrary function, an acceleration, and for
     what is infinite whatever the values."""
     known = table.get(tree)
     if known is not None:
         return known
     match tree:
-        case Number(value):
+        case ex.Number(value):
             return symengine.Rational(value.numerator, value.denominator)
-        case Sum(terms):
+        case ex.Sum(terms):
             return symengine.Add(*(translate(term, table) for term in terms))
-        case Product(factors):
+        case ex.Product(factors):
             return symengine.Mul(*(translate(factor, table) for factor in factors))
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             return _finite(symengine.Pow(translate(base, table), translate(exponent, table)))
-        case Apply(function, argument):
+        case ex.Apply(function, argument):
             return _finite(_applied(function, translate(argument, table)))
-        case Arbitrary(name, _, _):
+        case ex.Arbitrary(name, _, _):
             raise InputError(f"The function {name} has no formula: a simulation needs one, such as {name} = x^2.")
-        case Symbol(name):
+        case ex.Symbol(name):
             raise InputError(f"{name} is neither a coordinate nor a parameter with a value of this simulation.")
         case _:
             raise InputError("A simulation takes formulas of positions and velocities, without accelerations.")

@@ -17,9 +17,8 @@ from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError, InverseServiceError
-from inverse_service.expressions.derivative import define_functions
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Symbol, walk
+from inverse_service.expressions import derivative, printing
+from inverse_service.expressions import tree as ex
 from inverse_service.field.rational_functions import TooLarge
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.legendre.transform import legendre
@@ -29,20 +28,10 @@ from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers
 from inverse_service.mechanics.nonholonomic.paper_class import recognized
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition
-from inverse_service.service.documents.documents import solve_system
-from inverse_service.service.documents.plain_data import escape
+from inverse_service.service.documents import documents, plain_data
 from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_reading import number_of
-from inverse_service.simulation.derivation import Find
-from inverse_service.simulation.motions import (
-    ClassLagrangian,
-    ExactMotion,
-    NoExactMotion,
-    class_lagrangian,
-    keeps_motion,
-    regular_accelerations,
-    start_momenta,
-)
+from inverse_service.simulation import derivation, motions
 from inverse_service.simulation.numeric_formulas import array_value, switching_functions, table_of, walls
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
 
@@ -52,10 +41,10 @@ NO_INVERSE = (
     "The momenta at the start do not give back its velocities: the Lagrangian is singular there, or its Hamiltonian "
     "belongs to another branch. Begin elsewhere, or take another method."
 )
-Exact = ExactMotion | NoExactMotion
+Exact = motions.ExactMotion | motions.NoExactMotion
 
 
-def finder(schema: SceneDocument, system: scene_system.MechanicalSystem, catalogue_name: str | None) -> Find:
+def finder(schema: SceneDocument, system: scene_system.MechanicalSystem, catalogue_name: str | None) -> derivation.Find:
     """What `derive` calls for the free Lagrangian of a method."""
 
     def find(scene: Scene, name: str | None, exact: Exact) -> FreeLagrangian | Unavailable:
@@ -87,8 +76,8 @@ def _found(
         return Unavailable("With further forces the constrained motion has no free Lagrangian here: use nonholonomic.")
     if wanted is None and system.known:
         return _first_fitting(scene, system, system.known, constants, system.source)
-    if wanted in (None, "second") and isinstance(exact, ExactMotion):
-        known = class_lagrangian(exact, tuple(scene.values))
+    if wanted in (None, "second") and isinstance(exact, motions.ExactMotion):
+        known = motions.class_lagrangian(exact, tuple(scene.values))
         if known is not None:
             return _of_class(known, exact, constants)
     return _of_associated(scene, system, catalogue_name, wanted or "second", constants)
@@ -122,22 +111,24 @@ def _given(
     names = system.names
     extra = tuple(name for name in constants if name not in names.parameters)
     given = scene_system.formula(text, Names(names.coordinates, (*names.parameters, *extra), names.functions), pointer)
-    tree = define_functions(given, system.definitions)
+    tree = derivative.define_functions(given, system.definitions)
     scene_system.refuse_open_functions([tree], names)
-    used = {node.name for node in walk(tree) if isinstance(node, Symbol)}
+    used = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
     own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
     values = dict(scene.values) | own
     accelerations = scene.accelerations
     if accelerations is None and scene.lagrangian is not None:
         try:
-            accelerations = regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
+            accelerations = motions.regular_accelerations(
+                scene.coordinates, scene.lagrangian, scene.constraints, scene.forces
+            )
         except InputError as error:
             return Unavailable(error.detail[:1].upper() + error.detail[1:])
     domain = _domain(scene, system, conditions, values)
     if domain is None:
         where = ", ".join(conditions)
         return Unavailable(f"The Lagrangian that is {source} holds where {where}: the motion begins elsewhere.")
-    if accelerations is not None and keeps_motion(scene, tree, accelerations, values, domain) is False:
+    if accelerations is not None and motions.keeps_motion(scene, tree, accelerations, values, domain) is False:
         detail = "the motion of this scene is no solution of this Lagrangian"
         if pointer == "/system":
             return Unavailable(f"For the Lagrangian that is {source}, {detail}: the effects of the scene changed it.")
@@ -148,12 +139,12 @@ def _given(
 
 def _domain(
     scene: Scene, system: scene_system.MechanicalSystem, conditions: Sequence[str], values: Mapping[str, float]
-) -> tuple[Expression, ...] | None:
+) -> tuple[ex.Expression, ...] | None:
     """What is positive as long as L~ has the motion: its conditions, and what given accelerations divide by or take
     roots of; None where one does not hold at the start."""
-    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
+    moving: set[ex.Expression] = {ex.Symbol(name) for name in scene.coordinates}
     ends = [read_condition(condition, system.names) for condition in conditions]
-    ends = [define_functions(end, system.definitions) for end in ends]
+    ends = [derivative.define_functions(end, system.definitions) for end in ends]
     table = table_of(
         scene.coordinates, scene.positions[None], scene.velocities[None], values, np.array([scene.grid.begin])
     )
@@ -167,7 +158,7 @@ def _domain(
 
 
 def _with_hamiltonian(
-    scene: Scene, tree: Expression, constants: Mapping[str, float], source: str
+    scene: Scene, tree: ex.Expression, constants: Mapping[str, float], source: str
 ) -> FreeLagrangian | Unavailable:
     """L~ with its H~ where a closed form exists that gives back the velocities of the start."""
     try:
@@ -188,11 +179,13 @@ def _with_hamiltonian(
     return FreeLagrangian(tree, hamiltonian, dict(constants), source, lost=lost)
 
 
-def _of_class(known: ClassLagrangian, exact: ExactMotion, constants: Mapping[str, float]) -> FreeLagrangian:
+def _of_class(
+    known: motions.ClassLagrangian, exact: motions.ExactMotion, constants: Mapping[str, float]
+) -> FreeLagrangian:
     chosen = {name: constants.get(name, 1.0) for name in known.constants if name is not None}
 
     def momenta(positions: Array, velocities: Array, values: Mapping[str, float]) -> Array:
-        return start_momenta(known, replace(exact, values=values), positions, velocities)
+        return motions.start_momenta(known, replace(exact, values=values), positions, velocities)
 
     source = f"{known.kind} of the second associated system"
     return FreeLagrangian(known.lagrangian, known.hamiltonian, chosen, source, momenta)
@@ -238,9 +231,9 @@ def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
     return _of_equations(scene, accelerations, False if scene.accelerations is None else None)
 
 
-def _of_equations(scene: Scene, accelerations: Sequence[Expression], with_time: bool | None) -> dict[str, Any]:
-    texts = {name: to_text(f) for name, f in zip(scene.coordinates, accelerations, strict=True)}
-    used = {node.name for f in accelerations for node in walk(f) if isinstance(node, Symbol)}
+def _of_equations(scene: Scene, accelerations: Sequence[ex.Expression], with_time: bool | None) -> dict[str, Any]:
+    texts = {name: printing.to_text(f) for name, f in zip(scene.coordinates, accelerations, strict=True)}
+    used = {node.name for f in accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
     return {
         "coordinates": list(scene.coordinates),
         "equations": texts,
@@ -287,13 +280,13 @@ def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_system.
 def _answer(question: str, seconds: float) -> dict[str, Any] | str:
     """What the solver says, or why it says nothing."""
     try:
-        return solve_system(json.loads(question), SolveOptions(time_limit=seconds))
+        return documents.solve_system(json.loads(question), SolveOptions(time_limit=seconds))
     except InverseServiceError as error:
         return error.detail
 
 
 def conserved(
-    scene: Scene, system: scene_system.MechanicalSystem, accelerations: Sequence[Expression] | Unavailable | None
+    scene: Scene, system: scene_system.MechanicalSystem, accelerations: Sequence[ex.Expression] | Unavailable | None
 ) -> tuple[Observable, ...]:
     """Constants of the motion where the energy is none: of the solver, for the equations that are run."""
     if accelerations is None or isinstance(accelerations, Unavailable) or len(scene.coordinates) > MOST_CONSERVED:
@@ -313,7 +306,7 @@ def conserved(
 
 
 def _constants(schema: SceneDocument) -> dict[str, float]:
-    return {name: number_of(text, f"/constants/{escape(name)}") for name, text in schema.constants.items()}
+    return {name: number_of(text, f"/constants/{plain_data.escape(name)}") for name, text in schema.constants.items()}
 
 
 def _refuse_unknown_constants(schema: SceneDocument, found: FreeLagrangian) -> None:
@@ -321,8 +314,8 @@ def _refuse_unknown_constants(schema: SceneDocument, found: FreeLagrangian) -> N
         if name not in found.constants:
             known = ", ".join(found.constants) or "none"
             raise InputError(
-                f"the free Lagrangian has no constant '{escape(name)}': its constants are {known}.",
-                f"/constants/{escape(name)}",
+                f"the free Lagrangian has no constant '{plain_data.escape(name)}': its constants are {known}.",
+                f"/constants/{plain_data.escape(name)}",
             )
 
 

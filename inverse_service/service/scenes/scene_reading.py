@@ -47,20 +47,10 @@ from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.documents.preparing import prepared_scene
 from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_system import SYSTEM
+from inverse_service.simulation import scene_data as data
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
 from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta
 from inverse_service.simulation.numeric_formulas import NoValue, array_value
-from inverse_service.simulation.scene_data import (
-    OBSERVED,
-    Effect,
-    Event,
-    Grid,
-    Members,
-    MethodChoice,
-    Observable,
-    Requested,
-    Scene,
-)
 
 HIDDEN = frozenset({*TAGS, "[key]", "quantity", "formulas", "columns", "list"})
 NUMBER = 'a number, or a text such as "1/2" or "pi/4"'
@@ -196,20 +186,20 @@ def read_forces(
 
 def read_observables(
     schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
-) -> tuple[Observable, ...]:
+) -> tuple[data.Observable, ...]:
     """The observables that the scene gives by formula, in its order; their names are columns of their own."""
-    found: dict[str, Observable] = {}
+    found: dict[str, data.Observable] = {}
     taken = _columns(system.names.coordinates).union(system.names.coordinates)
     for place, item in enumerate(schema.observe):
         for name, text in item.items() if isinstance(item, dict) else ():
             pointer = f"/observe/{place}/{escape(name)}"
             if name in taken or name in found:
                 raise InputError("this name is taken by another column: give the observable another.", pointer)
-            found[name] = Observable(name, _read(text, system, definitions, pointer))
+            found[name] = data.Observable(name, _read(text, system, definitions, pointer))
     for body, texts in schema.points.items():
         for axis, text in zip("xy", texts, strict=True):
             pointer = f"/points/{escape(body)}/{'xy'.index(axis)}"
-            found[f"{body}_{axis}"] = Observable(f"{body}_{axis}", _read(text, system, definitions, pointer))
+            found[f"{body}_{axis}"] = data.Observable(f"{body}_{axis}", _read(text, system, definitions, pointer))
     return tuple(found.values())
 
 
@@ -220,7 +210,7 @@ def _columns(coordinates: Sequence[str]) -> frozenset[str]:
 
 def read_events(
     schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
-) -> tuple[Event, ...]:
+) -> tuple[data.Event, ...]:
     """The events of a scene; `when` may be an equation with 0 on its right."""
     found = []
     for place, event in enumerate(schema.events):
@@ -233,7 +223,7 @@ def read_events(
         if not isinstance(event.do, str):
             sets = tuple(_set(key, text, system, definitions, place) for key, text in event.do.set.items())
         stops = event.do == "stop" or (event.do == "record" and event.count is not None)
-        found.append(Event(formula, event.direction, stops, sets, event.count or (MOST_ACTS if sets else 1)))
+        found.append(data.Event(formula, event.direction, stops, sets, event.count or (MOST_ACTS if sets else 1)))
     return tuple(found)
 
 
@@ -300,7 +290,7 @@ def _refuse_other_halves(initial: SceneInitial, system: scene_system.MechanicalS
                 )
 
 
-def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSystem]:
+def read_scene(schema: SceneDocument) -> tuple[data.Scene, scene_system.MechanicalSystem]:
     """The scene and its system; InputError with the pointer of what is wrong."""
     extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
     system = scene_system.mechanical_system(schema.system, extra)
@@ -320,7 +310,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSys
     _refuse_other_halves(initial, system)
     positions, velocities = read_initial(initial, names, lagrangian, constraints, values)
     grid, notes = read_grid(schema, begin)
-    scene = Scene(
+    scene = data.Scene(
         name=schema.name or system.name,
         coordinates=names.coordinates,
         values=values,
@@ -332,7 +322,7 @@ def read_scene(schema: SceneDocument) -> tuple[Scene, scene_system.MechanicalSys
         velocities=velocities,
         grid=grid,
         methods=read_methods(schema),
-        observe=tuple(name for name in OBSERVED if name in schema.observe),
+        observe=tuple(name for name in data.OBSERVED if name in schema.observe),
         circle=read_circle(schema, names),
         notes=notes,
         parts=parts,
@@ -406,7 +396,7 @@ def _refuse_dissipation(schema: SceneDocument) -> None:
 
 def _with_effects(
     schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
-) -> tuple[Expression | None, Constraints, Constraints, tuple[str, ...], tuple[Effect, ...]]:
+) -> tuple[Expression | None, Constraints, Constraints, tuple[str, ...], tuple[data.Effect, ...]]:
     """L with the effects named, the constraints and forces that act, all names in effect, and each effect that the
     system has turned round."""
     _refuse_dissipation(schema)
@@ -440,7 +430,7 @@ def _with_effects(
     for name in known:
         other = [one for one in named if one != name] if name in named else [*named, name]
         if name != KINETIC and (turned := acting(other)) != whole_scene:
-            found.append(Effect(name, name in named, *turned))
+            found.append(data.Effect(name, name in named, *turned))
     return *whole_scene, named, tuple(found)
 
 
@@ -463,7 +453,7 @@ def number_of(text: str, pointer: str, what: str = "a number") -> float:
     return value
 
 
-def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[Grid, tuple[str, ...]]:
+def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tuple[str, ...]]:
     """Step, number of steps and which are recorded, with a note where that is not every one asked for."""
     step = number_of(schema.step, "/step")
     if step <= 0:
@@ -487,12 +477,12 @@ def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[Grid, tuple[st
             raise InputError(
                 f"events need every step, and at most {MOST_WITH_EVENTS}: leave record_every out.", "/events"
             )
-        return Grid(step, steps, 1, begin), notes
+        return data.Grid(step, steps, 1, begin), notes
     if steps // every <= MOST_RECORDED:
-        return Grid(step, steps, min(every, steps), begin), notes
+        return data.Grid(step, steps, min(every, steps), begin), notes
     every = math.ceil(steps / MOST_RECORDED)
     note = f"One step in {every} is recorded, so that at most {MOST_RECORDED} points are kept."
-    return Grid(step, steps, every, begin), (*notes, note)
+    return data.Grid(step, steps, every, begin), (*notes, note)
 
 
 def _steps_of(schema: SceneDocument, step: float) -> int:
@@ -508,15 +498,15 @@ def _steps_of(schema: SceneDocument, step: float) -> int:
 INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
 
 
-def read_methods(schema: SceneDocument) -> tuple[Requested, ...]:
+def read_methods(schema: SceneDocument) -> tuple[data.Requested, ...]:
     """The methods in the order of the scene, each with a label of its own."""
-    found: list[Requested] = []
+    found: list[data.Requested] = []
     for place, given in enumerate(schema.methods or [SceneMethod(method="adaptive")]):
         found.append(_requested(schema, given, f"/methods/{place}"))
     return tuple(_with_distinct_labels(found))
 
 
-def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Requested:
+def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> data.Requested:
     verlet = given.method == "stormer-verlet"
     method = INSIDE.get(given.method, given.method)
     alpha = number_of(given.alpha, f"{pointer}/alpha") if given.alpha is not None else 0.5
@@ -527,19 +517,19 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> Reque
         choice = f"takes the orders {', '.join(map(str, allowed))}" if allowed else "has no order to choose"
         raise InputError(f"the method {given.method} {choice}.", f"{pointer}/order")
     if method == "exact":
-        return Requested(given.label or "exact", method, None, None)
+        return data.Requested(given.label or "exact", method, None, None)
     order = given.order or (allowed[0] if allowed else 2)
     tolerance = _tolerance(given, method, pointer)
     if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
         raise InputError("stormer-verlet has an order, and no alpha, form or symmetrised.", pointer)
-    choice_of = MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
+    choice_of = data.MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
     if verlet:
         choice_of = replace(choice_of, alpha=0.0, symmetrised=True, form="verlet")
     shown = ("0" if verlet else _shown(given.alpha, alpha)) if method in GEOMETRIC else None
     constants = [
         (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
     ]
-    return Requested(
+    return data.Requested(
         label=given.label or _label(given, shown, order),
         method=method,
         alpha=shown,
@@ -591,7 +581,7 @@ def _label(given: SceneMethod, alpha: str | None, order: int) -> str:
     return "-".join(parts)
 
 
-def _with_distinct_labels(found: list[Requested]) -> list[Requested]:
+def _with_distinct_labels(found: list[data.Requested]) -> list[data.Requested]:
     counts: dict[str, int] = {}
     distinct = []
     for one in found:
@@ -641,11 +631,7 @@ def read_initial(
 
 
 def _from_momenta(
-    given: Mapping[str, str],
-    names: Names,
-    lagrangian: Expression | None,
-    values: Mapping[str, float],
-    start: Array,
+    given: Mapping[str, str], names: Names, lagrangian: Expression | None, values: Mapping[str, float], start: Array
 ) -> dict[str, float]:
     target = _of_all(given, names, "momentum", "/initial/momenta")
     if lagrangian is None:
@@ -679,7 +665,7 @@ TOO_LARGE = "the ensemble is too large: the limit is {} numbers; take fewer memb
 OF_MEMBERS = ("trajectory", "velocities", "energy")
 
 
-def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: Scene) -> Members:
+def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: data.Scene) -> data.Members:
     """Starts times combinations of parameters, the parameters running fastest; each start on the constraints."""
     unseen = [name for name in scene.observe if name not in OF_MEMBERS]
     if scene.events or unseen:
@@ -713,8 +699,12 @@ def _given_columns(given: MemberColumns) -> list[list[str]]:
 
 
 def _one_by_one(
-    starts: list[SceneInitial] | MemberColumns, base: SceneInitial, names: Names, scene: Scene, values: dict[str, Array]
-) -> Members:
+    starts: list[SceneInitial] | MemberColumns,
+    base: SceneInitial,
+    names: Names,
+    scene: data.Scene,
+    values: dict[str, Array],
+) -> data.Members:
     """Each start with each value of the parameters, on which momenta and constraints may depend."""
     if isinstance(starts, MemberColumns):
         raise InputError("columns of starts need velocities: give these in the scene in the place of momenta.",
@@ -731,12 +721,12 @@ def _one_by_one(
                 found.append(read_initial(merged, names, scene.lagrangian, scene.constraints, own))
             except InputError as error:
                 raise error.placed(error.pointer.replace("/initial", f"/initial/{place}", 1)) from None
-    return Members(np.array([q for q, _ in found]), np.array([v for _, v in found]), values)
+    return data.Members(np.array([q for q, _ in found]), np.array([v for _, v in found]), values)
 
 
 def _together(
-    given: MemberColumns | None, base: SceneInitial, names: Names, scene: Scene, values: dict[str, Array]
-) -> Members:
+    given: MemberColumns | None, base: SceneInitial, names: Names, scene: data.Scene, values: dict[str, Array]
+) -> data.Members:
     """Columns, each start repeated for the values of the parameters; velocities left out are filled in."""
     tables, free = [scene.positions[None], scene.velocities[None]], set(base.velocities or {})
     if given is not None:
@@ -761,4 +751,4 @@ def _together(
         velocities = initial_velocities(
             names.coordinates, scene.constraints, scene.lagrangian, numbers, positions, speeds, base.project
         )
-    return Members(positions, velocities, values)
+    return data.Members(positions, velocities, values)

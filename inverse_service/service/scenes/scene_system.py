@@ -13,9 +13,8 @@ from api_schemas.base import MAX_SIMULATED
 from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocument, ResultSystem
 from inverse_service import catalogue
 from inverse_service.errors import DocumentRefused, InputError
+from inverse_service.expressions import derivative, pieces
 from inverse_service.expressions import tree as trees
-from inverse_service.expressions.derivative import Definitions
-from inverse_service.expressions.pieces import STEP
 from inverse_service.field.elementary import to_kernels
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
@@ -32,7 +31,7 @@ SYSTEM = (
 )
 
 
-def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
+def read_definitions(given: Mapping[str, str], names: Names) -> derivative.Definitions:
     """The formula of each function over its own arguments; InputError with the pointer below /functions."""
     found = {}
     for key, text in given.items():
@@ -97,7 +96,7 @@ class MechanicalSystem:
     known: tuple[KnownLagrangian, ...] = ()
     source: str = ""
     document: Mapping[str, Any] | None = None
-    definitions: Definitions = field(default_factory=dict)
+    definitions: derivative.Definitions = field(default_factory=dict)
 
 
 def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
@@ -235,7 +234,7 @@ def without_steps(tree: trees.Expression) -> trees.Expression:
 
 
 def _is_step(node: trees.Expression) -> bool:
-    return isinstance(node, trees.Apply) and node.function == STEP
+    return isinstance(node, trees.Apply) and node.function == pieces.STEP
 
 
 # Keys of a nonholonomic document that ask something of `solve` and say nothing of the motion.

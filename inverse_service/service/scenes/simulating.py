@@ -153,10 +153,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "format": FORMAT,
         "name": scene.name,
         "system": _system(scene),
-        "initial": {
-            "positions": columns_of(scene, scene.positions),
-            "velocities": columns_of(scene, scene.velocities),
-        },
+        "initial": {"positions": columns_of(scene, scene.positions), "velocities": columns_of(scene, scene.velocities)},
         "units": dict(scene.units),
         "bodies": {name: list(columns) for name, columns in scene.bodies.items()},
         "step": scene.grid.step,

@@ -18,21 +18,9 @@ from inverse_service import __version__
 from inverse_service.errors import InputError
 from inverse_service.integrators.method_table import METHODS, SCIPY
 from inverse_service.mechanics.method_advice import is_separable
-from inverse_service.service.scenes.scene_lagrangian import finder
-from inverse_service.service.scenes.scene_reading import number_of, read_methods, read_scene, scene_schema
-from inverse_service.service.scenes.simulating import advice_of, as_plain, catalogue_name
-from inverse_service.simulation.derivation import derive
+from inverse_service.service.scenes import scene_lagrangian, scene_reading, simulating
+from inverse_service.simulation import derivation, precision
 from inverse_service.simulation.estimates import order_of
-from inverse_service.simulation.precision import (
-    LONG,
-    LongRun,
-    Precision,
-    Setting,
-    curves,
-    measure,
-    measured_order,
-    prices,
-)  # fmt: skip
 from inverse_service.simulation.scene_data import MethodChoice, Progress, Requested, Scene, Unavailable
 
 FORMAT = "inverse-service/work-precision/1"
@@ -45,20 +33,20 @@ AFTER = 'What wins in a long run is measured with `--long`, or `"long": true` in
 def work_precision(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
     """The work-precision document of a scene. Raises InputError for a scene that cannot be accepted."""
     begun = time.monotonic()
-    schema = scene_schema(document)
+    schema = scene_reading.scene_schema(document)
     steps = _steps(schema)
-    scene, system = read_scene(schema)
+    scene, system = scene_reading.read_scene(schema)
     if not schema.methods:
         schema = schema.model_copy(update={"methods": _suitable(scene)})
-        scene = dataclasses.replace(scene, methods=read_methods(schema))
+        scene = dataclasses.replace(scene, methods=scene_reading.read_methods(schema))
     # Errors are always compared, whatever the scene observes, so the true motion is always derived.
     compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *_peers(scene)))
-    derived = derive(compared, finder(schema, system, catalogue_name(schema)))
+    derived = derivation.derive(compared, scene_lagrangian.finder(schema, system, simulating.catalogue_name(schema)))
     left = time_limit - (time.monotonic() - begun)
-    measured = measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
+    measured = precision.measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
     if isinstance(measured, Unavailable):
         raise InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
-    plain: dict[str, Any] = as_plain(_document(measured, advice_of(scene, derived)))
+    plain: dict[str, Any] = simulating.as_plain(_document(measured, simulating.advice_of(scene, derived)))
     return plain
 
 
@@ -86,15 +74,15 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
         return ()
     if len(schema.step_sizes) < FEWEST_STEPS:
         raise InputError(f"give at least {FEWEST_STEPS} step sizes, or none.", "/step_sizes")
-    found = tuple(number_of(text, f"/step_sizes/{k}") for k, text in enumerate(schema.step_sizes))
+    found = tuple(scene_reading.number_of(text, f"/step_sizes/{k}") for k, text in enumerate(schema.step_sizes))
     for k, step in enumerate(found):
         if step <= 0:
             raise InputError("a step size must be a positive number.", f"/step_sizes/{k}")
     return found
 
 
-def _document(measured: Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
-    drawn, sentences = curves(measured), [one_trajectory(measured), long_run(measured)]
+def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
+    drawn, sentences = precision.curves(measured), [one_trajectory(measured), long_run(measured)]
     named = {setting.requested.label: setting.requested for setting in measured.settings}
     # Advice is of methods that were run here.
     run = {requested.method for requested in named.values()} | {"stormer-verlet"}
@@ -116,7 +104,7 @@ def _document(measured: Precision, taken: dict[str, Any] | None) -> dict[str, An
                 "method": requested.method.replace("_", "-"),
                 "family": METHODS[requested.method].family,
                 "order": order_of(requested),
-                "measured_order": measured_order(drawn[label], measured.scale),
+                "measured_order": precision.measured_order(drawn[label], measured.scale),
                 "settings": [_setting(s, measured.scale) for s in measured.settings if s.requested.label == label],
             }
             for label, requested in named.items()
@@ -133,10 +121,10 @@ def _document(measured: Precision, taken: dict[str, Any] | None) -> dict[str, An
     }
 
 
-def _targets(measured: Precision, named: dict[str, Requested]) -> list[dict[str, Any]]:
+def _targets(measured: precision.Precision, named: dict[str, Requested]) -> list[dict[str, Any]]:
     """What each relative error costs, the cheapest method first; methods that do not reach it last, without numbers."""
     found = []
-    for target, reached in prices(measured).items():
+    for target, reached in precision.prices(measured).items():
         best = next(iter(reached.values())).seconds if reached else None
         rows = []
         for label in [*reached, *(label for label in named if label not in reached)]:
@@ -149,7 +137,7 @@ def _targets(measured: Precision, named: dict[str, Requested]) -> list[dict[str,
     return found
 
 
-def _setting(setting: Setting, scale: float) -> dict[str, Any]:
+def _setting(setting: precision.Setting, scale: float) -> dict[str, Any]:
     return {
         "step": setting.step if setting.tolerance is None else None,
         "steps": setting.steps if setting.tolerance is None else None,
@@ -169,7 +157,7 @@ def _setting(setting: Setting, scale: float) -> dict[str, Any]:
     }
 
 
-def _run(setting: Setting, scale: float) -> dict[str, Any]:
+def _run(setting: precision.Setting, scale: float) -> dict[str, Any]:
     """One line of the list of all runs, for curves and tables."""
     whole = _setting(setting, scale)
     short = {key: whole[key] for key in ("step", "tolerance", "at_floor", "reason")}
@@ -177,7 +165,7 @@ def _run(setting: Setting, scale: float) -> dict[str, Any]:
     return {"method": setting.requested.label, "order": order_of(setting.requested)} | short | numbers
 
 
-def _long(run: LongRun) -> dict[str, Any]:
+def _long(run: precision.LongRun) -> dict[str, Any]:
     one = run.setting
     return {
         "method": one.requested.label,
@@ -216,11 +204,11 @@ def _version(name: str) -> str | None:
         return None
 
 
-def one_trajectory(measured: Precision) -> str:
+def one_trajectory(measured: precision.Precision) -> str:
     """Which method is the fastest for one trajectory, by the error asked for. Where a method is better at its coarsest
     setting it might be faster still, so none is called the fastest for certain."""
     firsts: dict[str, list[str]] = {}
-    for target, reached in prices(measured).items():
+    for target, reached in precision.prices(measured).items():
         if reached:
             label, price = next(iter(reached.items()))
             unsure = [name for name, other in reached.items() if other.at_most and name != label]
@@ -233,7 +221,7 @@ def one_trajectory(measured: Precision) -> str:
     return f"For one trajectory {'; '.join(parts)}."
 
 
-def long_run(measured: Precision) -> str:
+def long_run(measured: precision.Precision) -> str:
     """Which method keeps the energy, or the shape of the orbit, best over a long time."""
     done = [run for run in measured.long if not run.reason]
     if not done:
@@ -242,7 +230,7 @@ def long_run(measured: Precision) -> str:
     what = {"energy_drift": "the energy drifts", "shape_change": "the shape changes"}[key]
     known = [(getattr(run, key), run) for run in done if getattr(run, key) is not None]
     (least, best), (most, worst) = (pick(known, key=lambda pair: pair[0]) for pick in (min, max))
-    text = f"Over {LONG} times the time {what} least by {best.setting.requested.label}: {least:.1e} in "
+    text = f"Over {precision.LONG} times the time {what} least by {best.setting.requested.label}: {least:.1e} in "
     text += duration(best.seconds or 0.0)
     return f"{text}, and most by {worst.setting.requested.label}: {most:.1e}." if worst is not best else f"{text}."
 
