@@ -161,7 +161,7 @@ def _at_most(seconds: float) -> Iterator[None]:
     try:
         yield
     finally:
-        sys.setprofile(before)
+        sys.setprofile(before if callable(before) else None)  # that of cProfile cannot be set again
 
 
 # For SymPy, in s of processor time: most integrals that it finds take a tenth of that. Higher numbers are not asked.

@@ -236,6 +236,11 @@ def _is_constant(letter: ex.Expression, constants: set[ex.Symbol]) -> bool:
 def _lagrangian(lines: Lines, integrator: Integrator) -> ex.Expression | None:
     """L of lines with a symmetric matrix, each connected part of them times its function and its constant."""
     parts = connected(list(lines.places), [{i, j} for i in lines.places for j in lines.places if lines.matrix[i][j]])
+    for part in parts:
+        for i, j in ((i, j) for i in part for j in lines.places if j not in part):
+            given, back = (derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i)))
+            if is_zero(given) != is_zero(back):
+                return None  # (H2) between parts: psi_i d_vj B_i + psi_j d_vi B_j = 0
     functions = [_common_function(lines, part, integrator) for part in parts]
     if any(function is None for function in functions):
         return None
@@ -270,9 +275,10 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: Integrator) 
     rate = _rate(lines, i, j)
     if is_zero(rate):
         return dict(ONE_TERM)
-    zeros = [(i, j) for i in part for j in part if i <= j and not lines.matrix[i][j]]
-    if not all(is_zero(_rate(lines, *pair)) for pair in zeros):
-        return None  # (H2) for an entry that is 0
+    for k, m in ((k, m) for k in part for m in part if k <= m and (k, m) != (i, j)):
+        crossed = multiply_terms(_rate(lines, k, m), entry)
+        if not is_zero(add_terms(crossed, multiply_terms(rate, lines.matrix[k][m]), -1)):
+            return None  # (H2) asks for one slope of log psi for all entries, also those that are 0
     slope = _divided(rate, entry, integrator)
     form: list[Terms] = [{} for _ in range(1 + len(lines.rest))]
     places = {v: 1 + k for k, v in enumerate(lines.velocities)}
