@@ -218,7 +218,8 @@ def _result(store: str, id: str) -> Any:
 def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None) -> HTMLResponse:
     """The page of a solved system, or of one that is confirmed in part while more is looked for (`open`)."""
     found, system = job["result"], job["result"]["system"]
-    sheet, is_open = sheets.sheet_of(found), job["status"] != "successful"
+    is_open = job["status"] != "successful"
+    sheet = sheets.sheet_of(found, grows=is_open)
     judged = sheets.judged_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None
     return page(
         "sheet.html",

@@ -5,7 +5,7 @@ The verdict of a result is formed here alone: a yes with t is a yes. Title, hist
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -81,6 +81,7 @@ class Sheet:
     more: tuple[Row, ...] = ()
     matrices: tuple[Markup, ...] = ()
     missing: tuple[str, ...] = ()
+    sought: tuple[str, ...] = ()
 
     @property
     def first(self) -> Case | None:
@@ -161,22 +162,27 @@ def _colored(verdict: str, word: str) -> Markup:
     return Markup('<span class="{}">{}</span>').format(verdict, word)
 
 
-def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int) -> Markup:
-    """The verdict about equations."""
+def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int, pending: Collection[str]) -> Markup:
+    """The verdict about equations; what is still `pending` is said to be looked for."""
     these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
     if verdict == YES:
         shown = answers[0]
-        time = " that contains the time" if shown["timed"] and not shown["asked"] else ""
-        if shown.get("lagrangian") is None:
-            is_sought = any(one["part"].startswith("lagrangian") for one in shown.get("incomplete") or ())
-            found = "" if is_sought else "; none was found in closed form"
-            return Markup("{} a Lagrangian{} exists{}.").format(_colored(YES, "Yes,"), time, found)
+        is_sought = any(part.startswith(("existence", "lagrangian")) for part in pending)
+        time = " that contains the time" if shown["timed"] and not shown["asked"] and not is_sought else ""
+        if shown.get("lagrangian") is None and not is_sought:
+            return Markup("{} a Lagrangian{} exists; none was found in closed form.").format(
+                _colored(YES, "Yes,"), time
+            )
         return Markup("{} {} {} from a Lagrangian{}.").format(_colored(YES, "Yes,"), these, come, time)
     if verdict == NO:
         time = "" if len(answers) > 1 or answers[0]["timed"] else " without the time"
         do = _colored(NO, "does not" if count == 1 else "do not")
         return Markup("{} {} come from any regular Lagrangian{}.").format(these.capitalize(), do, time)
     none = any(one["verdict"] == "not_variational" for one in answers)
+    if QUESTIONS.intersection(pending):
+        if none:
+            return Markup("L(q, q\u2032): none; L(t, q, q\u2032): {}.").format(_colored(OPEN, "being looked for"))
+        return Markup("Whether {} {} from a Lagrangian is {}.").format(these, come, _colored(OPEN, "being decided"))
     if none:
         return Markup("No Lagrangian without the time exists; one with the time was {}.").format(
             _colored(OPEN, "not settled")
@@ -184,14 +190,14 @@ def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int) ->
     return Markup("Whether {} {} from a Lagrangian was {}.").format(these, come, _colored(OPEN, "not settled"))
 
 
-def _motion_sentence(verdict: str, motion: Mapping[str, Any], where: Markup | str) -> Markup:
+def _motion_sentence(verdict: str, motion: Mapping[str, Any], pending: Collection[str] = ()) -> Markup:
     """The verdict about a motion on constraints."""
     if verdict == YES:
-        return Markup("{} this motion can be given a Hamiltonian{}.").format(_colored(YES, "Yes,"), where)
+        return Markup("{} this motion can be given a Hamiltonian.").format(_colored(YES, "Yes,"))
     if verdict == NO:
-        return Markup("This motion {} be given a Hamiltonian, by any associated system{}.").format(
-            _colored(NO, "cannot"), where
-        )
+        return Markup("This motion {} be given a Hamiltonian, by any associated system.").format(_colored(NO, "cannot"))
+    if pending:
+        return Markup("Whether this motion can be given a Hamiltonian is {}.").format(_colored(OPEN, "being decided"))
     if motion.get("verdict") == "not_variational":
         return Markup("No Hamiltonian without the time exists; one with the time was {}.").format(
             _colored(OPEN, "not settled")
@@ -225,16 +231,20 @@ def _checked(parts: Sequence[Mapping[str, Any]]) -> list[Markup]:
 # The sheet.
 
 
-def sheet_of(result: Mapping[str, Any], brief: bool = False) -> Sheet:
-    """The page of a solved system, of a motion on constraints, or of a Lagrangian; `brief` leaves out proofs."""
+def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False) -> Sheet:
+    """The page of a solved system, of a motion on constraints, or of a Lagrangian; `brief` leaves out proofs.
+
+    Where the result still `grows`, its incomplete parts are being looked for.
+    """
     system = result["system"] or {"coordinates": (), "equations": {}, "parameters": (), "functions": {}}
     names = typesetting.names_of(system, result.get("integrals"))
     if "verdict" not in result:
         return _forward(result, names)
     verdict, branches = verdict_of(result), text_page.branches_of(result)
+    pending = frozenset(one["part"] for one in result.get("incomplete") or ()) if grows else frozenset()
     if is_constrained(result):
-        return _constrained(result, names, verdict, brief)
-    cases = tuple(_case(branch, result, names, brief) for branch in branches)
+        return _constrained(result, names, verdict, brief, pending)
+    cases = tuple(_case(branch, result, names, brief, pending) for branch in branches)
     sentence, notes = cases[0].sentence, cases[0].notes
     if len(cases) > 1:
         unanswered = result.get("not_answered") or ()
@@ -256,11 +266,14 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False) -> Sheet:
         cases,
         more=() if brief else tuple(_more(result, names)),
         matrices=() if brief else tuple(_matrices(result.get("conditions"), names)),
-        missing=_missing(result),
+        missing=_missing(result, grows),
+        sought=tuple(letter for letter, part in SOUGHT if part in pending) if verdict == YES else (),
     )
 
 
-def _case(branch: Mapping[str, Any], result: Mapping[str, Any], names: Names, brief: bool) -> Case:
+def _case(
+    branch: Mapping[str, Any], result: Mapping[str, Any], names: Names, brief: bool, pending: Collection[str]
+) -> Case:
     answers = answers_of(branch, result)
     answers[0]["asked"] = answers[0]["timed"] == text_page.asks_for_time(result)
     verdict, (shown, *others) = _verdict_of_branch(branch, result), answers
@@ -269,10 +282,10 @@ def _case(branch: Mapping[str, Any], result: Mapping[str, Any], names: Names, br
     where = _listed(dict.fromkeys(domain), names)
     if where:
         notes.append(Markup("Where {}.").format(where))
-    if shown.get("reason") and verdict == OPEN:
+    if shown.get("reason") and verdict == OPEN and not pending:
         notes.append(Markup("{}.").format(shown["reason"][:1].upper() + shown["reason"][1:].rstrip(".")))
     notes += _checked([shown])
-    notes += [_other_note(shown, other) for other in others if verdict == YES]
+    notes += [_other_note(shown, other) for other in others if verdict == YES and not QUESTIONS.intersection(pending)]
     more = [_other_row(other, result, names) for other in others if other.get("lagrangian")]
     if not brief:
         more += _answer_rows(shown, result, names)
@@ -281,7 +294,7 @@ def _case(branch: Mapping[str, Any], result: Mapping[str, Any], names: Names, br
     ]  # fmt: skip
     return Case(
         verdict,
-        _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ()))),
+        _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), pending),
         tuple(notes),
         tuple(_formulas(shown, result, names)),
         tuple(proof for proof in proofs if proof[1]),
@@ -387,9 +400,31 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _missing(result: Mapping[str, Any]) -> tuple[str, ...]:
-    """Parts that were not reached, in words."""
-    return tuple(str(one["part"]).replace("_", " ") for one in result.get("incomplete") or ())
+QUESTIONS = frozenset(("existence", "existence_with_time"))
+SOUGHT = (("L", "lagrangian"), ("H", "hamiltonian"))
+PARTS = {
+    "existence": "whether a Lagrangian without the time exists",
+    "existence_with_time": "whether a Lagrangian with the time exists",
+    "lagrangian": "L",
+    "lagrangian_with_time": "L with the time",
+    "hamiltonian": "H",
+    "any_associated": "an answer for all associated systems",
+    "reduced": "the reduced system",
+    "certificate": "the proof",
+    "explanation": "the proof",
+    "clock": "another clock",
+    "kinds": "other kinds of Lagrangian",
+}
+MOST_SOUGHT = 3
+
+
+def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
+    """Parts that are not there, in words: the next ones of a result that grows."""
+    found = [str(one["part"]) for one in result.get("incomplete") or ()]
+    if grows and is_constrained(result) and "any_associated" in found:
+        found = [part for part in found if part in ("any_associated", "reduced")]
+    words = list(dict.fromkeys(PARTS.get(part, part.replace("_", " ")) for part in found))
+    return (*words[:MOST_SOUGHT], *(["more"] if len(words) > MOST_SOUGHT else [])) if grows else tuple(words)
 
 
 # More.
@@ -407,6 +442,7 @@ KIND_NAMES = {
     "positive_definite": "With a positive definite Hessian",
     "rayleigh": "Natural, with Rayleigh friction",
 }
+SEEKING = "Being decided"
 WORDS = {YES: "Yes", NO: "No", OPEN: "Not settled"}
 
 
@@ -514,10 +550,10 @@ HINTS = {
 }
 
 
-def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: bool) -> Sheet:
+def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: bool, pending: Collection[str]) -> Sheet:
     part = result.get("nonholonomic") or {}
     motions = text_page.motions_of(result) or [{}]
-    table = tuple(_rows(result, part, motions[0], names, verdict))
+    table = tuple(_rows(result, part, motions[0], names, pending))
     main = next((row for row in table if row.is_main), None)
     asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
     asked += [
@@ -531,15 +567,15 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
         shown = main
     notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
     reason = motions[0].get("reason")
-    if verdict == OPEN and reason:
+    if verdict == OPEN and reason and not pending:
         notes.insert(0, Markup("{}.").format(_capital(reason).rstrip(".")))
     if shown and shown is not main:
         notes.append(Markup("L and H are those of the {} associated system.").format(shown.name.lower()))
-    sentence = _motion_sentence(verdict, motions[0], "")
+    sentence = _motion_sentence(verdict, motions[0], pending)
     cases = (
         Case(verdict, sentence, tuple(notes), shown.formulas if shown else (), (), ()),
         *(
-            Case(own := _verdict_of_branch({"any_associated": one}, result), _motion_sentence(own, one, ""), (
+            Case(own := _verdict_of_branch({"any_associated": one}, result), _motion_sentence(own, one), (
                 Markup("Where {}.").format(_listed(branch.get("domain") or (), names)),), (), (), ())
             for one, branch in zip(motions[1:], text_page.branches_of(result)[1:], strict=False)
         ),
@@ -548,12 +584,16 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
         sentence = Markup("The answer {}: {} cases.").format(_colored(verdict, "depends on the case"), len(cases))
     return Sheet(
         title_of(result), verdict, badge_of(result), sentence, tuple(notes), tuple(asked), tuple(_about(result)), cases,
-        table, () if brief else tuple(_motion_more(result, part, names)), (), _missing(result),
+        table, () if brief else tuple(_motion_more(result, part, names)), (), _missing(result, bool(pending)),
     )  # fmt: skip
 
 
 def _rows(
-    result: Mapping[str, Any], part: Mapping[str, Any], motion: Mapping[str, Any], names: Names, verdict: str
+    result: Mapping[str, Any],
+    part: Mapping[str, Any],
+    motion: Mapping[str, Any],
+    names: Names,
+    pending: Collection[str],
 ) -> Iterable[Row]:
     """First, second, third, any, reduced, another clock."""
     for one in part.get("associated") or ():
@@ -562,7 +602,7 @@ def _rows(
         found = _common((motion.get("verdict"), motion.get("verdict_with_time")))
         time = found == YES and motion.get("verdict") != "variational"
         formulas = list(_formulas(motion, result, names))
-        word = "Yes, with t" if time else WORDS[found]
+        word = "Yes, with t" if time else SEEKING if found == OPEN and "any_associated" in pending else WORDS[found]
         steps = [*_steps(motion, names)]
         if lagrangian := motion.get("lagrangian"):
             on = [formula_of("l", lagrangian["on_constraints"], names)]
@@ -575,6 +615,8 @@ def _rows(
         yield Row("Any", "all associated systems at once", found, word, tuple(formulas), tuple(steps), is_main=True)
     reduced = result.get("reduced")
     if not reduced:
+        if "reduced" in pending:
+            yield Row("Reduced", "", OPEN, SEEKING)
         return
     own = VERDICTS.get(reduced["verdict"], OPEN)
     over = _listed(reduced["coordinates"], names)
@@ -694,7 +736,7 @@ def judged_of(check: Mapping[str, Any], names: Names) -> Judged:
         if check["verdict"] != "valid":
             lines.append(Markup("Your L gives {}").format(typesetting.formula(f"{name}'' = {f['text']}", names)))
     for cell in check.get("cells") or ():
-        if cell["verdict"] != "valid":
+        if cell["verdict"] != "valid" and cell["domain"]:
             lines.append(Markup("It fails where {}").format(_listed(cell["domain"], names)))
     verdict, headline = OWN[check["verdict"]]
     return Judged(check["lagrangian"], verdict, headline, lines, list(check.get("reasons") or ()))

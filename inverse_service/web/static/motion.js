@@ -181,7 +181,7 @@ export class Motion {
     const found = run(this.system, start, STEP, steps, "runge", 2);
     let end = found.t.length;
     const isFar = (k) => found.q.some((column) => Math.abs(column[k]) > FAR);
-    for (let k = 0; k < end; k += 10) if (isFar(k)) end = k;
+    for (let k = 0; k < end; k += 1) if (isFar(k)) end = k;
     if (this.isPhase && !this.told.span && end > 200) { // what has died out is not drawn
       const [top, fast] = [Math.max(...found.q[0].map(Math.abs)), Math.max(...found.v[0].map(Math.abs)) || 1];
       while (end > 200 && Math.hypot(found.q[0][end - 1] / top, found.v[0][end - 1] / fast) < 0.02) end -= 1;

@@ -3,12 +3,12 @@
 import { moving } from "./motion.js";
 
 const root = document.documentElement;
-root.classList.add("script");
 
 const ECHO_PAUSE = 120; // ms after the last key
 const FAULT_PAUSE = 900; // a half-typed equation is no mistake
 const ANSWER_PAUSE = 500; // a complete reading that is left alone is answered
 const BUSY_PAUSE = 3000; // a busy service is asked again, for an answer three times
+const LOOK_PAUSE = 150; // ms between two looks at a result that grows
 const DRAFT = "draft:";
 
 function echo(form) {
@@ -170,19 +170,6 @@ function focusWide(within) {
   }
 }
 
-function sharing() {
-  for (const link of document.querySelectorAll("[data-share]")) {
-    const label = link.textContent;
-    link.addEventListener("click", async (event) => {
-      if (event.metaKey || event.ctrlKey || event.shiftKey || !navigator.clipboard) return;
-      event.preventDefault();
-      await navigator.clipboard.writeText(new URL(link.getAttribute("href"), location.href).href);
-      link.textContent = "Link copied";
-      setTimeout(() => (link.textContent = label), 1600);
-    });
-  }
-}
-
 function themes(form) {
   form.addEventListener("submit", (event) => {
     event.preventDefault();
@@ -234,45 +221,54 @@ function tell(button, word) {
   }, 1600);
 }
 
-// Copies a text: that of an element, or LaTeX that a button carries.
-function copying() {
-  for (const button of document.querySelectorAll("[data-copy], [data-tex]")) {
-    button.addEventListener("click", async () => {
-      const place = document.getElementById(button.dataset.copy ?? "");
-      try {
-        await navigator.clipboard.writeText(button.dataset.tex ?? place.textContent);
-        tell(button, "Copied");
-      } catch {
-        if (place) getSelection().selectAllChildren(place);
-        tell(button, place ? "Selected" : "Not allowed");
-      }
-    });
-  }
-}
+const isPlain = (event) => !(event.metaKey || event.ctrlKey || event.shiftKey);
 
-// Rows and programs that are shown on demand; without scripts rows are open, and programs are links.
-function unfolding() {
-  for (const button of document.querySelectorAll("[data-toggle]")) {
-    const row = document.getElementById(button.dataset.toggle);
-    row.hidden = true;
-    button.addEventListener("click", () => {
-      row.hidden = !row.hidden;
-      button.setAttribute("aria-expanded", String(!row.hidden));
-      button.textContent = row.hidden ? "Show" : "Hide";
-      focusWide(row);
-    });
+// What buttons and links do; those that come later do it, too.
+const CLICKS = {
+  // Copies a text: that of an element, or LaTeX that a button carries.
+  "[data-copy], [data-tex]": async (button) => {
+    const place = document.getElementById(button.dataset.copy ?? "");
+    try {
+      await navigator.clipboard.writeText(button.dataset.tex ?? place.textContent);
+      tell(button, "Copied");
+    } catch {
+      if (place) getSelection().selectAllChildren(place);
+      tell(button, place ? "Selected" : "Not allowed");
+    }
+  },
+  "[data-share]": async (link, event) => {
+    if (!isPlain(event) || !navigator.clipboard) return;
+    event.preventDefault();
+    await navigator.clipboard.writeText(new URL(link.getAttribute("href"), location.href).href);
+    tell(link, "Link copied");
+  },
+  // Rows and programs are shown on demand; without scripts rows are open, and programs are links.
+  "[data-toggle]": (button) => unfold(button.dataset.toggle, !document.getElementById(button.dataset.toggle).classList.contains("shown")),
+  "[data-code]": async (link, event) => {
+    if (!isPlain(event)) return;
+    event.preventDefault();
+    const answer = await fetch(link.href);
+    const shown = document.querySelector("[data-code-shown]");
+    shown.hidden = false;
+    shown.querySelector("pre").textContent = answer.ok ? await answer.text() : "This program could not be written.";
+    for (const other of document.querySelectorAll("[data-code]")) (other === link ? other.setAttribute("aria-current", "true") : other.removeAttribute("aria-current"));
+  },
+  "[data-forget]": (button) => { localStorage.removeItem(HISTORY); button.closest("[data-history-list]").hidden = true; },
+};
+document.addEventListener("click", (event) => {
+  for (const [selector, act] of Object.entries(CLICKS)) {
+    const found = event.target.closest?.(selector);
+    if (found) act(found, event);
   }
-  const shown = document.querySelector("[data-code-shown]");
-  for (const link of document.querySelectorAll("[data-code]")) {
-    link.addEventListener("click", async (event) => {
-      if (event.metaKey || event.ctrlKey || event.shiftKey) return;
-      event.preventDefault();
-      const answer = await fetch(link.href);
-      shown.hidden = false;
-      shown.querySelector("pre").textContent = answer.ok ? await answer.text() : "This program could not be written.";
-      for (const other of document.querySelectorAll("[data-code]")) (other === link ? other.setAttribute("aria-current", "true") : other.removeAttribute("aria-current"));
-    });
-  }
+});
+
+function unfold(id, isShown) {
+  const [row, button] = [document.getElementById(id), document.querySelector(`[data-toggle="${id}"]`)];
+  if (!row) return;
+  row.classList.toggle("shown", isShown);
+  button.setAttribute("aria-expanded", String(isShown));
+  button.textContent = isShown ? "Hide" : "Show";
+  focusWide(row);
 }
 
 // One's own questions, kept in this browser alone.
@@ -297,67 +293,71 @@ function remembering() {
     const item = list.querySelector("ul").appendChild(document.createElement("li"));
     item.append(Object.assign(document.createElement("a"), { href: one.path, textContent: one.title }));
   }
-  list.querySelector("[data-forget]").addEventListener("click", () => { localStorage.removeItem(HISTORY); list.hidden = true; });
 }
 
-function progressText(progress) {
-  if (!progress) return "";
-  if (typeof progress === "string") return progress;
-  return Object.entries(progress).filter(([name, value]) => name !== "elapsed" && value !== null && typeof value !== "object")
-    .map(([name, value]) => (name === "stage" || name === "message" ? String(value) : `${name.replaceAll("_", " ")} ${value}`)).join(", ");
+// The page of open work fills in place: each part that changed is replaced, what was opened stays open.
+const written = new WeakMap(); // part -> as the service wrote it
+function note(within) {
+  for (const part of within.querySelectorAll("[data-part]")) written.set(part, part.innerHTML);
 }
 
-function following(place) {
-  const text = place.querySelector("[data-progress]");
-  const clock = place.querySelector("[data-seconds]");
-  const began = Date.now() - 1000 * Number(clock.dataset.seconds);
-  const ticking = setInterval(() => (clock.textContent = `${Math.round((Date.now() - began) / 1000)} s`), 1000);
-  let leaving = false;
-  const done = () => {
-    clearInterval(ticking);
-    if (!leaving) location.reload();
-  };
+function renew(text) {
+  const fresh = new DOMParser().parseFromString(text, "text/html");
+  fresh.querySelectorAll("noscript").forEach((one) => one.remove()); // parsed as if there were no scripts
+  const [main, next] = [document.querySelector("main"), fresh.querySelector("main")];
+  const opened = [...main.querySelectorAll(".why.shown")].map((row) => row.id);
+  const [old, parts] = [main, next].map((place) => [...place.querySelectorAll("[data-part]")]);
+  note(next);
+  if (old.length !== parts.length || (next.querySelector("[data-motion]") && !main.querySelector("[data-motion]"))) {
+    main.replaceChildren(...next.childNodes);
+    parts.forEach((part) => written.set(part, part.innerHTML));
+    for (const figure of main.querySelectorAll("[data-motion]")) moving(figure);
+  } else old.forEach((part, k) => {
+    if (written.get(part) === written.get(parts[k])) return;
+    written.set(part, written.get(parts[k]));
+    for (const name of ["class", "hidden"]) parts[k].hasAttribute(name) ? part.setAttribute(name, parts[k].getAttribute(name)) : part.removeAttribute(name);
+    part.replaceChildren(...parts[k].childNodes);
+  });
+  document.title = fresh.title;
+  opened.forEach((id) => unfold(id, true));
+  focusWide(main);
+}
+
+function following() {
+  const place = document.querySelector("[data-events]");
+  if (!place) return;
+  const began = Date.now() - 1000 * Number(place.querySelector("[data-seconds]").dataset.seconds);
+  const within = (name) => document.querySelector(`[data-events] [data-${name}]`);
+  const say = (text) => { const line = within("progress"); if (line && line.textContent !== text) line.textContent = text; };
   const source = new EventSource(place.dataset.events);
-  // A reload would call Back back. Who is still here after a while, as after a download, goes on.
-  addEventListener("beforeunload", () => {
-    leaving = true;
-    source.close();
-    setTimeout(() => location.reload(), 5000);
-  }, { once: true });
-  const look = (event) => {
-    let said = {};
+  let [asking, again, end, over] = [false, false, false, false];
+  const ticking = setInterval(() => { const clock = within("seconds"); if (clock) clock.textContent = `${Math.round((Date.now() - began) / 1000)} s`; }, 1000);
+  const look = async () => {
+    if (asking) { again = true; return; }
+    asking = true;
     try {
-      said = JSON.parse(event.data);
-    } catch {
-      return;
-    }
-    if (["successful", "failed", "dismissed"].includes(said.status)) {
-      source.close();
-      done();
-      return;
-    }
-    // A confirmed answer while more is sought: the page shows it.
-    const told = said.so_far && (said.so_far.lagrangian ? "found" : "exists");
-    if (told && told !== place.dataset.told && place.dataset.told !== "found") {
-      source.close();
-      done();
-      return;
-    }
-    const heading = place.querySelector("h1");
-    if (said.status === "running" && heading) heading.textContent = "Working on it";
-    const shown = progressText(said.progress ?? (said.status ? null : said));
-    if (shown) text.textContent = shown;
+      const answer = await fetch(location.pathname, { headers: { Accept: "text/html" } });
+      const text = await answer.text();
+      if (answer.ok) renew(text);
+      end = answer.ok && !document.querySelector("[data-events]");
+    } catch { again = true; }
+    asking = false;
+    if (end) { source.close(); clearInterval(ticking); remembering(); } else if (again || over) { again = false; setTimeout(look, LOOK_PAUSE); }
   };
-  for (const kind of ["message", "progress", "status"]) source.addEventListener(kind, look);
-  const before = text.textContent;
-  source.addEventListener("open", () => {
-    if (place.hasAttribute("data-away")) text.textContent = before;
-    place.removeAttribute("data-away");
+  source.addEventListener("part", look);
+  for (const kind of ["message", "progress", "status"]) source.addEventListener(kind, (event) => {
+    let told = {};
+    try { told = JSON.parse(event.data); } catch { return; }
+    if (["successful", "failed", "dismissed"].includes(told.status)) { over = true; source.close(); look(); return; }
+    const heading = within("waiting");
+    if (told.status === "running" && heading) heading.textContent = "Working on it";
+    const progress = told.progress ?? (told.status ? null : told);
+    const text = typeof progress === "object" ? (progress?.stage ?? progress?.message) : progress;
+    if (text) say(String(text));
   });
   source.addEventListener("error", () => {
-    if (!place.hasAttribute("data-away")) text.textContent = "The service does not answer at the moment. The question is stored; this page goes on when it is back.";
-    place.setAttribute("data-away", "");
-    if (source.readyState === EventSource.CLOSED) setTimeout(done, 2000);
+    say("The service is not responding. Your request is saved, and this page continues when the service is back.");
+    if (source.readyState === EventSource.CLOSED) setTimeout(look, BUSY_PAUSE);
   });
 }
 
@@ -385,11 +385,9 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
   form.querySelector("input[type=file]")?.addEventListener("change", ask);
 }
 for (const box of document.querySelectorAll("#own textarea")) keeping(box);
-copying();
-unfolding();
+note(document);
 for (const form of document.querySelectorAll("[data-try]")) trying(form);
 remembering();
-sharing();
 focusWide(document);
 addEventListener("resize", () => focusWide(document));
 for (const details of document.querySelectorAll("details")) details.addEventListener("toggle", () => focusWide(details));
@@ -427,5 +425,5 @@ addEventListener("afterprint", () => {
   for (const math of document.querySelectorAll("main math[style]")) math.removeAttribute("style");
 });
 for (const form of document.querySelectorAll("[data-theme-form]")) themes(form);
-for (const place of document.querySelectorAll("[data-events]")) following(place);
+following();
 for (const place of document.querySelectorAll("[data-batch]")) batchProgress(place);

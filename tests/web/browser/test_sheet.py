@@ -57,6 +57,35 @@ def test_a_student_sees_l_h_and_the_motion_in_one_screen(look: tuple[Visit, bool
     assert not is_too_wide(visit)
 
 
+GROWS = (
+    "2 a'' + b'' cos(a-b) + b'^2 sin(a-b) + 2 sin(a) + c a' = 0",
+    "b'' + a'' cos(a-b) - a'^2 sin(a-b) + sin(b) + c b' = 0",
+)
+
+
+def test_parts_fill_in_without_a_new_page_and_a_verdict_stays(visit: Visit) -> None:
+    found = visit.page.request.post(
+        f"{visit.address}/v1/solve",
+        data={"equations": list(GROWS), "parameters": "guess"},
+        headers={"Prefer": "respond-async"},
+    )
+    visit.go(f"/results/{found.json()['id']}")
+    visit.page.evaluate("window.stays = true")
+    said: list[str] = []
+    for _ in range(400):
+        shown = visit.page.locator("h1 span[class]")
+        said += [shown.get_attribute("class") or ""] if shown.count() else []
+        if not visit.page.locator("[data-events]").count():
+            break
+        visit.page.wait_for_timeout(50)
+    assert visit.page.evaluate("window.stays")
+    definite = [one for one in said if one != "open"]
+    assert definite
+    assert set(definite) == {"no"}
+    assert "open" not in said[said.index("no") :]
+    expect(visit.page.locator("#export")).to_be_visible()
+
+
 def test_sliders_and_the_start_change_the_motion(visit: Visit) -> None:
     ask(visit, {"equations": DAMPED, "parameters": "guess"})
     path, hand = visit.page.locator("[data-all]"), visit.page.locator("[data-hand]")
