@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from benchmarks.decision_benchmark import read
 from benchmarks.families import GROWING, Document
 from benchmarks.isolated import measure
-from inverse_service.decision.analysis import Analysis, analyze
-from inverse_service.decision.local_system import equations, local_system
+from inverse_service.decision.deciding import Analysis, analyze, equations, local_system
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.field.point import Expansion
 from inverse_service.field.tower import draw_point

@@ -20,9 +20,8 @@ from inverse_service import catalogue
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.decision import certify
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.deciding import decide
-from inverse_service.decision.kinds.restricted import invariant, kind_named
+from inverse_service.decision.deciding import analyze, decide
+from inverse_service.decision.kinds.helmholtz import invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import number

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.families import cubic_chain
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.deciding import HelmholtzAt
+from inverse_service.decision.deciding import HelmholtzAt, analyze
 from inverse_service.linear_pde.emission import LocalEquations, advance, rows_of_degree, start
 from inverse_service.linear_pde.unknowns import width_below
 from inverse_service.mechanics.reading import read_system

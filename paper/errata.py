@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable
 
 from inverse_service import catalogue
-from inverse_service.constrained.hamiltonisation.hamiltonise import vanish
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.deciding import decide
+from inverse_service.constrained.hamiltonise import vanish
+from inverse_service.decision.deciding import analyze, decide
 from inverse_service.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, number, subtract
 from inverse_service.mechanics.conditions import Matrix, conditions

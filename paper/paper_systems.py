@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import catalogue
-from inverse_service.constrained.hamiltonisation.hamiltonise import vanish
+from inverse_service.constrained.hamiltonise import vanish
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (

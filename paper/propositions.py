@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.decision import certify
-from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import analyze
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import (
     Expression,

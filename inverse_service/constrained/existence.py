@@ -1,4 +1,7 @@
-"""Whether a motion on constraints can be given a Hamiltonian at all: the constrained card settled for one motion."""
+"""Whether a motion on constraints can be given a Hamiltonian at all: the constrained card settled for one motion.
+
+`of_lagrangian` and `of_finding` write certificates as certificate/FORMAT.md says; nothing is judged here.
+"""
 
 from __future__ import annotations
 
@@ -6,23 +9,29 @@ import itertools
 import math
 import random
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from flint import nmod_mat
 
 from inverse_service.deadline import now
-from inverse_service.decision.kinds import bivectors, constrained
-from inverse_service.decision.kinds.constrained import Shape
+from inverse_service.decision.certify import conditions_of, head_of, involution_data, near_of
+from inverse_service.decision.kinds import constrained
+from inverse_service.decision.kinds.constrained import Shape, last_of
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
+from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
 from inverse_service.field.elementary import to_kernels
 from inverse_service.field.point import Point, Variable
-from inverse_service.field.real_point import RealTable, find_real_point
+from inverse_service.field.real_point import RealTable, find_real_point, is_defined, requirements
 from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.series_program import SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.sign_cases import signed_factors
 from inverse_service.field.tower import Tower, draw_point
 from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.linear_pde.emission import LocalEquations
@@ -35,6 +44,8 @@ Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
 # With fewer coordinates of D the prolongation alone is as fast. To which j the brackets are tried first.
 _ALONG_FROM, _FIRST_BRACKETS = 6, 8
+
+_SEED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,13 +99,13 @@ class ConstrainedAt:
 
         def write(order: int) -> tuple[SeriesProgram, Integers]:
             series = constrained.written(shape, variables, field, order)
-            self._first = bivectors.write_brackets(shape, series)
+            self._first = constrained.write_brackets(shape, series)
             return series, np.array(series.instructions, np.int64).ravel()
 
         self._series = Coefficients(
             write,
             draw or (lambda seed: draw_point(analyzed.tower, seed)),
-            lambda order: bivectors.degree_for(shape, order),
+            lambda order: constrained.degree_for(shape, order),
         )
 
     def at(self, seed: int, order: int) -> LocalEquations:
@@ -102,7 +113,9 @@ class ConstrainedAt:
         prime, registers = self._series.at(seed, order)
         own = constrained.compiled_equations(self._shape, prime, order, registers)
         given = (registers, self._first, self._shape.slope(0, 0))
-        return replace(own, equations=(*bivectors.equations(self._shape, self.unknowns, order, *given), *own.equations))
+        return replace(
+            own, equations=(*constrained.equations(self._shape, self.unknowns, order, *given), *own.equations)
+        )
 
 
 def decide_motion(
@@ -228,3 +241,68 @@ class _Along:
     def at(self, solution: Sequence[Sequence[int]], degree: int) -> list[list[int]]:
         found = run(self._series, *self._given, self._point.prime, degree, solution)
         return [found.numbers(place) for place in self._places]
+
+
+def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
+    """L itself is the proof, near a point at which it is defined."""
+    on = substitute(
+        to_kernels(lagrangian), dict(zip(map(Velocity, analyzed.motion.dependent), analyzed.velocities, strict=True))
+    )
+    table = analyzed.real_point
+    if table is not None and not is_defined([on], table):
+        formulas = [*analyzed.velocities, *analyzed.forces, on]
+        table = find_real_point(formulas, variables_of(analyzed.motion), _SEED) or table
+    head = _head(replace(analyzed, real_point=table), with_time, "variational", "lagrangian")
+    return head | {"lagrangian": to_text(lagrangian)}
+
+
+def of_finding(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> dict[str, Any]:
+    """The rows used for a no, the involution data of a yes."""
+    if found.exists is None:
+        raise ValueError("only what was settled has a certificate")
+    if found.symbol is None:
+        head = _head(analyzed, with_time, "not_variational", "nonexistence")
+        if found.along is not None:
+            return head | {"along": found.along}
+        rows = [[*row[:-1], list(row[-1])] for row in found.rows if isinstance(row[-1], tuple)]
+        return head | _bivectors(analyzed, with_time) | {"order": found.order, "rows": rows}
+    head = _head(analyzed, with_time, "variational", "existence")
+    return head | _bivectors(analyzed, with_time) | involution_data(found, found.symbol)
+
+
+def _bivectors(analyzed: AnalyzedMotion, with_time: bool) -> dict[str, int]:
+    last = last_of(Shape(len(analyzed.motion.free), len(analyzed.motion.dependent), with_time))
+    return {"bivectors": last} if last else {}
+
+
+def _head(analyzed: AnalyzedMotion, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+    motion = analyzed.motion
+    symbols = map(Symbol, (*analyzed.names, "t", *motion.parameters))
+    near = near_of(analyzed.real_point, [*symbols, *map(Velocity, motion.free)])
+    return head_of(_system(analyzed), with_time, claim, kind, near, ())
+
+
+def on_one_side(
+    analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
+) -> dict[str, Any]:
+    """The certificate with the signs that all that is under roots has at its point, for those that depend on them."""
+    motion, table = analyzed.motion, analyzed.real_point
+    if table is None:
+        return certificate
+    placed = (substitute(tree, motion.on_constraints) for tree in more)
+    formulas = [*motion.dependent_velocities, *motion.free_accelerations, *placed]
+    with suppress(IrreducibleAtoms, NoRealValue):
+        return certificate | {"conditions": conditions_of(signed_factors(requirements(formulas, table), table))}
+    return certificate
+
+
+def _system(analyzed: AnalyzedMotion) -> dict[str, Any]:
+    """As of a second-order system, with velocities of the dependent coordinates besides the accelerations."""
+    motion = analyzed.motion
+    return {
+        "coordinates": list(analyzed.names),
+        "equations": {name: to_text(f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)},
+        "velocities": {name: to_text(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)},
+        "parameters": list(motion.parameters),
+        "functions": {name: list(arguments) for name, arguments in motion.functions},
+    }

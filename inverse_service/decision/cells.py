@@ -9,7 +9,7 @@ from itertools import islice, product
 from typing import TypeVar
 
 from inverse_service.deadline import now
-from inverse_service.decision.analysis import variables_of
+from inverse_service.decision.deciding import variables_of
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import Expression
 from inverse_service.field.elementary import to_kernels

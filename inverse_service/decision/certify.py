@@ -14,7 +14,7 @@ import mpmath
 from inverse_service import bounds
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.checker import CheckResult, check_certificate
-from inverse_service.decision.analysis import Analysis, is_irrational, variables_of
+from inverse_service.decision.deciding import Analysis, is_irrational, variables_of
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
@@ -60,7 +60,7 @@ from inverse_service.reading.reader import read_formula
 
 if TYPE_CHECKING:
     from inverse_service.decision.deciding import Decision
-    from inverse_service.decision.kinds.restricted import LagrangianKind
+    from inverse_service.decision.kinds.helmholtz import LagrangianKind
     from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
     from inverse_service.linear_pde.involutive_form import Finding
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -329,7 +329,7 @@ def involution_data(found: Decision | Finding, symbol: SymbolOfSystem) -> dict[s
 
 def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> dict[str, Any]:
     """{"series": …} to the order, or to the largest below it that is no longer than bearable; {} without one."""
-    from inverse_service.decision.power_series import count, is_rational, regular_series
+    from inverse_service.decision.deciding import count, is_rational, regular_series
 
     n = len(analysis.system.coordinates)
     fitting = [k for k in range(1, order + 1) if count(n, decision.with_time, k) <= bounds.TERMS]

@@ -1,31 +1,284 @@
-"""The decision on a system of second order: the card of Helmholtz settled, the answer in the words of mechanics."""
+"""The decision on a system of second order: the card of Helmholtz settled, the answer in the words of mechanics.
+
+`Analysis` is a system with its atoms reduced to independent generators: what every later stage starts from. X, N and
+Phi about a point come from sparse series where a system is too large for compiled ones (`local_system`).
+
+`regular_series` makes existence concrete: the Taylor coefficients of one regular Lagrangian at a point.
+
+The prolonged Helmholtz conditions are linear in the Taylor coefficients of L of v-degree >= 2. In their
+echelon form the pivot of each row is its last column, columns in ascending degree, so the coefficients
+follow one after another: those without a pivot are chosen, the others are determined by earlier ones.
+Prolonged so far that the projection to the wanted order holds no further conditions (Cartan, Kuranishi),
+the polynomial is the beginning of the series of an actual solution.
+
+Its rational coefficients are found modulo several primes at a point with small integers, joined by the Chinese
+remainder theorem and reconstructed as fractions (Wang 1981); a further prime confirms them.
+"""
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import cast
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from math import comb, isqrt
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from inverse_service import bounds
 from inverse_service.deadline import now
-from inverse_service.decision.analysis import Analysis, analyze
 from inverse_service.decision.kinds import helmholtz
-from inverse_service.decision.kinds.restricted import ANY_FRICTION, Among, added_equations
-from inverse_service.decision.local_system import LocalSystem, RowName, equations, local_system
+from inverse_service.decision.kinds.helmholtz import (
+    ANY_FRICTION,
+    KINDS,
+    Among,
+    Kind,
+    added_equations,
+    matrix_of,
+    pairs_of,
+    summands,
+    unknowns_of,
+)
 from inverse_service.decision.solutions import SolutionSpace, Verdict
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.field.point import Expansion, Variable, evaluate
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import (
+    PI,
+    TIME,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    number,
+    substitute,
+    walk,
+)
+from inverse_service.field import truncated_series as ps
+from inverse_service.field.echelon import Echelon
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.modular import reconstruct, safe_prime
+from inverse_service.field.point import Expansion, Point, Variable, evaluate
+from inverse_service.field.real_point import RealTable, find_real_point
+from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.series_program import TooLarge
-from inverse_service.field.tower import draw_point
-from inverse_service.field.truncated_series import SingularPoint
-from inverse_service.linear_pde.emission import LocalEquations
-from inverse_service.linear_pde.involution import Matrix
+from inverse_service.field.tower import Tower, draw_point
+from inverse_service.field.truncated_series import Series, SeriesRing, SingularPoint
+from inverse_service.linear_pde.emission import (
+    NO_DERIVATIVE,
+    Equations,
+    LocalEquations,
+    Prolongation,
+    Term,
+    advance,
+    start,
+    term_table,
+)
+from inverse_service.linear_pde.involution import Matrix, matrix_at
 from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
 from inverse_service.linear_pde.involutive_form import Coefficients, Finding, Limits, settle
-from inverse_service.linear_pde.unknowns import Unknowns
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.linear_pde.unknowns import Unknowns, unknown_names
+from inverse_service.mechanics.conditions import Motion, connection, jacobi_endomorphism
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
+
+if TYPE_CHECKING:
+    from inverse_service.certificate.checker import CheckResult
+    from inverse_service.field.sample_points import KnownTower
+
+
+# (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
+RowName = tuple[str, int, int, tuple[int, ...]]
 
 _VERDICTS: Mapping[bool | None, Verdict] = {True: "variational", False: "not_variational", None: "undetermined"}
+
+
+Progress = Callable[[str], None]
+
+_ByColumn = dict[int, int]  # by column
+# The value of a free coefficient, from its multi-index and the prime.
+Choice = Callable[[tuple[int, ...], int], int]
+
+
+_MOST_PRIMES = 12
+
+Index = tuple[int, ...]
+Key = TypeVar("Key")
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """f in kernels and the tower of its atoms; made once, used for both questions.
+
+    `towers` keeps those that ansätze needed, with their random points; these lie on the constraints where
+    velocities are `constrained` to be functions of the others. `proofs` keeps what the checker said of certificates.
+    """
+
+    system: SecondOrderSystem
+    accelerations: tuple[Expression, ...]
+    tower: Tower
+    real_point: RealTable | None
+    constrained: Mapping[Velocity, Expression] = field(default_factory=dict)
+    towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
+    proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
+
+    def series(self, point: Point, with_time: bool, order: int) -> tuple[SeriesRing, list[Series], list[Series]]:
+        """The ring of series in (t?, q, v) about the point, and v and f in it; SingularPoint where f has none."""
+        expansion = Expansion(point, moving_variables(self.system, with_time), order)
+        velocities = [expansion.expand(Velocity(name)) for name in self.system.coordinates]
+        return expansion.ring, velocities, [expansion.expand(f) for f in self.accelerations]
+
+
+def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
+    """t, q, v and the parameters, and accelerations that are letters."""
+    return (
+        TIME,
+        *(Symbol(name) for name in system.coordinates),
+        *(Velocity(name) for name in system.coordinates),
+        *(Symbol(name) for name in system.parameters),
+        *system.letters,
+    )
+
+
+def moving_variables(system: SecondOrderSystem, with_time: bool) -> tuple[Variable, ...]:
+    """(t?, q, v)."""
+    return variables_of(system)[not with_time : 1 + 2 * len(system.coordinates)]
+
+
+def analyze(system: SecondOrderSystem) -> Analysis:
+    """The first branch of the system; IrreducibleAtoms where the relations among the atoms cannot be settled."""
+    system = branches_of(system)[0]
+    kernels = tuple(to_kernels(f) for f in system.accelerations)
+    variables = variables_of(system)
+    # Each other piece of a piecewise formula need not be defined on this one.
+    roots = system.branch.roots if system.branch else ()
+    steps: dict[Expression, Expression] = {node: one for node, one in roots if isinstance(node, Apply)}
+    given = [to_kernels(substitute(f, steps)) for f in system.given] if system.positive else []
+    if steps and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, system.positive) is None:
+        raise IrreducibleAtoms(_alone(system))
+    # Of predators and prey, of which one is a coordinate, both are positive, as are their rates.
+    positive = [*map(Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
+    sides = [*system.positive, *positive]
+    points = (find_real_point([*kernels, *given], variables, 1, tuple(side)) for side in (sides, system.positive))
+    table = next((point for point in points if point is not None), None)
+    tower = reduce_atoms(kernels, variables, table)
+    return Analysis(system, kernels, tower, table)
+
+
+def _alone(system: SecondOrderSystem) -> str:
+    pairs = zip(system.coordinates, system.accelerations, strict=True)
+    equations = ", ".join(f"{name}'' = {to_text(f)}" for name, f in pairs)
+    return f"other pieces of the formula seem to have no real value here: ask about this piece alone, {equations}"
+
+
+def is_irrational(node: Expression) -> bool:
+    """Whether the topmost operation of a formula is not rational."""
+    if isinstance(node, Power):
+        return not (isinstance(node.exponent, Number) and node.exponent.value.denominator == 1)
+    return isinstance(node, Apply | Arbitrary)
+
+
+@dataclass(frozen=True, slots=True)
+class LocalScalar:
+    """A truncated series; sums and products are known to the lower of the two orders."""
+
+    ring: SeriesRing
+    series: Series
+
+    def _common(self, other: LocalScalar) -> tuple[Series, Series]:
+        length = min(len(self.series), len(other.series))
+        return self.series[:length], other.series[:length]
+
+    def __add__(self, other: LocalScalar) -> LocalScalar:
+        return LocalScalar(self.ring, ps.add(*self._common(other)))
+
+    def __sub__(self, other: LocalScalar) -> LocalScalar:
+        return LocalScalar(self.ring, ps.subtract(*self._common(other)))
+
+    def __mul__(self, other: LocalScalar) -> LocalScalar:
+        return LocalScalar(self.ring, ps.multiply(*self._common(other)))
+
+    def scaled(self, factor: int | Fraction) -> LocalScalar:
+        residue = factor.numerator * self.ring.invert_number(factor.denominator) % self.ring.prime
+        return self if self.is_zero else LocalScalar(self.ring, ps.scale(self.series, residue))
+
+    @property
+    def is_zero(self) -> bool:
+        # Skipped in a sum, a truncated zero would say something of the orders beyond: but in each sum of
+        # `mechanics.conditions` stands a derivative along the motion, which is known to the lowest order of all.
+        return not any(self.series)
+
+    @property
+    def value(self) -> int:
+        """The constant term: the value at the point."""
+        return ps.value_at_point(self.series)
+
+
+def field_of(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> tuple[Series, ...]:
+    """X = (1?, v, f)."""
+    return (*[ring.constant(1)] * (ring.size - 2 * len(forces)), *velocities, *forces)
+
+
+def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> Motion[LocalScalar]:
+    """The motion from the series of v and f in the displacements (t?, q, v); t is the one before q, if any."""
+    n = len(forces)
+    offset = ring.size - 2 * n
+    forward = field_of(ring, velocities, forces)
+
+    def partial(index: int) -> Callable[[LocalScalar], LocalScalar]:
+        return lambda scalar: LocalScalar(ring, ps.derivative(scalar.series, index))
+
+    partials = [partial(index) for index in range(ring.size)]
+    return Motion(
+        tuple(LocalScalar(ring, force) for force in forces),
+        tuple(partials[offset : offset + n]),
+        tuple(partials[offset + n :]),
+        lambda scalar: LocalScalar(ring, ps.along(enumerate(forward), scalar.series)),
+        LocalScalar(ring, ring.constant(0)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LocalSystem:
+    """Series of X, N and Phi about the point."""
+
+    ring: SeriesRing
+    field: tuple[Series, ...]
+    connection: tuple[tuple[Series, ...], ...]
+    endomorphism: tuple[tuple[Series, ...], ...]
+
+    @property
+    def dimension(self) -> int:
+        return len(self.connection)
+
+
+def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> LocalSystem:
+    """X, N, Phi from the series of v and f of order D in (t?, q, v); Phi comes out to order D - 2."""
+    motion = motion_of_series(ring, velocities, forces)
+    tensors = (connection(motion), jacobi_endomorphism(motion))
+    N, Phi = (tuple(tuple(entry.series for entry in row) for row in tensor) for tensor in tensors)
+    return LocalSystem(ring, field_of(ring, velocities, forces), N, Phi)
+
+
+def equations(local: LocalSystem) -> LocalEquations:
+    """H2 for i <= j, then H3 for i < j, with what prolongation to the order of Phi needs of the series."""
+    order = local.ring.order - 2
+    blocks = tuple(_equations(local, kind, k, order - k) for kind, k in KINDS)
+    return LocalEquations(unknowns_of(local.dimension, local.ring.size), local.ring.prime, blocks)
+
+
+def _equations(local: LocalSystem, kind: Kind, order: int, degree: int) -> Equations:
+    """The rows of this kind are wanted up to this degree."""
+    n, size = local.dimension, local.ring.size
+    matrix, terms = local.connection if kind == "H2" else local.endomorphism, []
+    for s in summands(kind, n, size):
+        series = matrix[s.row][s.column] if s.derivative == NO_DERIVATIVE else local.field[s.row]
+        if any(series):
+            terms.append(Term(s.equation, s.entry, s.derivative, series, s.negative))
+    pairs = pairs_of(kind, n)
+    return Equations(kind, pairs, order, term_table(unknowns_of(n, size), terms, len(pairs), degree))
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +300,6 @@ class Decision:
     history: tuple[tuple[int, ...], ...] = ()
     points: tuple[Mapping[str, int], ...] = ()
     seconds: float = 0.0
-
-
-Progress = Callable[[str], None]
 
 
 class HelmholtzAt:
@@ -168,3 +418,201 @@ def statement(dimension: int, characters: tuple[int, ...]) -> str:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def is_rational(analysis: Analysis) -> bool:
+    """Whether f is a rational function of t, q, v, the parameters and pi."""
+    return not any(is_irrational(node) for f in analysis.accelerations for node in walk(f))
+
+
+def count(n: int, with_time: bool, order: int) -> int:
+    """The number of unknowns: monomials of v-degree >= 2 and total degree <= order + 2."""
+    rest, degree = n + with_time, order + 2
+    return comb(rest + n + degree, degree) - comb(rest + degree, degree) - n * comb(rest + degree - 1, degree - 1)
+
+
+def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, spare: int = 0) -> dict[str, Any]:
+    """One regular solution of the Helmholtz conditions to order `order` at a random point modulo a prime.
+
+    The `series` of an existence certificate: {"order", "point", "prime", "terms"}, the terms being
+    [multi-index, value] for v-degree >= 2 and total degree <= order + 2. The system is prolonged to
+    `order + spare` and projected. ValueError where f is not rational, or no regular solution was met.
+    """
+    if not is_rational(analysis):
+        raise ValueError("a series modulo a prime needs a rational f")
+    for attempt in range(bounds.ATTEMPTS):
+        point = draw_point(analysis.tower, seed + attempt)
+        try:
+            found = regular_at(analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}"))
+        except SingularPoint:
+            continue
+        if found is not None:
+            return {
+                "order": order,
+                "point": {to_text(s): str(point.variable(s)) for s in symbols_of(analysis)},
+                "prime": point.prime,
+                "terms": [[list(index), str(value)] for index, value in found.items() if value],
+            }
+    raise ValueError("no regular solution was met at any point tried")
+
+
+def _at_random(seed: str) -> Choice:
+    generator = random.Random(seed)
+    return lambda index, prime: generator.randrange(prime)
+
+
+def regular_at(
+    analysis: Analysis, point: Point, with_time: bool, orders: tuple[int, int], choose: Choice
+) -> dict[tuple[int, ...], int] | None:
+    """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the second.
+
+    `choose(multi-index, prime)` gives the free coefficients. None where the solution is singular.
+    """
+    order, spare = orders
+    prolongation = prolonged(analysis, point, with_time, order + spare)
+    indices = [index for degree in range(order + 1) for _, index in unknown_names(prolongation.unknowns, degree)]
+    prime = point.prime
+    found = solution(prolongation.echelon, len(indices), lambda column: choose(indices[column], prime))
+    if not is_regular(prolongation, len(analysis.system.coordinates), found):
+        return None
+    return {index: found[column] for column, index in enumerate(indices)}
+
+
+def prolonged(analysis: Analysis, point: Point, with_time: bool, order: int) -> Prolongation:
+    """All rows up to the order at the point; raises SingularPoint where f has no value there."""
+    local = local_system(*analysis.series(point, with_time, order + 2))
+    prolongation = start(equations(local))
+    for _ in range(order + 1):
+        advance(prolongation)
+    return prolongation
+
+
+def solution(echelon: Echelon, width: int, choose: Callable[[int], int]) -> _ByColumn:
+    """A solution on the first `width` columns: columns without pivot are chosen, pivots follow in order."""
+    rows = {max(row): row for row in echelon.rows_within(0, width).values()}
+    found: _ByColumn = {}
+    for column in range(width):
+        if column not in rows:
+            found[column] = choose(column) % echelon.prime
+            continue
+        # The entry of the pivot is 1.
+        total = sum(value * found[k] for k, value in rows[column].items() if k != column)
+        found[column] = -total % echelon.prime
+    return found
+
+
+def is_regular(prolongation: Prolongation, n: int, found: Mapping[int, int]) -> bool:
+    """Whether g(p) is a regular matrix."""
+    matrix = matrix_of(n, prolongation.size)
+    return bool(matrix_at(prolongation.unknowns, matrix, found, prolongation.local.prime).rank() == n)
+
+
+def symbols_of(analysis: Analysis) -> list[Symbol | Velocity]:
+    """t, q, v, the parameters, and pi where f contains it."""
+    has_pi = any(node == PI for f in analysis.accelerations for node in walk(f))
+    return [*variables_of(analysis.system), *([PI] if has_pi else [])]
+
+
+@dataclass(frozen=True, slots=True)
+class RationalSeries:
+    """Coefficients of (x - x_0)^alpha, x = (t?, q, v), v-degree >= 2, of one regular L; the others are free.
+
+    `point` gives the values of t, q, v and the parameters, `variables` are those of x.
+    """
+
+    order: int
+    variables: tuple[Symbol | Velocity, ...]
+    point: Mapping[Symbol | Velocity, int]
+    coefficients: Mapping[Index, Fraction]
+
+
+def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int = 0) -> RationalSeries | None:
+    """One regular solution to the order, prolonged by `spare` and projected; None where none is met.
+
+    The squares of the velocities get the coefficient 1/2, all other free coefficients are zero.
+    """
+    symbols = symbols_of(analysis)
+    if PI in symbols or not is_rational(analysis):
+        return None
+    variables = moving_variables(analysis.system, with_time)
+    generic = _dimension(analysis, draw_point(analysis.tower, 1), with_time, (order, spare))
+    for first in range(1, 1 + bounds.ATTEMPTS):
+        point = {symbol: first + k for k, symbol in enumerate(symbols)}
+        try:
+            if _dimension(analysis, _at(point, 0), with_time, (order, spare)) != generic:
+                continue
+            found = _reconstructed(analysis, point, with_time, (order, spare))
+        except SingularPoint:
+            continue
+        if found is not None:
+            return RationalSeries(order, variables, point, {index: a for index, a in found.items() if a})
+    return None
+
+
+def _at(values: Mapping[Symbol | Velocity, int], seed: int) -> Point:
+    return Point(safe_prime(seed), seed, variables=dict(values))
+
+
+def _dimension(analysis: Analysis, point: Point, with_time: bool, orders: tuple[int, int]) -> int:
+    """How many coefficients are free: more than at a random point means that this one is singular."""
+    return prolonged(analysis, point, with_time, sum(orders)).dimension(orders[0])
+
+
+def _reconstructed(
+    analysis: Analysis, values: Mapping[Symbol | Velocity, int], with_time: bool, orders: tuple[int, int]
+) -> dict[Index, Fraction] | None:
+    """The coefficients as fractions, once those from some primes agree with one prime more."""
+
+    def residues(k: int) -> tuple[int, dict[Index, int] | None]:
+        here = _at(values, k)
+        return here.prime, regular_at(analysis, here, with_time, orders, _squares)
+
+    return reconstructed(residues)
+
+
+def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | None]]) -> dict[Key, Fraction] | None:
+    """Fractions from (prime, residues) for k = 0, 1, …, once those agree with one prime more."""
+    modulus, residues = 1, dict[Key, int]()
+    fractions: dict[Key, Fraction] | None = None
+    for k in range(_MOST_PRIMES):
+        prime, fresh = residues_of(k)
+        if fresh is None:
+            return None
+        if fractions is not None and all(_agrees(a, fresh.get(key, 0), prime) for key, a in fractions.items()):
+            return fractions
+        residues = {key: _joined(residues.get(key, 0), modulus, value, prime) for key, value in fresh.items()}
+        modulus *= prime
+        fractions = _fractions(residues, modulus)
+    return None
+
+
+def _squares(index: Index, prime: int) -> int:
+    """1/2 for the square of a velocity, zero for all else."""
+    return pow(2, -1, prime) if sum(index) == 2 and 2 in index else 0
+
+
+def _joined(residue: int, modulus: int, other: int, prime: int) -> int:
+    """The number modulo modulus * prime with these residues."""
+    return residue + modulus * ((other - residue) * pow(modulus, -1, prime) % prime)
+
+
+def _fractions(residues: Mapping[Key, int], modulus: int) -> dict[Key, Fraction] | None:
+    bound = isqrt(modulus // 2)
+    found: dict[Key, Fraction] = {}
+    for index, residue in residues.items():
+        value = reconstruct(residue, modulus, bound)
+        if value is None:
+            return None
+        found[index] = value
+    return found
+
+
+def _agrees(value: Fraction, residue: int, prime: int) -> bool:
+    return (value.numerator - residue * value.denominator) % prime == 0
+
+
+def as_tree(series: RationalSeries) -> Expression:
+    """The polynomial in the displacements, low degrees first."""
+    steps = [x - series.point[x] for x in series.variables]
+    ordered = sorted(series.coefficients.items(), key=lambda item: (sum(item[0]), item[0]))
+    return add(*(multiply(number(a), *(d**e for d, e in zip(steps, index, strict=True) if e)) for index, a in ordered))

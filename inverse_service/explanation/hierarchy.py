@@ -1,4 +1,4 @@
-"""Which algebraic conditions on the multiplier suffice for a negative verdict.
+"""Which conditions on the multiplier suffice for a negative verdict, and their exact elimination.
 
 The hierarchy, each tensor T of type (1, 1) giving "g T is symmetric" and each curvature the cyclic
 condition g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
@@ -8,26 +8,48 @@ condition g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
 with the tensors of `mechanics.conditions`. At a point each is a linear condition on the n(n+1)/2
 entries of g. A set suffices when every symmetric g that satisfies it at a generic point is singular.
 Values are taken at random points modulo a prime, from Taylor series of f.
+
+`eliminate` solves chosen conditions for g_11, g_12, … one after the other, exactly, as by hand. Every pivot is checked
+modulo a prime: the minor of the used equations and solved unknowns must not vanish at the random point, so that no
+coefficient whose vanishing went unrecognised is divided by.
+
+`differential_obstruction` is for systems whose multiplier is known up to a factor, g = e^u G, but whose factor does not
+exist. (H1) and (H2) give the derivatives of u:
+
+    u_(v^k) = mu_k = -sum_i (G^-1)^(ji) (dG_ij/dv^k - dG_ik/dv^j)   for any j other than k
+    Gamma(u) = a                   a G = G N + (G N)^T - Gamma(G)
+    u_(q^k) = nu_k = da/dv^k - Gamma(mu_k) - (df^m/dv^k) mu_m
+    u_t     = tau  = a - v^k nu_k - f^k mu_k
+
+(the third from [d/dv^k, Gamma] = d/dq^k + (df^m/dv^k) d/dv^m). There is a multiplier only if all the
+mixed derivatives agree, and tau = 0 where L may not contain t.
 """
 
 from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from flint import nmod_mat
 
 from inverse_service import bounds
-from inverse_service.decision.local_system import LocalScalar, motion_of_series
+from inverse_service.decision.deciding import LocalScalar, motion_of_series
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.notation import Formula, partial_derivative, row, theory
+from inverse_service.expressions.tree import TIME, Symbol, Velocity
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.exact_ring import ExactRing, sum_of
+from inverse_service.field.point import Point, evaluate
+from inverse_service.field.rational_functions import Quotient, TooLarge, common_factor
 from inverse_service.field.tower import draw_point
 from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.mechanics.conditions import (
     Motion,
+    MotionInRing,
     S,
     Tensor11,
     Tensor12,
@@ -37,9 +59,23 @@ from inverse_service.mechanics.conditions import (
     nabla,
     nabla_of_curvature,
 )
+from inverse_service.mechanics.quotient_matrices import determinant, solve_square
 
 if TYPE_CHECKING:
-    from inverse_service.decision.analysis import Analysis
+    from inverse_service.decision.deciding import Analysis
+
+
+# Larger sets than this are not searched for the smallest; all conditions of the depth are named.
+LARGEST_SET = 4
+DEEPEST = 3
+_TRIALS = 3
+
+Row = tuple[int, ...]
+
+Unknown = tuple[int, int]
+Linear = Mapping[Unknown, Quotient]
+
+Matrix = tuple[tuple[Quotient, ...], ...]
 
 
 def local_motion(analysis: Analysis, seed: int, order: int) -> Motion[LocalScalar]:
@@ -53,14 +89,6 @@ def local_motion(analysis: Analysis, seed: int, order: int) -> Motion[LocalScala
         with suppress(SingularPoint):
             return motion_of_series(*analysis.series(point, analysis.system.depends_on_time, order))
     raise IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
-
-
-# Larger sets than this are not searched for the smallest; all conditions of the depth are named.
-LARGEST_SET = 4
-DEEPEST = 3
-_TRIALS = 3
-
-Row = tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,8 +263,8 @@ def unique_direction(analysis: Analysis, seed: int) -> SufficientSet | None:
 
 def _sufficient(table: PointwiseConditions) -> SufficientSet | None:
     by_condition: dict[ConditionName, list[EquationName]] = {}
-    for name, row in table.rows.items():
-        if any(row):
+    for name, values in table.rows.items():
+        if any(values):
             by_condition.setdefault(name.condition, []).append(name)
     everything = [name for names in by_condition.values() for name in names]
     if not _suffices(table, everything):
@@ -269,3 +297,282 @@ def _pruned(table: PointwiseConditions, names: Sequence[EquationName]) -> Suffic
     dimension = len(table.kernel(kept))
     conditions = tuple(dict.fromkeys(name.condition for name in kept))
     return SufficientSet(conditions, tuple(kept), len(unknowns(table.size)) - dimension, dimension)
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """One equation used: as it is, what is left of it with the known unknowns, and what it gives.
+
+    The coefficients of `reduced` are content times polynomials without a common factor, that of
+    `pivot` being content * divisor; `pivot` equals the combination `value` of other entries.
+    """
+
+    name: EquationName
+    original: Linear
+    reduced: Linear
+    content: Quotient
+    pivot: Unknown
+    divisor: Quotient
+    value: Linear
+
+
+@dataclass(frozen=True, slots=True)
+class Elimination:
+    """All steps, and the entries that are still expressed by free ones."""
+
+    solved: tuple[Solved, ...]
+    values: Mapping[Unknown, Linear]
+
+    def entry(self, unknown: Unknown, one: Quotient) -> Linear:
+        """An entry of g as a combination of free entries."""
+        return self.values.get(unknown, {unknown: one})
+
+
+def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditions) -> Elimination:
+    """Solve the simplest equation left, again and again, until g is seen to be singular or none is left."""
+    left = dict(equations)
+    solved: list[Solved] = []
+    values: dict[Unknown, Linear] = {}
+    while left and vanishing_block(values, table.size) is None:
+        reduced = {name: substituted(row, values) for name, row in left.items()}
+        choice = _choose(reduced, solved, table)
+        if choice is None:
+            break
+        name, pivot = choice
+        step = _solve(name, left.pop(name), reduced[name], pivot)
+        solved.append(step)
+        values = {unknown: substituted(row, {pivot: step.value}) for unknown, row in values.items()}
+        values[pivot] = step.value
+    return Elimination(tuple(solved), values)
+
+
+def substituted(row: Linear, values: Mapping[Unknown, Linear]) -> dict[Unknown, Quotient]:
+    """The combination with known unknowns replaced, zero coefficients left out."""
+    parts = [(unknown, coefficient) for unknown, coefficient in row.items() if unknown not in values]
+    known = [(values[unknown], coefficient) for unknown, coefficient in row.items() if unknown in values]
+    return collected([*parts, *((other, c * factor) for value, c in known for other, factor in value.items())])
+
+
+def collected(terms: Iterable[tuple[Unknown, Quotient]]) -> dict[Unknown, Quotient]:
+    """The terms of one equation by unknown, zero coefficients left out."""
+    parts: dict[Unknown, list[Quotient]] = {}
+    for unknown, coefficient in terms:
+        parts.setdefault(unknown, []).append(coefficient)
+    sums = {unknown: sum_of(summands[0].field.constant(0), summands) for unknown, summands in parts.items()}
+    return {unknown: total for unknown, total in sums.items() if not total.is_zero}
+
+
+def _choose(
+    reduced: Mapping[EquationName, Linear], solved: Sequence[Solved], table: PointwiseConditions
+) -> tuple[EquationName, Unknown] | None:
+    """The shortest equation and in it the unknown of the simplest coefficient that is a true pivot."""
+    order = sorted(reduced, key=lambda name: (len(reduced[name]), _length(reduced[name])))
+    for name in order:
+        row = reduced[name]
+        for unknown in sorted(row, key=lambda u: (_weight(row[u]), u[0] == u[1], u)):
+            if _minor([*solved], name, unknown, table):
+                return name, unknown
+    return None
+
+
+def _length(row: Linear) -> int:
+    return sum(map(_weight, row.values()))
+
+
+def _weight(coefficient: Quotient) -> int:
+    """A measure of size; rational numbers weigh nothing."""
+    if coefficient.constant_value is not None:
+        return 0
+    return len(coefficient.numerator) + sum(power for _, power in coefficient.exponents)
+
+
+def _minor(solved: Sequence[Solved], name: EquationName, unknown: Unknown, table: PointwiseConditions) -> int:
+    """The determinant of the equations used so far in the unknowns solved for, at the random point."""
+    position = {pair: column for column, pair in enumerate(unknowns(table.size))}
+    columns = [position[step.pivot] for step in solved] + [position[unknown]]
+    rows = [table.rows[step.name] for step in solved] + [table.rows[name]]
+    flat = [row[column] for row in rows for column in columns]
+    return int(nmod_mat(len(rows), len(rows), flat, table.prime).det())
+
+
+def _solve(name: EquationName, original: Linear, row: Linear, pivot: Unknown) -> Solved:
+    content = common_factor(list(row.values()))
+    equation = {unknown: coefficient / content for unknown, coefficient in row.items()}
+    divisor = equation[pivot]
+    value = {other: -(c / divisor) for other, c in equation.items() if other != pivot}
+    return Solved(name, original, row, content, pivot, divisor, value)
+
+
+def vanishing_block(values: Mapping[Unknown, Linear], n: int) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+    """Rows and columns, together more than n, whose common entries are all zero: then det g = 0."""
+    zero = {unknown for unknown, row in values.items() if not row}
+    for size in range(1, n + 1):
+        for rows in itertools.combinations(range(n), size):
+            columns = tuple(c for c in range(n) if all((min(r, c), max(r, c)) in zero for r in rows))
+            if size + len(columns) > n:
+                return rows, columns
+    return None
+
+
+def remaining_determinant(
+    elimination: Elimination, n: int, symbols: Mapping[Unknown, Quotient], one: Quotient
+) -> Quotient:
+    """det g of what remains (n <= 4)."""
+
+    def entry(i: int, j: int) -> Quotient:
+        row = elimination.entry((min(i, j), max(i, j)), one)
+        return sum_of(one - one, [c * symbols[unknown] for unknown, c in row.items()])
+
+    return determinant([[entry(i, j) for j in range(n)] for i in range(n)], one)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A derivative of u, how it is found (with formulas of the theory between grave accents), and its value."""
+
+    reason: str
+    formula: Formula
+    value: Quotient
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """The derivatives of u, and an expression in them that must be zero and is not; `note` says why it must."""
+
+    lines: tuple[Line, ...]
+    formula: Formula
+    note: str
+    difference: Quotient
+
+
+def direction_matrix(result: Elimination, n: int, one: Quotient) -> Matrix:
+    """G: the entries of g divided by the one that stayed free."""
+    zero = one - one
+
+    def entry(i: int, j: int) -> Quotient:
+        row = result.entry((min(i, j), max(i, j)), one)
+        return next(iter(row.values()), zero)
+
+    return tuple(tuple(entry(i, j) for j in range(n)) for i in range(n))
+
+
+def contradiction(
+    analysis: Analysis, exact: MotionInRing, direction: Matrix, with_time: bool, seed: int
+) -> Contradiction:
+    """The first integrability condition of u that fails; TooLarge where none is found."""
+    slopes = _slopes(exact, direction)
+    point = draw_point(analysis.tower, seed)
+    names = analysis.system.coordinates
+    for formula, note, difference, held in _conditions(exact, slopes, with_time, names):
+        if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
+            return Contradiction(_lines(slopes, with_time, held, names), formula, note, difference)
+    raise TooLarge("no integrability condition of the factor fails")
+
+
+@dataclass(frozen=True, slots=True)
+class _Slopes:
+    """mu, Gamma(u) = a, nu and tau, as in the module's formulas."""
+
+    by_velocity: tuple[Quotient, ...]
+    along: Quotient
+    by_coordinate: tuple[Quotient, ...]
+    by_time: Quotient
+
+
+def _slopes(exact: MotionInRing, direction: Matrix) -> _Slopes:
+    motion, span = exact.motion, range(exact.motion.size)
+    mu = tuple(_velocity_slope(exact, direction, k) for k in span)
+    a = _slope_along(exact, direction)
+    nu = []
+    for k in span:
+        rest = [motion.by_velocity[k](f) * mu[m] for m, f in enumerate(motion.accelerations)]
+        nu.append(motion.by_velocity[k](a) - motion.along(mu[k]) - sum_of(motion.zero, rest))
+    speeds = [exact.ring.atoms[v] for v in exact.ring.variables[1 + motion.size :]]
+    products = [speeds[k] * nu[k] for k in span] + [motion.accelerations[k] * mu[k] for k in span]
+    return _Slopes(mu, a, tuple(nu), a - sum_of(motion.zero, products))
+
+
+def _velocity_slope(exact: MotionInRing, direction: Matrix, k: int) -> Quotient:
+    motion, span = exact.motion, range(exact.motion.size)
+    j = 0 if k else 1
+    inverse = solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
+    if inverse is None:
+        raise ZeroDivisionError("the matrix is singular")
+    by = motion.by_velocity
+    terms = [inverse[i] * (by[k](direction[i][j]) - by[j](direction[i][k])) for i in span]
+    return -sum_of(motion.zero, terms)
+
+
+def _slope_along(exact: MotionInRing, direction: Matrix) -> Quotient:
+    motion, span = exact.motion, range(exact.motion.size)
+    n: Tensor11[Quotient] = connection(motion)
+    i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
+    terms = [direction[i][m] * n[m][j] + direction[j][m] * n[m][i] for m in span]
+    return (sum_of(motion.zero, terms) - motion.along(direction[i][j])) / direction[i][j]
+
+
+def _conditions(
+    exact: MotionInRing, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
+) -> Iterator[tuple[Formula, str, Quotient, frozenset[Symbol | Velocity]]]:
+    """Everything that vanishes if u exists, the reason and the variables of the slopes in it, the simplest first."""
+    motion = exact.motion
+    if not with_time:
+        yield _slope(TIME), ", as L is not to contain t,", slopes.by_time, frozenset({TIME})
+    first: list[tuple[Symbol | Velocity, Any, Quotient]] = [
+        (Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
+    ]
+    first += [(Symbol(x), motion.by_coordinate[k], slopes.by_coordinate[k]) for k, x in enumerate(names)]
+    if with_time:
+        first.append((TIME, exact.ring.partial(0), slopes.by_time))
+    for left in range(len(first)):
+        for right in range(left):
+            x, by_x, u_x = first[left]
+            y, by_y, u_y = first[right]
+            yield row(_mixed(y, x), " - ", _mixed(x, y)), "", by_x(u_y) - by_y(u_x), frozenset({x, y})
+
+
+def _slope(variable: Symbol | Velocity) -> Formula:
+    return partial_derivative(theory("u"), variable)
+
+
+def _mixed(inner: Symbol | Velocity, outer: Symbol | Velocity) -> Formula:
+    return partial_derivative(row("(", _slope(inner), ")"), outer)
+
+
+def _lines(
+    slopes: _Slopes, with_time: bool, held: frozenset[Symbol | Velocity], names: tuple[str, ...]
+) -> tuple[Line, ...]:
+    """The derivatives of u that are held, in the order in which they are found, and those that these are made of."""
+    of_velocities = all(isinstance(variable, Velocity) for variable in held)
+    lines = [
+        Line("As `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(Velocity(x)), slopes.by_velocity[k])
+        for k, x in enumerate(names)
+        if Velocity(x) in held or not of_velocities
+    ]
+    if of_velocities:
+        return tuple(lines)
+    lines.append(Line("By `Gamma(g) = g N + (g N)^T`", theory("Gamma(u)"), slopes.along))
+    lines += [
+        Line(f"`Gamma(u)` differentiated by `{x}'`", _slope(Symbol(x)), slopes.by_coordinate[k])
+        for k, x in enumerate(names)
+        if Symbol(x) in held or TIME in held
+    ]
+    if with_time and TIME in held:
+        lines.append(Line("The rest of `Gamma(u)`", _slope(TIME), slopes.by_time))
+    return tuple(lines)
+
+
+def _is_nonzero(ring: ExactRing, element: Quotient, point: Point) -> bool:
+    """Whether the value at the random point is not zero; TooLarge where it cannot be formed."""
+    try:
+        values = {index: evaluate(to_kernels(tree), point) for index, tree in ring.trees.items()}
+    except (KeyError, TypeError, ValueError, SingularPoint) as error:
+        raise TooLarge("an expression could not be evaluated modulo a prime") from error
+    total = 0
+    for exponents, coefficient in element.numerator.terms():
+        term = int(coefficient.p) * pow(int(coefficient.q), -1, point.prime)
+        for index, exponent in enumerate(exponents):
+            if exponent:
+                term = term * pow(values[index], int(exponent), point.prime) % point.prime
+        total += term
+    return total % point.prime != 0

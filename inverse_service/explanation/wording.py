@@ -16,9 +16,7 @@ from inverse_service.field.exact_ring import ExactRing, quotient_tree
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
 
 if TYPE_CHECKING:
-    from inverse_service.explanation.differential_obstruction import Contradiction
-    from inverse_service.explanation.elimination import Unknown
-    from inverse_service.explanation.hierarchy import ConditionName, EquationName, SufficientSet
+    from inverse_service.explanation.hierarchy import ConditionName, Contradiction, EquationName, SufficientSet, Unknown
     from inverse_service.field.rational_functions import Quotient
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -20,7 +20,7 @@ from itertools import pairwise
 import mpmath
 
 from inverse_service import bounds
-from inverse_service.decision.analysis import Analysis
+from inverse_service.decision.deciding import Analysis
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.evaluation import evaluate as real_value

@@ -14,7 +14,7 @@ import mpmath
 
 from inverse_service import bounds
 from inverse_service.deadline import OutOfTime, check, until, within
-from inverse_service.decision.analysis import Analysis, analyze, variables_of
+from inverse_service.decision.deciding import Analysis, analyze, variables_of
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Symbol, Velocity

@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 from inverse_service import bounds
-from inverse_service.decision.analysis import Analysis
+from inverse_service.decision.deciding import Analysis
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import (

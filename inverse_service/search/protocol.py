@@ -12,8 +12,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from inverse_service.deadline import end, left
-from inverse_service.decision.analysis import Analysis, variables_of
 from inverse_service.decision.certify import where_proved
+from inverse_service.decision.deciding import Analysis, variables_of
 from inverse_service.decision.solutions import Lagrangian, Matrix
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plainly_positive

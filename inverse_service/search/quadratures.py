@@ -16,8 +16,8 @@ from itertools import count
 from inverse_service import bounds
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import end, left, now
-from inverse_service.decision.analysis import Analysis, analyze
 from inverse_service.decision.certify import of_lagrangian
+from inverse_service.decision.deciding import Analysis, analyze
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting_trees import merge_powers
 from inverse_service.expressions.derivative import differentiate

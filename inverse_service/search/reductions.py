@@ -15,9 +15,8 @@ from functools import partial
 
 from inverse_service import bounds
 from inverse_service.deadline import end
-from inverse_service.decision.analysis import analyze
 from inverse_service.decision.certify import walk_integrals
-from inverse_service.decision.deciding import decide
+from inverse_service.decision.deciding import analyze, decide
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import (

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from inverse_service import bounds
 from inverse_service.deadline import check
-from inverse_service.decision.analysis import Analysis, variables_of
+from inverse_service.decision.deciding import Analysis, variables_of
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes
 from inverse_service.field import modular

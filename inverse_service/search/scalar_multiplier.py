@@ -20,7 +20,7 @@ import mpmath
 import numpy as np
 
 from inverse_service import bounds
-from inverse_service.decision.analysis import Analysis
+from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Integral, Velocity, add, walk
 from inverse_service.field.exact_ring import ExactRing, quotient_tree, sum_of

@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 import mpmath
 
 from inverse_service import bounds
-from inverse_service.decision.analysis import Analysis, analyze
+from inverse_service.decision.deciding import Analysis, analyze
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import (

@@ -12,19 +12,14 @@ from inverse_service.deadline import left, now
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import Answer, Lagrangian, Solution, Step
 from inverse_service.errors import CertificateRefused
-from inverse_service.explanation.finding import (
-    hamiltonian_of,
-    legendre_steps,
-    verification_steps,
-)
+from inverse_service.explanation.positive import hamiltonian_of, legendre_steps, verification_steps
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
 from inverse_service.search.further import is_multiple, why_shown
 from inverse_service.search.protocol import Found, SearchOutcome, describe
 
 if TYPE_CHECKING:
-    from inverse_service.decision.analysis import Analysis
-    from inverse_service.decision.deciding import Decision
+    from inverse_service.decision.deciding import Analysis, Decision
     from inverse_service.decision.solutions import Conditions, SoFar, SolveOptions
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

@@ -12,11 +12,10 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.formulas import MAX_TEXT
 from inverse_service.deadline import OutOfTime, left, now, until
 from inverse_service.decision import cells, certify
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.deciding import Decision, decide
+from inverse_service.decision.deciding import Decision, analyze, decide
 from inverse_service.decision.solutions import Answer, Conditions, Solution, SolveOptions, Step
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.explanation.finding import (
+from inverse_service.explanation.positive import (
     as_given_steps,
     branch_steps,
     existence_steps,

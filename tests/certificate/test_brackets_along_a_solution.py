@@ -15,7 +15,7 @@ from flint import ctx
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.constraints import Along, FlowExpansion
 from inverse_service.certificate.numbers import Balls
-from inverse_service.constrained import motion_certificate
+from inverse_service.constrained import existence
 from inverse_service.constrained.existence import analyze_motion, decide_motion
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
@@ -65,9 +65,7 @@ PARAMETER = "5/3"
 
 def certificate_of(document: Document) -> Document:
     analyzed = analyze_motion(motion_of(document))
-    return motion_certificate.of_finding(
-        analyzed, decide_motion(analyzed, False, 1, float("inf"), lambda _: None), False
-    )
+    return existence.of_finding(analyzed, decide_motion(analyzed, False, 1, float("inf"), lambda _: None), False)
 
 
 def verdict(system: Document, along: Any, **more: Any) -> str:

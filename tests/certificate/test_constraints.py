@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.constrained import motion_certificate
+from inverse_service.constrained import existence
 from inverse_service.constrained.existence import analyze_motion, decide_motion
 from inverse_service.decision.certify import FORMAT
 from tests.certificate.motions import BLADE, SLEIGH, given, heisenberg, knife_edge, motion_of
@@ -25,7 +25,7 @@ SLEIGH_DOCUMENT = {
 def certificate_of(document: Document, with_time: bool = False) -> Document:
     analyzed = analyze_motion(motion_of(document))
     found = decide_motion(analyzed, with_time, 1, float("inf"), lambda _: None)
-    return motion_certificate.of_finding(analyzed, found, with_time)
+    return existence.of_finding(analyzed, found, with_time)
 
 
 def verdict(certificate: Document) -> str:
@@ -105,7 +105,7 @@ def test_rows_prove_that_the_chaplygin_sleigh_has_none(with_time: bool) -> None:
 
 def test_rows_of_one_motion_prove_nothing_of_another() -> None:
     proof = certificate_of(SLEIGH_DOCUMENT)
-    other = motion_certificate.of_lagrangian(
+    other = existence.of_lagrangian(
         analyze_motion(motion_of(knife_edge("0"))), motion_of(knife_edge("0")).free_accelerations[0], False
     )
     assert verdict(proof | {"system": other["system"], "near": {}}) == "invalid"
@@ -124,6 +124,6 @@ def test_without_dependent_coordinates_it_is_the_inverse_problem() -> None:
     """The same claim with velocities that are none: what has no Lagrangian has none."""
     analyzed = analyze_motion(given({"x": "x*y'", "y": "y*x'^2"}, {}))
     found = decide_motion(analyzed, False, 1, float("inf"), lambda _: None)
-    proof = motion_certificate.of_finding(analyzed, found, False)
+    proof = existence.of_finding(analyzed, found, False)
     assert proof["kind"] == "nonexistence"
     assert verdict(proof) == "valid"

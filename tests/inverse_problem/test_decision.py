@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from inverse_service.deadline import now
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.deciding import Decision, HelmholtzAt, decide
+from inverse_service.decision.deciding import Decision, HelmholtzAt, analyze, decide
 from inverse_service.expressions.tree import (
     Expression,
     Symbol,

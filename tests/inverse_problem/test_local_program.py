@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from inverse_service.decision import deciding
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.deciding import Decision, decide
+from inverse_service.decision.deciding import Decision, analyze, decide, equations, local_system
 from inverse_service.decision.kinds import helmholtz
-from inverse_service.decision.local_system import equations, local_system
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.field.modular import safe_prime
 from inverse_service.field.point import Variable

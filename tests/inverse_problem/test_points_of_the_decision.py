@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.deciding import HelmholtzAt, decide
+from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
 from inverse_service.field.echelon import Echelon
 from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.linear_pde import involutive_form as settling

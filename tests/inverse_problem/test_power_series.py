@@ -9,9 +9,16 @@ import pytest
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.decision import certify
-from inverse_service.decision.analysis import Analysis, analyze
-from inverse_service.decision.deciding import Decision, decide
-from inverse_service.decision.power_series import count, is_rational, prolonged, regular_series
+from inverse_service.decision.deciding import (
+    Analysis,
+    Decision,
+    analyze,
+    count,
+    decide,
+    is_rational,
+    prolonged,
+    regular_series,
+)
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.field.tower import draw_point
 from inverse_service.linear_pde.unknowns import unknown_names

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from flint import nmod_mat
 
-from inverse_service.decision.local_system import LocalSystem, RowName, equations, local_system
+from inverse_service.decision.deciding import LocalSystem, RowName, equations, local_system
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
 from inverse_service.field import truncated_series as ps
 from inverse_service.field.echelon import Echelon, Flags

@@ -8,8 +8,7 @@ import pytest
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.decision import certify
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.deciding import HelmholtzAt, decide
+from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
 from inverse_service.linear_pde import involution
 from inverse_service.linear_pde import involutive_form as settling
 from inverse_service.linear_pde.involutive_form import Finding, Limits

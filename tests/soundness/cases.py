@@ -11,8 +11,7 @@ from typing import Any
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.decision import certify
-from inverse_service.decision.analysis import Analysis, analyze
-from inverse_service.decision.deciding import Decision, decide
+from inverse_service.decision.deciding import Analysis, Decision, analyze, decide
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.reading import read_system

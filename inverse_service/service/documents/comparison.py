@@ -71,8 +71,8 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
 
     The constraints hold with its velocities, and its accelerations are the motion, as of an associated system.
     """
-    from inverse_service.constrained.ansatz import first_system
-    from inverse_service.constrained.hamiltonisation.hamiltonise import vanish
+    from inverse_service.constrained.hamiltonise import vanish
+    from inverse_service.constrained.lagrangian import first_system
     from inverse_service.service.documents.reduced_documents import look_motion, read
 
     try:
@@ -113,7 +113,7 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
     """The system of a certificate; one about the free coordinates alone gets the others with their velocities."""
     if system.get("velocities") is not None:
         return system
-    from inverse_service.constrained.hamiltonisation.nonholonomic_study import motion_report
+    from inverse_service.constrained.nonholonomic_study import motion_report
     from inverse_service.service.documents.reduced_documents import look_motion, read
 
     motion = read(look_motion(document)) if is_motion(document) else motion_report(_nonholonomic(document)).motion

@@ -11,7 +11,7 @@ from typing import Any
 from inverse_service.certificate import cell
 from inverse_service.certificate.checker import CheckResult, Question
 from inverse_service.certificate.formulas import Ended
-from inverse_service.decision.analysis import variables_of
+from inverse_service.decision.deciding import variables_of
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
 from inverse_service.field.elementary import to_kernels

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
     from inverse_service.decision.cells import Left
-    from inverse_service.decision.kinds.restricted import LagrangianKind
+    from inverse_service.decision.kinds.helmholtz import LagrangianKind
     from inverse_service.decision.solutions import Solution
     from inverse_service.expressions.tree import Expression
 

@@ -142,7 +142,7 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool 
 
     As many as those, and independent; None where the document has none or it is not settled.
     """
-    from inverse_service.constrained.hamiltonisation.hamiltonise import rank_at_point
+    from inverse_service.constrained.hamiltonise import rank_at_point
     from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
     from inverse_service.service.documents import translate_nonholonomic
 
@@ -164,7 +164,7 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool 
 
 
 def _vanish(trees: Sequence[Expression], names: Names, moving: Sequence[str]) -> bool | None:
-    from inverse_service.constrained.hamiltonisation.hamiltonise import vanish
+    from inverse_service.constrained.hamiltonise import vanish
 
     constants = [Symbol(name) for name in names.parameters]
     return vanish(trees, [TIME, *map(Symbol, names.coordinates), *map(Velocity, moving), *constants])

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from api_schemas.result import ClockPart, InsteadPart, ResultDocument
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
-from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import analyze
 from inverse_service.decision.solutions import Solution, SolveOptions
 from inverse_service.errors import InputError
-from inverse_service.explanation.finding import hamiltonian_of
+from inverse_service.explanation.positive import hamiltonian_of
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, substitute, walk

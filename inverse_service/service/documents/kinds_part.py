@@ -9,8 +9,8 @@ from typing import Any
 from api_schemas.result import KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service.deadline import left, now
-from inverse_service.decision.analysis import analyze
-from inverse_service.decision.kinds.restricted import LagrangianKind, invariant, kind_named
+from inverse_service.decision.deciding import analyze
+from inverse_service.decision.kinds.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Solution, SolveOptions
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions.printing import to_text

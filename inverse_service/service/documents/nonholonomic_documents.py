@@ -15,9 +15,9 @@ from api_schemas.nonholonomic import (
     ReducedPart,
 )
 from api_schemas.result import AdvicePart
+from inverse_service.constrained import nonholonomic_study
 from inverse_service.constrained.answering import OUT_OF_TIME, MotionAnswer
-from inverse_service.constrained.hamiltonisation import nonholonomic_study
-from inverse_service.constrained.hamiltonisation.reduced import Decided
+from inverse_service.constrained.reduced import Decided
 from inverse_service.deadline import now
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError

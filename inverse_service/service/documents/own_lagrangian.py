@@ -11,7 +11,7 @@ import mpmath
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.decision import cells, certify
-from inverse_service.decision.analysis import analyze, variables_of
+from inverse_service.decision.deciding import analyze, variables_of
 from inverse_service.errors import InputError, IrreducibleAtoms, LimitError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate

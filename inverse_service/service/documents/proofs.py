@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from inverse_service.deadline import now
-from inverse_service.decision.analysis import analyze
+from inverse_service.decision.deciding import analyze
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.explanation.negative import LARGEST_N
-from inverse_service.explanation.proofs.deriving import Theorem, determinant_vanishes, euler_lagrange_hold
-from inverse_service.explanation.proofs.theorem_text import coq, identities
+from inverse_service.explanation.theorems import Theorem, coq, determinant_vanishes, euler_lagrange_hold, identities
 from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

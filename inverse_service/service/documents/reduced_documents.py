@@ -7,10 +7,10 @@ from typing import Any
 from api_schemas.base import ParseAnswer
 from api_schemas.nonholonomic import MotionDocument, NonholonomicResult, ReducedPart
 from inverse_service.certificate.checker import CheckResult
-from inverse_service.constrained.ansatz import first_system
+from inverse_service.constrained import reduced as deciding
 from inverse_service.constrained.answering import answer_motion
-from inverse_service.constrained.hamiltonisation import reduced as deciding
-from inverse_service.constrained.hamiltonisation.nonholonomic_study import MotionReport, motion_report
+from inverse_service.constrained.lagrangian import first_system
+from inverse_service.constrained.nonholonomic_study import MotionReport, motion_report
 from inverse_service.deadline import now
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError

@@ -8,10 +8,9 @@ from typing import Any, TypeVar
 
 from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
+from inverse_service.constrained import nonholonomic_study
 from inverse_service.constrained.answering import MotionAnswer, MotionLagrangian
-from inverse_service.constrained.hamiltonisation import nonholonomic_study
-from inverse_service.constrained.hamiltonisation.hamiltonise import Hamiltonisation
-from inverse_service.constrained.hamiltonisation.restricted_flow import Comparison
+from inverse_service.constrained.hamiltonise import Comparison, Hamiltonisation
 from inverse_service.decision.solutions import Hamiltonian
 from inverse_service.errors import DocumentRefused, Place
 from inverse_service.explanation.wording import Piece, said

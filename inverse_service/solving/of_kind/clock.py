@@ -8,8 +8,7 @@ from fractions import Fraction
 
 from inverse_service import bounds
 from inverse_service.deadline import now
-from inverse_service.decision.analysis import variables_of
-from inverse_service.decision.deciding import decide
+from inverse_service.decision.deciding import decide, variables_of
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
     ONE,

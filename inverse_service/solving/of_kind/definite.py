@@ -18,12 +18,19 @@ from flint import nmod_mat
 from inverse_service import bounds
 from inverse_service.deadline import now
 from inverse_service.decision import certify
-from inverse_service.decision.analysis import Analysis, analyze, variables_of
-from inverse_service.decision.deciding import Decision, decide
-from inverse_service.decision.kinds.helmholtz import matrix_of, unknowns_of
-from inverse_service.decision.kinds.restricted import LagrangianKind
-from inverse_service.decision.local_system import RowName
-from inverse_service.decision.power_series import is_rational, prolonged, reconstructed, symbols_of
+from inverse_service.decision.deciding import (
+    Analysis,
+    Decision,
+    RowName,
+    analyze,
+    decide,
+    is_rational,
+    prolonged,
+    reconstructed,
+    symbols_of,
+    variables_of,
+)
+from inverse_service.decision.kinds.helmholtz import LagrangianKind, matrix_of, unknowns_of
 from inverse_service.decision.solutions import Lagrangian, Solution, Verdict
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect

@@ -9,9 +9,8 @@ from typing import Any
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import left, now
 from inverse_service.decision import certify
-from inverse_service.decision.analysis import Analysis, analyze
-from inverse_service.decision.deciding import decide
-from inverse_service.decision.kinds.restricted import LagrangianKind
+from inverse_service.decision.deciding import Analysis, analyze, decide
+from inverse_service.decision.kinds.helmholtz import LagrangianKind
 from inverse_service.decision.solutions import Answer, Lagrangian, Solution, SolveOptions, Verdict
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression

@@ -14,9 +14,8 @@ from itertools import chain, combinations, combinations_with_replacement, produc
 
 from inverse_service.deadline import now
 from inverse_service.decision import certify
-from inverse_service.decision.analysis import Analysis
-from inverse_service.decision.deciding import Decision
-from inverse_service.decision.kinds.restricted import ANY_FRICTION, LagrangianKind, kind_named
+from inverse_service.decision.deciding import Analysis, Decision
+from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKind, kind_named
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, number, substitute

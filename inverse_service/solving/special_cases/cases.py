@@ -10,8 +10,7 @@ from flint import fmpq, fmpq_mpoly
 
 from inverse_service import bounds
 from inverse_service.deadline import now, until
-from inverse_service.decision.analysis import Analysis, analyze
-from inverse_service.decision.deciding import decide
+from inverse_service.decision.deciding import Analysis, analyze, decide
 from inverse_service.decision.solutions import Verdict
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.explanation.hierarchy import smallest_sufficient_set

@@ -16,9 +16,8 @@ from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mpoly
 
-from inverse_service.decision.analysis import Analysis
-from inverse_service.explanation.elimination import eliminate
-from inverse_service.explanation.hierarchy import EquationName, hierarchy, local_motion, tensors_at
+from inverse_service.decision.deciding import Analysis
+from inverse_service.explanation.hierarchy import EquationName, eliminate, hierarchy, local_motion, tensors_at
 from inverse_service.explanation.negative import exact_equations
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate

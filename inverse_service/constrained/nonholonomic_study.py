@@ -9,8 +9,8 @@ from functools import partial
 from typing import Literal, TypeVar
 
 from inverse_service.constrained.answering import KnownLagrangian, MotionAnswer, answer_motion
-from inverse_service.constrained.hamiltonisation.hamiltonise import Hamiltonisation, hamiltonise, vanish
-from inverse_service.constrained.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
+from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise, vanish
+from inverse_service.constrained.reduced import Known, confirmed, solution_with
 from inverse_service.deadline import now
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError

@@ -5,6 +5,8 @@ its own. Where its measure rho(r) dr dr' is invariant, N = (rho/det G)^(1/(k - 1
 Lagrangian l_c in the k free velocities; the measure is unique, so no other clock makes a natural L of G. For k = 2, L
 natural and the constraints homogeneous l_c(r, N r') is one (Chaplygin 1911; for k > 2 where it happens to be:
 Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.01422).
+
+Where Lagrangians are known beforehand, `solution_with` decides and lets the checker confirm, without a search.
 """
 
 from __future__ import annotations
@@ -16,10 +18,15 @@ from itertools import combinations
 
 from flint import nmod_mat
 
-from inverse_service.constrained.hamiltonisation.known_lagrangian import Known, confirmed, solution_with
+from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import left, now
-from inverse_service.decision.solutions import Answer, SolveOptions
+from inverse_service.decision import certify
+from inverse_service.decision.deciding import Analysis, Decision, analyze, decide
+from inverse_service.decision.solutions import Answer, Hamiltonian, Solution, SolveOptions, Step
 from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.explanation.positive import existence_steps, legendre_steps, verification_steps
+from inverse_service.explanation.wording import printed_conditions, said
+from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import (
     TIME,
     ZERO,
@@ -40,7 +47,8 @@ from inverse_service.field.real_point import find_real_point
 from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.tower import draw_point
 from inverse_service.field.truncated_series import SingularPoint, gradient
-from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.linear_pde.involutive_form import Limits
+from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.mechanics.nonholonomic.geometry import Geometry, frames
 from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
 from inverse_service.mechanics.nonholonomic.motion import (
@@ -51,12 +59,19 @@ from inverse_service.mechanics.nonholonomic.motion import (
 )
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import tidied
+from inverse_service.search.protocol import describe
 from inverse_service.solving.of_kind.clock import find_clock, with_clock
 from inverse_service.solving.solving import solve
 
 CONSTRAINED = "constrained Lagrangian"
 # What looking for a clock among factors of f may take, s: each of some 26 candidates is decided.
 LONGEST_FOR_CLOCK = 5.0
+
+# Characters of the verification that a person may still read.
+_LONGEST_STEPS = 12_000
+
+
+_LONGEST_CHECK = 60.0  # s, of a Lagrangian that was confirmed before
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,3 +262,83 @@ def _decided(system: SecondOrderSystem, candidate: Expression | None, options: S
     solution = solve(system, replace(options, time_limit=left(end)))
     assert solution.main is not None
     return Decided(solution.system, solution.main)
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A Lagrangian L(q, v) with its Legendre transform, the constraints' images, and where it comes from."""
+
+    lagrangian: Expression
+    transform: LegendreTransform
+    images: tuple[Expression, ...]
+    source: str
+
+
+def confirmed(system: SecondOrderSystem, proposals: Sequence[Known], deadline: float) -> tuple[Known, ...]:
+    """Those that the independent checker finds to be Lagrangians of the system."""
+    try:
+        analysis = analyze(system)
+    except IrreducibleAtoms:
+        return ()
+    return tuple(known for known in proposals if _is_valid(analysis, known.lagrangian, deadline))
+
+
+def _is_valid(analysis: Analysis, lagrangian: Expression, deadline: float) -> bool:
+    certificate = certify.of_lagrangian(analysis, lagrangian, with_time=False)
+    return check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
+
+
+def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: SolveOptions) -> Solution:
+    """The solution whose Lagrangian is the first of `known`; all of them must be confirmed.
+
+    The decision is made all the same: it says how large the space of multipliers is.
+    """
+    began = now()
+    found, left_out = printed_conditions(system) if options.conditions else (None, "")
+    analysis = analyze(system)
+    decision = decide(system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis)
+    answer = _answer(analysis, decision, known)
+    provenance = {
+        "seed": options.seed,
+        "time_limit": options.time_limit,
+        "points": [dict(point) for point in decision.points],
+        "seconds": {"decision": round(decision.seconds, 4), "all": round(now() - began, 4)},
+        "conditions_left_out": left_out,
+    }
+    return Solution(system, answer, None if options.time_dependent is False else answer, found, provenance)
+
+
+def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> Answer:
+    chosen, *others = known
+    lagrangian = describe(analysis, chosen.lagrangian, chosen.source)
+    where = certify.where_proved(analysis, chosen.lagrangian, _LONGEST_CHECK)
+    hamiltonian = Hamiltonian.of(chosen.transform, chosen.images)
+    decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
+    steps = (
+        *(existence_steps(decision) if decided else ()),
+        said(f"The {chosen.source} is a regular Lagrangian of the system: ", row("L = ", chosen.lagrangian), "."),
+        *_short(verification_steps(analysis, lagrangian)),
+        *legendre_steps(hamiltonian),
+    )
+    return Answer(
+        "variational",
+        lagrangian=lagrangian,
+        other_lagrangians=tuple(describe(analysis, other.lagrangian, other.source) for other in others),
+        hamiltonian=hamiltonian,
+        space=decision.space if decided else None,
+        certificate=certify.of_lagrangian(analysis, chosen.lagrangian, with_time=False),
+        checked="valid",
+        explanation=steps,
+        positive=where.positive,
+        nonzero=where.nonzero,
+        sides=where.sides,
+        one_side=where.one_side,
+    )
+
+
+def _short(steps: Sequence[Step]) -> tuple[Step, ...]:
+    """The steps, unless they fill pages; the checker has confirmed the same."""
+    length = sum(len(step.text) for step in steps)
+    if length <= _LONGEST_STEPS:
+        return tuple(steps)
+    return (said("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),)

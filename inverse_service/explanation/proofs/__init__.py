@@ -1,1 +1,0 @@
-"""Verdicts as explicit identities over the rationals, for other provers."""

@@ -1,0 +1,658 @@
+"""Theorems behind a verdict as text for Coq (the reals of its standard library) and as plain data.
+
+The identities are of the form factor * P = sum of cofactor * fact between polynomials over Q: P = 0 where the factor
+is not 0, where P and the facts are polynomials in generators that mean anything; relations of the generators are facts
+like others.
+
+They state det g = 0 from the algebraic conditions, or the Euler-Lagrange equations of L.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+
+from inverse_service.certificate.formulas import MAX_MEMBERS, Ended, check_shape, require
+from inverse_service.decision.deciding import Analysis
+from inverse_service.explanation.hierarchy import (
+    EquationName,
+    Linear,
+    PointwiseConditions,
+    SufficientSet,
+    Unknown,
+    eliminate,
+)
+from inverse_service.explanation.negative import exact_rows
+from inverse_service.explanation.wording import equation_name
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import Expression, Symbol, Velocity
+from inverse_service.field.exact_ring import ExactRing, polynomial_tree, sum_of
+from inverse_service.field.rational_functions import (
+    Budget,
+    Quotient,
+    QuotientField,
+    TooLarge,
+    coefficients_of,
+    factored,
+)
+from inverse_service.mechanics.conditions import MotionInRing, motion_in_ring
+from inverse_service.mechanics.quotient_matrices import determinant, null_space
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+TEXT, WORD = r"(?s:.*)", r"[A-Za-z_][A-Za-z0-9_]*"
+POWER = rf"(?:[0-9]+|{WORD}(?:\^[0-9]{{1,4}})?)"
+MONOMIAL = re.compile(rf"\s*([+-]?)\s*({POWER}(?:\*{POWER})*)\s*")
+STEP = {"name": WORD, "gives": TEXT, "factor": TEXT, "cofactors": {}}
+THEOREM = {
+    "theorem": WORD,
+    "relations": {},
+    "equations": {},
+    "nonzero": [TEXT, MAX_MEMBERS],
+    "steps": [STEP, MAX_MEMBERS],
+}
+MAX_PRODUCTS = 50_000_000  # of terms in an identity
+
+# A factor of more terms than this is replaced by a letter.
+TERMS_OF_A_FACTOR = 4
+Row = Mapping[Unknown, tuple[fmpq_mpoly, list[tuple[fmpq_mpoly, int]]]]
+# Longer polynomials than this make proofs that take minutes; with letters they are short.
+TERMS_WITHOUT_LETTERS = 2_000
+
+HEAD = """What is proven: the statements below, for all real numbers that fulfil the hypotheses. What is not: that the
+hypotheses are what the comments say, that is the derivatives that were taken to form them."""
+COQ_HEAD = f"""(* {HEAD} *)
+Require Import Reals Lra.
+Open Scope R_scope.
+
+Lemma cancel (f a : R) : f <> 0 -> f * a = 0 -> a = 0.
+Proof. intros H P; destruct (Rmult_integral _ _ P); [contradiction | assumption]. Qed.
+Lemma plus_zero (a b : R) : a = 0 -> b = 0 -> a + b = 0.
+Proof. intros -> ->; ring. Qed.
+Lemma times_zero (a b : R) : b = 0 -> a * b = 0.
+Proof. intros ->; ring. Qed.
+Ltac nonzero := repeat split; repeat (assumption || apply Rmult_integral_contrapositive_currified ||
+  apply pow_nonzero || lra).
+Ltac zero := repeat (reflexivity || assumption || apply times_zero || apply plus_zero).
+"""
+# Words that name no variable in Coq, and the names that proofs use themselves.
+_TAKEN = re.compile(
+    r"(eq|rel|nz|val|ker)\d+|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|do|else|end|exists|fix|for|"
+    r"forall|from|fun|have|if|in|let|match|mod|open|return|show|then|theorem|Type|Prop|Set|SProp|using|where|with|"
+    r"axiom|def|example|instance|lemma|local|macro|namespace|private|section|structure|variable|universe|class|"
+    r"cofix|import|export|inductive|syntax|infix|notation|prefix|deriving|mutual|calc|suffices|nomatch|try|catch|"
+    r"finally|unless|matches|sorry|abbrev|opaque|attribute|partial|unsafe|protected|noncomputable|assume|obtain|set_option"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """`polynomial` = 0, under a name."""
+
+    name: str
+    polynomial: fmpq_mpoly
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """factor * gives = sum of cofactor * fact, all with integer coefficients."""
+
+    gives: Fact
+    factor: fmpq_mpoly
+    terms: tuple[tuple[fmpq_mpoly, Fact], ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether both sides are the same polynomial: exact, without any point."""
+        left = self.factor * self.gives.polynomial
+        return bool((left - sum((c * fact.polynomial for c, fact in self.terms), left * 0)).is_zero())
+
+
+@dataclass(frozen=True, slots=True)
+class Divisor:
+    """A fact that replaces powers of generator `index` from its own on; its leading coefficient is not zero."""
+
+    fact: Fact
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Remainder:
+    """multiplier * P = sum of cofactor * fact + rest."""
+
+    multiplier: fmpq_mpoly
+    terms: tuple[tuple[fmpq_mpoly, Fact], ...]
+    rest: fmpq_mpoly
+
+
+def divided(polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: Budget) -> Remainder:
+    """Pseudo-division by one divisor after the other."""
+    multiplier, rest, cofactors = polynomial * 0 + 1, polynomial, dict[str, tuple[fmpq_mpoly, Fact]]()
+    for divisor in divisors:
+        scale, quotient, rest = _pseudo_division(rest, divisor, budget)
+        if not scale.is_one():
+            multiplier, cofactors = multiplier * scale, {k: (c * scale, f) for k, (c, f) in cofactors.items()}
+        known = cofactors.get(divisor.fact.name, (polynomial * 0, divisor.fact))[0]
+        cofactors[divisor.fact.name] = known + quotient, divisor.fact
+    return Remainder(multiplier, tuple(term for term in cofactors.values() if not term[0].is_zero()), rest)
+
+
+def _pseudo_division(rest: fmpq_mpoly, divisor: Divisor, budget: Budget) -> tuple[fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]:
+    """(scale, quotient, rest) with scale * P = quotient * divisor + rest, of lower degree in the generator."""
+    by, index = divisor.fact.polynomial, divisor.index
+    degree = by.degrees()[index]
+    leading, scale, quotient = coefficient(by, index, degree), rest * 0 + 1, rest * 0
+    while not rest.is_zero() and (top := rest.degrees()[index]) >= degree:
+        head = coefficient(rest, index, top)
+        common = leading if leading.is_constant() else leading.gcd(head)
+        up, step = leading / common, head / common * rest.context().gen(index) ** (top - degree)
+        budget.charge(len(rest) * len(up) + len(step) * len(by))
+        scale, quotient, rest = scale * up, quotient * up + step, rest * up - step * by
+    return scale, quotient, rest
+
+
+def coefficient(polynomial: fmpq_mpoly, index: int, power: int) -> fmpq_mpoly:
+    """The coefficient of that power of a generator, a polynomial in the others."""
+    return coefficients_of(polynomial, [index]).get((power,), polynomial * 0)
+
+
+def content(polynomial: fmpq_mpoly, unknowns: Iterable[int]) -> fmpq_mpoly:
+    """The greatest common divisor of the coefficients of a polynomial that is linear in the unknowns."""
+    parts = [coefficient(polynomial, index, 1) for index in unknowns]
+    return functools.reduce(lambda a, b: a.gcd(b), parts)
+
+
+def primitive(polynomial: fmpq_mpoly) -> fmpq_mpoly:
+    """A multiple by a rational number with coprime integer coefficients, the first one positive."""
+    below = math.lcm(*(int(value.q) for value in polynomial.coeffs()))
+    above = math.gcd(*(int((value * below).p) for value in polynomial.coeffs()))
+    sign = -1 if polynomial.leading_coefficient() < 0 else 1
+    return polynomial * (sign * below) / above if above else polynomial
+
+
+def identity(gives: Fact, factor: fmpq_mpoly, terms: Sequence[tuple[fmpq_mpoly, Fact]]) -> Identity:
+    """The identity, multiplied by a number so that no fraction is left; ArithmeticError where it does not hold."""
+    listed = [(c, fact) for c, fact in terms if not c.is_zero()]
+    below = math.lcm(*(int(value.q) for c in (factor, *(c for c, _ in listed)) for value in c.coeffs()))
+    found = Identity(gives, factor * below, tuple((c * below, fact) for c, fact in listed))
+    if not found.holds:
+        raise ArithmeticError("an identity of a proof does not hold")
+    return found
+
+
+def checked_identities(document: Any) -> list[str]:
+    """One sentence for each theorem: relations and equations zero, its factors not, so the last `gives` is zero.
+
+    Each step is factor * gives = sum of cofactor * (relation, equation or earlier step).
+    """
+    check_shape(document, {"theorems": [THEOREM, MAX_MEMBERS]}, "identities")
+    if not document["theorems"]:
+        raise Ended("incomplete", "There are no identities.")
+    return [_checked(theorem) for theorem in document["theorems"]]
+
+
+def _checked(theorem: dict[str, Any]) -> str:
+    facts, steps = theorem["relations"] | theorem["equations"], theorem["steps"]
+    texts = [*facts.values(), *theorem["nonzero"], *(step[key] for step in steps for key in ("gives", "factor"))]
+    texts += [cofactor for step in steps for cofactor in step["cofactors"].values()]
+    require(steps and all(isinstance(text, str) for text in texts), "A theorem has texts, and a step at least.")
+    names = sorted({word for text in texts for word in re.findall(WORD, text)}) or ["x"]
+    ring = fmpq_mpoly_ctx.get(names, "degrevlex")
+    known = {name: _polynomial(text, ring) for name, text in facts.items()}
+    nonzero = [_polynomial(text, ring) for text in theorem["nonzero"]]
+    for step in steps:
+        require({*step["cofactors"]} <= {*known}, f"Step {step['name']} uses what was not shown before.")
+        pairs = [(_polynomial(text, ring), known[name]) for name, text in step["cofactors"].items()]
+        gives, factor = (_polynomial(step[key], ring) for key in ("gives", "factor"))
+        if sum(len(a) * len(b) for a, b in [*pairs, (gives, factor)]) > MAX_PRODUCTS:
+            raise Ended("incomplete", f"Step {step['name']} is too long.")
+        require(_splits(factor, nonzero), f"The factor of step {step['name']} may be zero.")
+        rest = sum((a * b for a, b in pairs), gives * 0) - factor * gives
+        require(rest.is_zero(), f"The identity of step {step['name']} does not hold.")
+        require(step["name"] not in known, "A name is used twice.")
+        known[step["name"]] = gives
+    return f"{theorem['theorem']}: the identities hold over the rationals, so {steps[-1]['gives'][:200]} = 0."
+
+
+def _splits(factor: fmpq_mpoly, nonzero: list[fmpq_mpoly]) -> bool:
+    """Whether it is a number times powers of what is not zero."""
+    for one in nonzero:
+        while not one.is_constant() and not factor.is_zero() and (factor % one).is_zero():
+            factor = factor / one
+    return bool(factor.is_constant() and not factor.is_zero())
+
+
+def _polynomial(text: str, ring: fmpq_mpoly_ctx) -> fmpq_mpoly:
+    """3*x^2*y - 1: a sum of monomials with integer coefficients."""
+    table, position, names = dict[tuple[int, ...], int](), 0, ring.names()
+    while position < len(text) or not position:
+        found = MONOMIAL.match(text, position)
+        good = found and (found[1] or not position)
+        require(good, f"What stands at column {position + 1} of {text[:40]}… is no monomial.")
+        exponents, value = [0] * len(names), -1 if found and found[1] == "-" else 1
+        for power in found[2].split("*") if found else ():
+            name, _, exponent = power.partition("^")
+            if name.isdigit():
+                value *= int(name)
+            else:
+                exponents[names.index(name)] += int(exponent or 1)
+        key, position = tuple(exponents), found.end() if found else len(text)
+        table[key] = table.get(key, 0) + value
+    return ring.from_dict({key: value for key, value in table.items() if value})
+
+
+def lettered(
+    ring: ExactRing, symbols: Mapping[Unknown, Symbol], equations: Mapping[EquationName, Linear], budget: Budget
+) -> tuple[ExactRing, dict[EquationName, Linear]]:
+    """The rows over a ring with a further generator for each long factor, which prints as that factor.
+
+    Denominators and factors that all coefficients of a row share are left out.
+    """
+    rows = {name: _factored(ring, symbols, row) for name, row in equations.items()}
+    factors = (factor for row in rows.values() for _, parts in row.values() for factor, _ in parts)
+    long = list({str(factor): factor for factor in factors if len(factor) > TERMS_OF_A_FACTOR}.values())
+    wider = _widened(ring, long, budget)
+    letters = {str(factor): len(ring.field.context.names()) + k for k, factor in enumerate(long)}
+    return wider, {
+        name: {unknown: _in_letters(wider, letters, *parts) for unknown, parts in row.items()}
+        for name, row in rows.items()
+    }
+
+
+def _factored(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -> Row:
+    """The coefficients, put over one denominator, as a number and irreducible factors that they do not all share."""
+    places = {tree: index for index, tree in ring.trees.items()}
+    whole = sum_of(ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]).numerator
+    parts = {unknown: coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
+    shared = functools.reduce(lambda a, b: a.gcd(b), parts.values())
+    split = {unknown: factored(part / shared) for unknown, part in parts.items()}
+    return {unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found) for unknown, (n, found) in split.items()}
+
+
+def _widened(ring: ExactRing, long: list[fmpq_mpoly], budget: Budget) -> ExactRing:
+    """The same generators and relations, and one generator more for each long factor."""
+    size = len(ring.field.context.names())
+    field = QuotientField.with_generators(size + len(long), budget)
+    wider = ExactRing(field, (), 0, slopes=False)
+    for index, relation in ring.field.relations.items():
+        field.relate(index, relation.degree, _moved(field, relation.right))
+    wider.trees = ring.trees | {size + k: polynomial_tree(ring, factor) for k, factor in enumerate(long)}
+    wider.atoms = {tree: wider.generator(index) for index, tree in wider.trees.items()}
+    return wider
+
+
+def _moved(field: QuotientField, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+    """The polynomial among more generators."""
+    more = (0,) * (len(field.context.names()) - len(polynomial.context().names()))
+    return field.context.from_dict({(*exponents, *more): value for exponents, value in polynomial.to_dict().items()})
+
+
+def _in_letters(
+    ring: ExactRing, letters: Mapping[str, int], number: fmpq_mpoly, factors: list[tuple[fmpq_mpoly, int]]
+) -> Quotient:
+    value = Quotient(ring.field, _moved(ring.field, number), ())
+    for factor, exponent in factors:
+        index = letters.get(str(factor))
+        part = Quotient(ring.field, _moved(ring.field, factor), ()) if index is None else ring.generator(index)
+        value = value * part**exponent
+    return value
+
+
+Combination = tuple[fmpq_mpoly, Sequence[tuple[fmpq_mpoly, Fact]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Theorem:
+    """`steps` lead from relations and equations to the last one's `gives`, where no factor of theirs is zero.
+
+    `equations` are rows of the algebraic conditions, without denominators and common factors, with what they are.
+    Where there are `summands`, the statement is that this sum of products of quotients is zero; its numerator over the
+    product of `denominators`, as polynomials and exponents, is what the last step gives.
+    """
+
+    name: str
+    ring: ExactRing
+    relations: tuple[Fact, ...]
+    equations: tuple[tuple[Fact, str], ...]
+    steps: tuple[Identity, ...]
+    summands: tuple[tuple[int, tuple[Quotient, ...]], ...] = ()
+    denominators: tuple[tuple[fmpq_mpoly, int], ...] = ()
+
+    @property
+    def nonzero(self) -> tuple[fmpq_mpoly, ...]:
+        """What must not vanish: the irreducible factors of all factors and denominators."""
+        divisors = [factor for step in self.steps for factor, _ in factored(step.factor)[1]]
+        return tuple({str(one): one for one in [*divisors, *(below for below, _ in self.denominators)]}.values())
+
+
+def determinant_vanishes(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Theorem:
+    """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognized.
+
+    Where the formulas are long, their long factors become letters.
+    """
+    rows = exact_rows(analysis, chosen, seed, budget)
+    try:
+        short = Budget(TERMS_WITHOUT_LETTERS, budget.deadline)
+        rows.exact.ring.field.budget = short
+        return _Elimination(rows.exact.ring, rows.symbols, rows.equations, rows.table, short).theorem()
+    except TooLarge:
+        ring, equations = lettered(rows.exact.ring, rows.symbols, rows.equations, budget)
+        return _Elimination(ring, rows.symbols, equations, rows.table, budget).theorem()
+
+
+class _Elimination:
+    """Rows as polynomials, and the identities between them in the order of their proof."""
+
+    def __init__(
+        self,
+        ring: ExactRing,
+        symbols: Mapping[Unknown, Symbol],
+        equations: Mapping[EquationName, Linear],
+        table: PointwiseConditions,
+        budget: Budget,
+    ) -> None:
+        self.ring, self.symbols, self.size, self.budget = ring, symbols, table.size, budget
+        self.result = eliminate(equations, table)
+        places = {tree: index for index, tree in ring.trees.items()}
+        self.places = {unknown: places[symbol] for unknown, symbol in symbols.items()}
+        self.relations = _relations(ring)
+        self.steps = list[Identity]()
+
+    def theorem(self) -> Theorem:
+        equations, values = list[tuple[Fact, str]](), list[Divisor]()
+        for step in self.result.solved:
+            row = sum_of(self.ring.constant(0), [c * self._entry(u) for u, c in step.original.items()])
+            fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
+            equations.append((fact, equation_name(step.name).text))
+            values.append(self._reduced(Divisor(fact, self.places[step.pivot]), values))
+        for k in reversed(range(len(values))):
+            values[k] = self._reduced(values[k], values[k + 1 :])
+        values.sort(key=lambda value: len(value.fact.polynomial))
+        self._close(values)
+        steps = tuple(self.steps)
+        return Theorem("det_g_is_zero", self.ring, _used(self.relations, steps), tuple(equations), steps)
+
+    def _entry(self, unknown: Unknown) -> Quotient:
+        return self.ring.atoms[self.symbols[unknown]]
+
+    def _interleaved(self, values: Sequence[Divisor]) -> list[Divisor]:
+        """The values, each followed by the relations, so that nothing grows."""
+        return [divisor for value in values for divisor in (value, *self.relations)] or [*self.relations]
+
+    def _reduced(self, row: Divisor, values: Sequence[Divisor]) -> Divisor:
+        """What is left of the row with the values put in, without the content that its coefficients share."""
+        fact = row.fact
+        found = divided(fact.polynomial, self._interleaved(values), self.budget)
+        left = primitive(found.rest / content(found.rest, self.places.values()))
+        if left == fact.polynomial:
+            return row
+        factor = found.rest / left
+        given = Fact(f"val{len(self.steps) + 1}", left)
+        self.steps.append(identity(given, factor, [(found.multiplier, fact), *((-c, f) for c, f in found.terms)]))
+        return Divisor(given, row.index)
+
+    def _close(self, values: Sequence[Divisor]) -> None:
+        vector = self._null_vector()
+        terms = None if vector is None else self._by_kernel(vector, values)
+        goal = self._minor(range(self.size), range(self.size))
+        if terms is None:
+            found = self._emptied(goal, values)
+            terms = found.multiplier, found.terms
+        self.steps.append(identity(Fact("det_g", goal), *terms))
+
+    def _null_vector(self) -> list[Quotient] | None:
+        """k, free of entries of g, with g k = 0 for every g that is left: it makes det g = 0 a short identity."""
+        span, one = range(self.size), self.ring.constant(1)
+        entries = [[self.result.entry((min(i, j), max(i, j)), one) for j in span] for i in span]
+        free = sorted({unknown for line in entries for row in line for unknown in row})
+        rows = [[row.get(unknown, one - one) for row in line] for unknown in free for line in entries]
+        return next(reversed(null_space(rows, self.size, one).values()), None)
+
+    def _by_kernel(self, vector: Sequence[Quotient], values: Sequence[Divisor]) -> Combination:
+        """g k = 0, and k_m det g = sum over j of the cofactor (j, m) times (g k)_j."""
+        span, places = range(self.size), [self.places[0, j] for j in range(self.size)]
+        row = sum_of(self.ring.constant(0), [k * self._entry((0, j)) for j, k in enumerate(vector)]).numerator
+        k = [coefficient(row, place, 1) for place in places]
+        m = min((j for j in span if not k[j].is_zero()), key=lambda j: len(k[j]))
+        terms = []
+        for j in span:
+            entries = [self._entry((min(i, j), max(i, j))).numerator for i in span]
+            image = sum((k[i] * entries[i] for i in span), row * 0)
+            found = self._emptied(image, values)
+            fact = Fact(f"ker{j + 1}", image)
+            self.steps.append(identity(fact, found.multiplier, found.terms))
+            cofactor = self._minor([i for i in span if i != j], [i for i in span if i != m])
+            terms.append((-cofactor if (j + m) % 2 else cofactor, fact))
+        return k[m], terms
+
+    def _minor(self, rows: Sequence[int], columns: Sequence[int]) -> fmpq_mpoly:
+        matrix = [[self._entry((min(i, j), max(i, j))) for j in columns] for i in rows]
+        one = self.ring.constant(1)
+        return determinant(matrix, one).numerator
+
+    def _emptied(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
+        """The polynomial as a combination of values and relations; TooLarge where something is left."""
+        found = divided(polynomial, self._interleaved(values), self.budget)
+        if not found.rest.is_zero():
+            raise TooLarge("the determinant of what remains was not recognized as zero")
+        return found
+
+
+def euler_lagrange_hold(system: SecondOrderSystem, lagrangian: Expression, budget: Budget) -> tuple[Theorem, ...]:
+    """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognized."""
+    exact = motion_in_ring(system, 2, budget, trees=[lagrangian])
+    value = exact.ring.value(lagrangian)
+    return tuple(_vanishing(exact, system.coordinates[i], _summands(exact, value, i)) for i in range(exact.motion.size))
+
+
+def _summands(exact: MotionInRing, value: Quotient, i: int) -> list[tuple[int, tuple[Quotient, ...]]]:
+    """L_(v_i t) + L_(v_i q_j) v^j + L_(v_i v_j) f^j - L_(q_i), zeros left out."""
+    ring, n = exact.ring, exact.motion.size
+    slopes = [ring.partial(k) for k in range(2 * n + 1)]
+    momentum, one = slopes[1 + n + i](value), ring.constant(1)
+    rates = [one, *(ring.atoms[ring.variables[1 + n + j]] for j in range(n)), *exact.motion.accelerations]
+    found = [(1, (slope(momentum), rate)) for slope, rate in zip(slopes, rates, strict=True)]
+    found.append((-1, (slopes[1 + i](value), one)))
+    return [(sign, factors) for sign, factors in found if not any(factor.is_zero for factor in factors)]
+
+
+def _vanishing(exact: MotionInRing, name: str, summands: list[tuple[int, tuple[Quotient, ...]]]) -> Theorem:
+    ring, relations = exact.ring, _relations(exact.ring)
+    tables = [{k: e for factor in factors for k, e in factor.exponents} for _, factors in summands]
+    for table, (_, factors) in zip(tables, summands, strict=True):
+        table.update({k: sum(dict(factor.exponents).get(k, 0) for factor in factors) for k in table})
+    common = {k: max(table.get(k, 0) for table in tables) for table in tables for k in table}
+    whole = ring.field.context.constant(0)
+    for table, (sign, factors) in zip(tables, summands, strict=True):
+        term = ring.field.context.constant(sign)
+        for factor in factors:
+            term = term * factor.numerator
+        for k, most in common.items():
+            term = term * ring.field.denominators[k] ** (most - table.get(k, 0))
+        ring.field.budget.charge(len(term))
+        whole = whole + term
+    found = divided(whole, relations, ring.field.budget)
+    if not found.rest.is_zero():
+        raise TooLarge("an Euler-Lagrange expression was not recognized as zero")
+    step = identity(Fact("residual", whole), found.multiplier, found.terms)
+    below = tuple((ring.field.denominators[k], most) for k, most in common.items())
+    used = _used(relations, [step])
+    return Theorem(f"euler_lagrange_{name}", ring, used, (), (step,), tuple(summands), below)
+
+
+def _relations(ring: ExactRing) -> list[Divisor]:
+    """What the generators fulfil by definition, sin^2 + cos^2 = 1 and w^k = u, the greatest generator first."""
+    gen = ring.field.context.gen
+    listed = [ring.field.relations[index] for index in sorted(ring.field.relations)]
+    return [
+        Divisor(Fact(f"rel{k}", primitive(gen(one.generator) ** one.degree - one.right)), one.generator)
+        for k, one in enumerate(listed, 1)
+    ]
+
+
+def _used(relations: Sequence[Divisor], steps: Sequence[Identity]) -> tuple[Fact, ...]:
+    names = {fact.name for step in steps for _, fact in step.terms}
+    return tuple(relation.fact for relation in relations if relation.fact.name in names)
+
+
+@dataclass(frozen=True, slots=True)
+class Letters:
+    """The names of the generators that a theorem uses, and what those mean that are not symbols."""
+
+    names: dict[int, str]
+    meanings: dict[str, str]
+
+
+def letters_of(theorem: Theorem) -> Letters:
+    """x as x, x' as v_x, every other atom as u1, u2, …; other words where these are taken."""
+    used = sorted(
+        {k for p in _polynomials(theorem) for k, degree in enumerate(p.degrees()) if degree > 0}, reverse=True
+    )
+    names, meanings = dict[int, str](), dict[str, str]()
+    symbols = {tree.name for tree in theorem.ring.trees.values() if isinstance(tree, Symbol)}
+    for index in used:
+        tree = theorem.ring.trees[index]
+        name = _letter(tree, len(meanings) + 1)
+        while _TAKEN.fullmatch(name) or name in names.values() or (name in symbols and not isinstance(tree, Symbol)):
+            name += "_"
+        names[index] = name
+        if tree != Symbol(name):
+            meanings[name] = to_text(tree)
+    return Letters(names, meanings)
+
+
+def _letter(tree: Expression, number: int) -> str:
+    match tree:
+        case Symbol(name):
+            return name
+        case Velocity(name):
+            return f"v_{name}"
+    return f"u{number}"
+
+
+def _polynomials(theorem: Theorem) -> Iterator[fmpq_mpoly]:
+    for step in theorem.steps:
+        yield from (step.factor, step.gives.polynomial)
+        yield from (polynomial for c, fact in step.terms for polynomial in (c, fact.polynomial))
+    yield from (below for below, _ in theorem.denominators)
+    yield from (factor.numerator for _, factors in theorem.summands for factor in factors)
+
+
+def polynomial_text(letters: Letters, polynomial: fmpq_mpoly) -> str:
+    """3*x^2*y - 1; coefficients have to be integers, or are printed as p/q."""
+    found = ""
+    for exponents, value in polynomial.terms():
+        powers = [f"{letters.names[k]}^{e}" if e > 1 else letters.names[k] for k, e in enumerate(exponents) if e]
+        size = abs(value)
+        product = "*".join(powers if powers and size == 1 else [str(size), *powers])
+        found += f" {'-' if value < 0 else '+'} {product}" if found else f"{'-' if value < 0 else ''}{product}"
+    return found or "0"
+
+
+def _quotient_text(letters: Letters, quotient: Quotient) -> str:
+    below = [(quotient.field.denominators[k], e) for k, e in quotient.exponents]
+    above = polynomial_text(letters, quotient.numerator)
+    return f"({above}) / ({_product(letters, below)})" if below else above
+
+
+def _product(letters: Letters, powers: Sequence[tuple[fmpq_mpoly, int]], constant: str = "1") -> str:
+    parts = [f"({polynomial_text(letters, p)})" + (f"^{e}" if e > 1 else "") for p, e in powers]
+    return " * ".join([constant] * (constant != "1" or not parts) + parts)
+
+
+def _factors(theorem: Theorem, step: Identity) -> tuple[str, list[tuple[fmpq_mpoly, int]]]:
+    """The number and the powers by which the statement of a step is multiplied."""
+    number, powers = factored(step.factor)
+    below = theorem.denominators if step is theorem.steps[-1] else ()
+    return str(number), [*powers, *below]
+
+
+def _combination(letters: Letters, step: Identity) -> str:
+    parts = (
+        f"({polynomial_text(letters, c)}) * ({polynomial_text(letters, fact.polynomial)})" for c, fact in step.terms
+    )
+    return " + ".join(parts) or "0"
+
+
+def _statement(theorem: Theorem, letters: Letters, step: Identity) -> str:
+    if step is not theorem.steps[-1] or not theorem.summands:
+        return polynomial_text(letters, step.gives.polynomial)
+    text = ""
+    for sign, factors in theorem.summands:
+        texts = [_quotient_text(letters, factor) for factor in factors if factor.constant_value != 1]
+        product = " * ".join(f"({one})" for one in texts) or "1"
+        text += f" {'+' if sign > 0 else '-'} {product}" if text else f"{'' if sign > 0 else '0 - '}{product}"
+    return text
+
+
+def _hypotheses(theorem: Theorem, letters: Letters, unequal: str) -> Iterator[str]:
+    for fact in (*theorem.relations, *(fact for fact, _ in theorem.equations)):
+        yield f"  ({fact.name} : {polynomial_text(letters, fact.polynomial)} = 0)"
+    for k, one in enumerate(theorem.nonzero, 1):
+        yield f"  (nz{k} : {polynomial_text(letters, one)} {unequal} 0)"
+
+
+def _comments(theorem: Theorem, letters: Letters) -> list[str]:
+    means = [f"{name} is {text}" for name, text in letters.meanings.items()]
+    return means + [
+        f"{fact.name} is {text}, without denominators and common factors" for fact, text in theorem.equations
+    ]
+
+
+def coq(theorems: Sequence[Theorem]) -> str:
+    """A file that Coq 8.16 compiles."""
+    return "\n".join([COQ_HEAD, *map(_coq_theorem, theorems)])
+
+
+def _coq_theorem(theorem: Theorem) -> str:
+    letters = letters_of(theorem)
+    binders = f" ({' '.join(letters.names.values())} : R)" if letters.names else ""
+    lines = [f"(* {text} *)" for text in _comments(theorem, letters)]
+    lines += [f"Theorem {theorem.name}{binders}", *_hypotheses(theorem, letters, "<>")]
+    lines += [f"  : {_statement(theorem, letters, theorem.steps[-1])} = 0.", "Proof."]
+    for step in theorem.steps[:-1]:
+        lines.append(f"  assert ({step.gives.name} : {_statement(theorem, letters, step)} = 0).")
+        lines += [f"  {{ {_coq_step(theorem, letters, step, 'ring')} }}"]
+    by = "field; nonzero" if theorem.summands else "ring"
+    return "\n".join([*lines, f"  {_coq_step(theorem, letters, theorem.steps[-1], by)}", "Qed.", ""])
+
+
+def _coq_step(theorem: Theorem, letters: Letters, step: Identity, by: str) -> str:
+    number, powers = _factors(theorem, step)
+    factor = _product(letters, powers, number)
+    total = _combination(letters, step)
+    return f"apply (cancel ({factor})); [nonzero |].\n    transitivity ({total}); [{by} | zero]."
+
+
+def identities(theorems: Sequence[Theorem]) -> list[dict[str, Any]]:
+    """The theorems as data: each step factor * gives = sum of cofactor * (relation, equation or earlier step)."""
+    return [_plain(theorem, letters_of(theorem)) for theorem in theorems]
+
+
+def _plain(theorem: Theorem, letters: Letters) -> dict[str, Any]:
+    text: Callable[[fmpq_mpoly], str] = lambda polynomial: polynomial_text(letters, polynomial)  # noqa: E731
+
+    def listed(facts: Sequence[Fact]) -> dict[str, str]:
+        return {fact.name: text(fact.polynomial) for fact in facts}
+
+    return {
+        "theorem": theorem.name,
+        "meanings": letters.meanings,
+        "relations": listed(theorem.relations),
+        "equations": listed([fact for fact, _ in theorem.equations]),
+        "nonzero": [text(one) for one in theorem.nonzero],
+        "steps": [
+            {
+                "name": step.gives.name,
+                "gives": text(step.gives.polynomial),
+                "factor": text(step.factor),
+                "cofactors": {fact.name: text(c) for c, fact in step.terms},
+            }
+            for step in theorem.steps
+        ],
+    }
