@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: help docs install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation font reference
+.PHONY: help docs notebooks install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation font reference
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1: /p' Makefile
@@ -112,6 +112,9 @@ font: install ## the mathematics font of the pages
 # docs/reference/results.md from the program; a test says when it is old.
 reference: install ## docs/reference/results.md from the program
 	.venv/bin/python -m tests.docs.reference
+
+notebooks: install ## execute the notebooks of docs/ in place
+	.venv/bin/python -m tests.docs.notebooks
 
 # The documentation as a site in build/site; a warning is an error.
 docs: install ## the documentation as a site, build/site

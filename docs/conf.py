@@ -7,8 +7,10 @@ from inverse_service import __version__
 project = "inverse-service"
 author = "The inverse-service authors"
 release = version = __version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-source_suffix = {".md": "markdown"}
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
+# The notebooks hold their outputs; tests/docs/notebooks.py executes them.
+nb_execution_mode = "off"
 html_theme = "pydata_sphinx_theme"
 html_theme_options = {"show_prev_next": False, "navigation_with_keys": False}
 html_title = "inverse-service"
