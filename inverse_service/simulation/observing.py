@@ -38,7 +38,18 @@ import numpy as np
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
+from inverse_service.expressions.tree import (
+    TIME,
+    ZERO,
+    Expression,
+    Product,
+    Symbol,
+    Velocity,
+    add,
+    holds,
+    substitute,
+    walk,
+)  # fmt: skip
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation import derivation, motions
@@ -129,6 +140,20 @@ def why_energy_varies(scene: data.Scene) -> str | None:
     if any(event.acts for event in scene.events):
         return ACTED
     return FORCED if scene.forces else None
+
+
+def factor_of_time(scene: data.Scene, times: Array) -> Array | None:
+    """f(t)/f(t_0), (m,), of an L = f(t) L_0(q, q'), whose energy is f times T + V; None for any other L."""
+    lagrangian = lagrangian_of_energy(scene)
+    factors = lagrangian.factors if isinstance(lagrangian, Product) else ()
+    timed = [factor for factor in factors if holds(factor, TIME)]
+    moving: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]
+    if not timed or any(holds(factor, name) for factor in timed for name in moving):
+        return None
+    table: dict[Expression, Any] = {Symbol(name): value for name, value in scene.values.items()}
+    table[TIME] = np.concatenate([[scene.grid.begin], times])
+    found = np.prod([nf.array_value(factor, table) for factor in timed], axis=0)
+    return np.asarray(found[1:] / found[0])
 
 
 def point_energy(scene: data.Scene, positions: Array, velocities: Array, times: Array | None = None) -> Array:
@@ -501,6 +526,8 @@ def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     varies = why_energy_varies(run.scene) or (wall and _WALL.format(wall))
     if varies:
         kept, drifts = _conserved(run, velocities)
+        factor = factor_of_time(run.scene, run.trajectory.times)
+        series |= {} if factor is None else {"mechanical_energy": points / factor}
         note = f"{varies} {KEPT.format(run.scene.conserved[0].name)}" if kept else varies
         numbers = {"energy_start": start, "max_energy_error": None, "energy_note": note} | kept
         if not run.scene.forces:

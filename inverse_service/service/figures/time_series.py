@@ -95,7 +95,7 @@ def _energy(name: str) -> Quantity:
     words = name.replace("_", " ") + " error"
 
     def varying(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
-        return None if keeps_energy(method, name) else table.get(name)
+        return None if keeps_energy(method, name) else table.get("mechanical_energy", table.get(name))
 
     signed = [(label, energy_error(name)), ("E = T + V", varying)]
     if name == "energy":

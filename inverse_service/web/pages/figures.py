@@ -45,7 +45,7 @@ def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         and not _has(result, "energy")
         and any(columns_of(m).get("energy") for m in result["methods"])
     ):
-        found.append(("energy", "Energy, no constant of the motion"))
+        found.append(("energy", "Energy"))
     return found + [(name, SERIES[name][0]) for name in SERIES if name in observed and _has(result, name)]
 
 
@@ -120,7 +120,33 @@ def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, A
             log_y=True,
         )
     ]
-    return [view for view in (*views, *_signed_views(name, result, others)) if view["lines"]]
+    kept = _kept_views(result) if name == "energy" else []
+    return [view for view in (*kept, *views, *_signed_views(name, result, others)) if view["lines"]]
+
+
+def _kept_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """T + V with the H that the motion keeps, each divided by its start, and the drift of H: of damped motions."""
+    methods = result["methods"]
+    kept = [method for method in methods if "conserved_1" in columns_of(method)]
+    kept = [method for method in kept if method["method"] not in TRUE] or kept
+    drifts = _lines(kept, _times, partial(_column, "conserved_1"), methods)
+    both = []
+    for line, method in zip(drifts, kept, strict=True):
+        columns: Mapping[str, Any] = columns_of(method)
+        name = method["label"]
+        energies = columns.get("mechanical_energy") or [None]
+        if energies[0]:
+            mechanical = [None if e is None else e / energies[0] for e in energies]
+            both.append(
+                {**_line(line["place"], method, columns["t"], mechanical), "label": f"T + V, {name}", "dash": "solid"}
+            )
+        constant = [None if drift is None else 1 + drift for drift in columns["conserved_1"]]
+        both.append({**_line(line["place"], method, columns["t"], constant), "label": f"H, {name}", "dash": "dash"})
+    sizes = [{**line, "y": [_positive(value) for value in line["y"]]} for line in drifts]
+    return [
+        _view("T + V and the conserved H, from 1 at the start", "t", "part of the start", both),
+        _view("conserved H, relative drift, logarithmic", "t", "|H/H\u2080 \u2212 1|", sizes, log_y=True),
+    ]
 
 
 def _sections(result: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -224,6 +250,7 @@ def _line(k: int, method: Mapping[str, Any], x: Sequence[Any] | None, y: Sequenc
     is_true = method["method"] in TRUE
     return {
         "label": method["label"],
+        "place": k,
         "color": "ink" if is_true else COLORS[k % len(COLORS)],
         "dash": "solid" if is_true else DASHES[k % len(DASHES)],
         "x": [_short(value) for value in (x or ())[::every]] if y else [],

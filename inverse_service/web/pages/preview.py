@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -50,6 +52,61 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
         "constraints": [listed(formula) for formula in scene.constraints],
         "angles": angles_of(scene.coordinates, formulas),
     }
+
+
+# The steps of a price: of longer runs the error is that after so many.
+MOST_PRICED, FEW = 2_000, 50
+TRUE = ("exact", "reference")
+
+
+def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
+    """What the step of a scene costs by its first method that takes steps: {"method", "step", "order", "error",
+    "seconds", "until"}, or {"reason": a sentence}.
+
+    The error is estimated from runs with the step, a half and a quarter of it (Richardson, 1911); it and the time
+    belong to the motion up to `until`, the time to the whole.
+    """
+    from inverse_service.service.scenes.simulating import simulate
+
+    methods = [one if isinstance(one, dict) else {"method": one} for one in document["methods"]]
+    chosen = next((one for one in methods if one["method"] not in TRUE), None)
+    if chosen is None:
+        return {"reason": ""}
+    step, steps = Fraction(str(document["step"])), int(document["steps"])
+    few = max(1, min(steps, MOST_PRICED) // FEW)
+    ends, seconds = [], 0.0
+    for part in (1, 2, 4):
+        count = part * few * (min(steps, MOST_PRICED) // few)
+        scene = {"step": str(step / part), "steps": count, "record_every": part * few, "methods": [chosen]}
+        method = simulate({**document, **scene, "observe": ["trajectory"]})["methods"][0]
+        if method["outcome"] != "completed":
+            return {"reason": f"{method['label']}: {method['outcome'].replace('_', ' ')}"}
+        columns = method["points"]["columns"]
+        ends.append([columns[name] for name in _positions(columns)])
+        if part == 1:
+            seconds, until, label = method["seconds"]["run"] * steps / count, columns["t"][-1], method["label"]
+    coarse, fine = (_distance(*pair) for pair in itertools.pairwise(ends))
+    order = min(12.0, max(1.0, math.log2(coarse / fine))) if coarse and fine else 1.0
+    error = coarse / (1 - 2**-order)
+    return {
+        "method": label,
+        "step": float(step),
+        "order": order,
+        "error": error,
+        "seconds": seconds,
+        "until": until,
+    }
+
+
+def _positions(columns: Mapping[str, Any]) -> list[str]:
+    """The columns of positions."""
+    return [name for name in columns if name != "t" and not name.startswith(("v_", "p_"))]
+
+
+def _distance(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]]) -> float:
+    """The greatest distance of two motions at the same times."""
+    points = [zip(*columns, strict=True) for columns in (left, right)]
+    return max(math.dist(p, q) for p, q in zip(*points, strict=True))
 
 
 def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> dict[str, Any] | None:

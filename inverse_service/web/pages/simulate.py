@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -23,7 +23,7 @@ from inverse_service.web.pages import reading_back, scenes
 from inverse_service.web.pages.atlas_pages import body_of
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.own_calls import call, read_form
-from inverse_service.web.pages.preview import preview_task
+from inverse_service.web.pages.preview import preview_task, price_task
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_pages import made, result_address, stored_job, successful
 from inverse_service.web.pages.result_tasks import part_task
@@ -96,12 +96,23 @@ def field_of(pointer: str) -> str:
 @router.post("/simulate/preview")
 async def preview(request: Request) -> Response:
     """The formulas and the start of the form as it stands, for the script that plays with them."""
+    return await _of_form(request, preview_task)
+
+
+@router.post("/simulate/price")
+async def price(request: Request) -> Response:
+    """What the step of the form costs."""
+    return await _of_form(request, price_task)
+
+
+async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Response:
+    """What a task makes of the form as it stands, or what is wrong beside which field."""
     sent = await read_form(request, request.app.state.engine.settings.max_body)
     form, base = await _sent_form(request, sent)
     engine: Engine = request.app.state.engine
     try:
         scene = scenes.changed_scene(base, scenes.scene_document(form, base["system"]))
-        outcome = await engine.run_quick(client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
+        outcome = await engine.run_quick(client_of(request), task, scene, seconds=LONG_DEADLINE)
         found = outcome.value if outcome.status == "done" else _told(outcome.places)
     except InputError as error:
         found = _told(error.places)

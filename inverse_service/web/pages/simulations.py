@@ -18,6 +18,7 @@ from inverse_service.web.pages.scenes import formulas_of
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
+FIELD = "See `conserved`: "  # of the JSON
 QUANTITIES = (
     ("max_energy_error", "energy error"),
     ("max_constraint", "constraint"),
@@ -163,7 +164,7 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
         own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
-        for text in (*(f"{text[:1].upper()}{text[1:]}" for text in own), *notes_of_formulas(method)):
+        for text in (*(f"{text[:1].upper()}{text[1:]}".replace(FIELD, "") for text in own), *notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
     return [*result["notes"], *(f"{', '.join(labels)}: {note}" for note, labels in found.items())]
 

@@ -305,6 +305,8 @@ function renew(text) {
   const fresh = new DOMParser().parseFromString(text, "text/html");
   fresh.querySelectorAll("noscript").forEach((one) => one.remove()); // parsed as if there were no scripts
   const [main, next] = [document.querySelector("main"), fresh.querySelector("main")];
+  // A page with scripts of its own is loaded as a whole.
+  if ([...fresh.scripts].some((one) => one.src && ![...document.scripts].some((old) => old.src === one.src))) { location.reload(); return; }
   const opened = [...main.querySelectorAll(".why.shown")].map((row) => row.id);
   const [old, parts] = [main, next].map((place) => [...place.querySelectorAll("[data-part]")]);
   note(next);

@@ -5,6 +5,10 @@ import { moving, PICTURES } from "./motion.js";
 import { run, section, value } from "./system.js";
 
 const REDRAW_PAUSE = 250; // ms after which changed functions are asked for
+const PRICE_PAUSE = 600; // ms after which what a step costs is asked for
+const STEPS = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1, 2];
+const power = (number) => number.toExponential(0).replace(/e([+-])/, (_, sign) => (sign === "-" ? "e\u2212" : "e"));
+const duration = (s) => { const [size, unit] = s < 1e-3 ? [1e6, "\u00b5s"] : s < 1 ? [1e3, "ms"] : [1, "s"]; return `${Number((s * size).toPrecision(2))} ${unit}`; };
 const short = (number) => String(Number(number.toPrecision(4)));
 
 class Play {
@@ -21,6 +25,17 @@ class Play {
     });
     for (const name of ["kind", "coordinate", "compare"]) this.part[name].addEventListener("change", () => this.chart());
     this.part.picture.addEventListener("change", () => { this.motion.name = this.part.picture.value; this.motion.update(true); });
+    this.step = form.querySelector("[data-step]");
+    this.step.addEventListener("input", (event) => {
+      event.stopPropagation();
+      const [span, h] = [this.span, STEPS[Number(this.step.value)]];
+      this.form.elements.step.value = h;
+      this.form.elements.steps.value = Math.max(1, Math.round(span / h)) || 1;
+      this.tellPrice();
+      this.read();
+      this.remember();
+    });
+    form.addEventListener("change", () => { clearTimeout(this.pricing); this.pricing = setTimeout(() => this.askPrice(), PRICE_PAUSE); });
     new ResizeObserver(() => this.chart()).observe(this.part.chart);
     document.addEventListener("colors", () => this.chart());
   }
@@ -71,6 +86,22 @@ class Play {
     this.part.coordinate.closest("span").hidden = coordinates.length < 2;
     if (coordinates.length < 2) this.part.kind.querySelector("[value=section]")?.remove();
     this.chart();
+    this.askPrice();
+  }
+
+  // What the step costs by the first ticked method: measured at one step, carried to others by the order.
+  async askPrice() {
+    const h = value(this.form.elements.step.value);
+    this.step.value = STEPS.findLastIndex((one) => one <= h * 1.001);
+    const answer = await fetch("/simulate/price", { method: "POST", body: new URLSearchParams(new FormData(this.form)) });
+    this.price = answer.ok ? await answer.json() : {};
+    this.tellPrice();
+  }
+
+  tellPrice() {
+    const [place, { step, order, error, seconds, method, reason = "" }] = [this.form.querySelector("[data-price]"), this.price ?? {}];
+    const h = value(this.form.elements.step.value);
+    place.textContent = step === undefined || !(h > 0) ? reason : `${h}: error about ${power(error * (h / step) ** order)}, ${duration((seconds * step) / h)} (${method})`;
   }
 
   start(coordinates) {

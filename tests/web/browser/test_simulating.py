@@ -196,3 +196,25 @@ def test_the_address_is_the_scene_before_it_is_run(visit: Visit) -> None:
     expect(visit.page).to_have_url(re.compile("position.x=0.75"))
     visit.page.reload()
     expect(visit.page.get_by_label("x", exact=True)).to_have_value("0.75")
+
+
+@pytest.mark.slow
+def test_the_step_has_its_price_beside_it(visit: Visit) -> None:
+    """Runge-Kutta has order 4: half of a step of 0.1 has a sixteenth of its error."""
+    visit.go("/simulate?system=sho&method=runge-kutta&step=0.1&steps=100&position.x=1&velocity.x=0&parameter.k=1")
+    price = visit.page.locator("[data-price]")
+    expect(price).to_contain_text("runge-kutta", timeout=30_000)
+
+    def error() -> float:
+        found = re.search(r"about (\S+),", price.inner_text())
+        assert found
+        return float(found[1].replace("\u2212", "-"))
+
+    before = error()
+    assert 1e-7 < before < 1e-3
+    slider = visit.page.locator("[data-step]")
+    slider.focus()
+    slider.press("ArrowLeft")
+    assert visit.page.locator("[name=step]").input_value() == "0.05"
+    assert visit.page.locator("[name=steps]").input_value() == "200"
+    assert before / 32 < error() < before / 8
