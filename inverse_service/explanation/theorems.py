@@ -13,7 +13,7 @@ import functools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
@@ -62,7 +62,7 @@ MAX_PRODUCTS = 50_000_000  # of terms in an identity
 TERMS_OF_A_FACTOR = 4
 Row = Mapping[Unknown, tuple[fmpq_mpoly, list[tuple[fmpq_mpoly, int]]]]
 # Longer polynomials than this make proofs that take minutes; with letters they are short.
-TERMS_WITHOUT_LETTERS = 2_000
+TERMS_WITHOUT_LETTERS = 20_000
 
 HEAD = """What is proven: the statements below, for all real numbers that fulfil the hypotheses. What is not: that the
 hypotheses are what the comments say, that is the derivatives that were taken to form them."""
@@ -82,7 +82,7 @@ Ltac zero := repeat (reflexivity || assumption || apply times_zero || apply plus
 """
 # Words that name no variable in Coq, and the names that proofs use themselves.
 _TAKEN = re.compile(
-    r"(eq|rel|nz|val|ker)\d+|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|do|else|end|exists|fix|for|"
+    r"(eq|row|rel|nz|val|ker)\d+|Motion|whole|which|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|do|else|end|exists|fix|for|"
     r"forall|from|fun|have|if|in|let|match|mod|open|return|show|then|theorem|Type|Prop|Set|SProp|using|where|with|"
     r"axiom|def|example|instance|lemma|local|macro|namespace|private|section|structure|variable|universe|class|"
     r"cofix|import|export|inductive|syntax|infix|notation|prefix|deriving|mutual|calc|suffices|nomatch|try|catch|"
@@ -307,12 +307,22 @@ Combination = tuple[fmpq_mpoly, Sequence[tuple[fmpq_mpoly, Fact]]]
 
 
 @dataclass(frozen=True, slots=True)
+class Origin:
+    """Where the equations of a theorem come from: f, the letters of the multiplier, the condition of each row, L."""
+
+    exact: MotionInRing
+    symbols: Mapping[Unknown, Symbol]
+    rows: tuple[tuple[EquationName, Quotient], ...] = ()
+    lagrangian: Quotient | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Theorem:
     """`steps` lead from relations and equations to the last one's `gives`, where no factor of theirs is zero.
 
     `equations` are rows of the algebraic conditions, without denominators and common factors, with what they are.
-    Where there are `summands`, the statement is that this sum of products of quotients is zero; its numerator over the
-    product of `denominators`, as polynomials and exponents, is what the last step gives.
+    `origin` is None where long factors became letters. What the last step of an Euler-Lagrange equation gives is its
+    numerator over the product of `denominators`, as polynomials and exponents.
     """
 
     name: str
@@ -320,7 +330,7 @@ class Theorem:
     relations: tuple[Fact, ...]
     equations: tuple[tuple[Fact, str], ...]
     steps: tuple[Identity, ...]
-    summands: tuple[tuple[int, tuple[Quotient, ...]], ...] = ()
+    origin: Origin | None = None
     denominators: tuple[tuple[fmpq_mpoly, int], ...] = ()
 
     @property
@@ -339,7 +349,10 @@ def determinant_vanishes(analysis: Analysis, chosen: SufficientSet, seed: int, b
     try:
         short = Budget(TERMS_WITHOUT_LETTERS, budget.deadline)
         rows.exact.ring.field.budget = short
-        return _Elimination(rows.exact.ring, rows.symbols, rows.equations, rows.table, short).theorem()
+        elimination = _Elimination(rows.exact.ring, rows.symbols, rows.equations, rows.table, short)
+        found = elimination.theorem()
+        rows.exact.ring.field.budget = budget
+        return replace(found, origin=Origin(rows.exact, rows.symbols, tuple(elimination.origins)))
     except TooLarge:
         ring, equations = lettered(rows.exact.ring, rows.symbols, rows.equations, budget)
         return _Elimination(ring, rows.symbols, equations, rows.table, budget).theorem()
@@ -360,8 +373,9 @@ class _Elimination:
         self.result = eliminate(equations, table)
         places = {tree: index for index, tree in ring.trees.items()}
         self.places = {unknown: places[symbol] for unknown, symbol in symbols.items()}
-        self.relations = _relations(ring)
+        self.relations = relations_of(ring)
         self.steps = list[Identity]()
+        self.origins = list[tuple[EquationName, Quotient]]()
 
     def theorem(self) -> Theorem:
         equations, values = list[tuple[Fact, str]](), list[Divisor]()
@@ -369,6 +383,7 @@ class _Elimination:
             row = sum_of(self.ring.constant(0), [c * self._entry(u) for u, c in step.original.items()])
             fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
             equations.append((fact, equation_name(step.name).text))
+            self.origins.append((step.name, row))
             values.append(self._reduced(Divisor(fact, self.places[step.pivot]), values))
         for k in reversed(range(len(values))):
             values[k] = self._reduced(values[k], values[k + 1 :])
@@ -447,7 +462,11 @@ def euler_lagrange_hold(system: SecondOrderSystem, lagrangian: Expression, budge
     """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognized."""
     exact = motion_in_ring(system, 2, budget, trees=[lagrangian])
     value = exact.ring.value(lagrangian)
-    return tuple(_vanishing(exact, system.coordinates[i], _summands(exact, value, i)) for i in range(exact.motion.size))
+    origin = Origin(exact, {}, (), value)
+    span = range(exact.motion.size)
+    return tuple(
+        replace(_vanishing(exact, system.coordinates[i], _summands(exact, value, i)), origin=origin) for i in span
+    )
 
 
 def _summands(exact: MotionInRing, value: Quotient, i: int) -> list[tuple[int, tuple[Quotient, ...]]]:
@@ -462,7 +481,7 @@ def _summands(exact: MotionInRing, value: Quotient, i: int) -> list[tuple[int, t
 
 
 def _vanishing(exact: MotionInRing, name: str, summands: list[tuple[int, tuple[Quotient, ...]]]) -> Theorem:
-    ring, relations = exact.ring, _relations(exact.ring)
+    ring, relations = exact.ring, relations_of(exact.ring)
     tables = [{k: e for factor in factors for k, e in factor.exponents} for _, factors in summands]
     for table, (_, factors) in zip(tables, summands, strict=True):
         table.update({k: sum(dict(factor.exponents).get(k, 0) for factor in factors) for k in table})
@@ -482,10 +501,10 @@ def _vanishing(exact: MotionInRing, name: str, summands: list[tuple[int, tuple[Q
     step = identity(Fact("residual", whole), found.multiplier, found.terms)
     below = tuple((ring.field.denominators[k], most) for k, most in common.items())
     used = _used(relations, [step])
-    return Theorem(f"euler_lagrange_{name}", ring, used, (), (step,), tuple(summands), below)
+    return Theorem(f"euler_lagrange_{name}", ring, used, (), (step,), None, below)
 
 
-def _relations(ring: ExactRing) -> list[Divisor]:
+def relations_of(ring: ExactRing) -> list[Divisor]:
     """What the generators fulfil by definition, sin^2 + cos^2 = 1 and w^k = u, the greatest generator first."""
     gen = ring.field.context.gen
     listed = [ring.field.relations[index] for index in sorted(ring.field.relations)]
@@ -508,11 +527,10 @@ class Letters:
     meanings: dict[str, str]
 
 
-def letters_of(theorem: Theorem) -> Letters:
+def letters_of(theorem: Theorem, further: Iterable[int] = ()) -> Letters:
     """x as x, x' as v_x, every other atom as u1, u2, …; other words where these are taken."""
-    used = sorted(
-        {k for p in _polynomials(theorem) for k, degree in enumerate(p.degrees()) if degree > 0}, reverse=True
-    )
+    occurring = {k for p in polynomials_of(theorem) for k, degree in enumerate(p.degrees()) if degree > 0}
+    used = sorted(occurring | {*further}, reverse=True)
     names, meanings = dict[int, str](), dict[str, str]()
     symbols = {tree.name for tree in theorem.ring.trees.values() if isinstance(tree, Symbol)}
     for index in used:
@@ -535,12 +553,11 @@ def _letter(tree: Expression, number: int) -> str:
     return f"u{number}"
 
 
-def _polynomials(theorem: Theorem) -> Iterator[fmpq_mpoly]:
+def polynomials_of(theorem: Theorem) -> Iterator[fmpq_mpoly]:
     for step in theorem.steps:
         yield from (step.factor, step.gives.polynomial)
         yield from (polynomial for c, fact in step.terms for polynomial in (c, fact.polynomial))
     yield from (below for below, _ in theorem.denominators)
-    yield from (factor.numerator for _, factors in theorem.summands for factor in factors)
 
 
 def polynomial_text(letters: Letters, polynomial: fmpq_mpoly) -> str:
@@ -554,47 +571,22 @@ def polynomial_text(letters: Letters, polynomial: fmpq_mpoly) -> str:
     return found or "0"
 
 
-def _quotient_text(letters: Letters, quotient: Quotient) -> str:
-    below = [(quotient.field.denominators[k], e) for k, e in quotient.exponents]
-    above = polynomial_text(letters, quotient.numerator)
-    return f"({above}) / ({_product(letters, below)})" if below else above
-
-
-def _product(letters: Letters, powers: Sequence[tuple[fmpq_mpoly, int]], constant: str = "1") -> str:
+def product_text(letters: Letters, powers: Sequence[tuple[fmpq_mpoly, int]], constant: str = "1") -> str:
     parts = [f"({polynomial_text(letters, p)})" + (f"^{e}" if e > 1 else "") for p, e in powers]
     return " * ".join([constant] * (constant != "1" or not parts) + parts)
 
 
-def _factors(theorem: Theorem, step: Identity) -> tuple[str, list[tuple[fmpq_mpoly, int]]]:
-    """The number and the powers by which the statement of a step is multiplied."""
-    number, powers = factored(step.factor)
-    below = theorem.denominators if step is theorem.steps[-1] else ()
-    return str(number), [*powers, *below]
-
-
-def _combination(letters: Letters, step: Identity) -> str:
-    parts = (
-        f"({polynomial_text(letters, c)}) * ({polynomial_text(letters, fact.polynomial)})" for c, fact in step.terms
-    )
+def combination(letters: Letters, terms: Iterable[tuple[fmpq_mpoly, Fact]]) -> str:
+    """The sum of cofactor * fact."""
+    parts = (f"({polynomial_text(letters, c)}) * ({polynomial_text(letters, fact.polynomial)})" for c, fact in terms)
     return " + ".join(parts) or "0"
 
 
-def _statement(theorem: Theorem, letters: Letters, step: Identity) -> str:
-    if step is not theorem.steps[-1] or not theorem.summands:
-        return polynomial_text(letters, step.gives.polynomial)
-    text = ""
-    for sign, factors in theorem.summands:
-        texts = [_quotient_text(letters, factor) for factor in factors if factor.constant_value != 1]
-        product = " * ".join(f"({one})" for one in texts) or "1"
-        text += f" {'+' if sign > 0 else '-'} {product}" if text else f"{'' if sign > 0 else '0 - '}{product}"
-    return text
-
-
-def _hypotheses(theorem: Theorem, letters: Letters, unequal: str) -> Iterator[str]:
+def _hypotheses(theorem: Theorem, letters: Letters) -> Iterator[str]:
     for fact in (*theorem.relations, *(fact for fact, _ in theorem.equations)):
         yield f"  ({fact.name} : {polynomial_text(letters, fact.polynomial)} = 0)"
     for k, one in enumerate(theorem.nonzero, 1):
-        yield f"  (nz{k} : {polynomial_text(letters, one)} {unequal} 0)"
+        yield f"  (nz{k} : {polynomial_text(letters, one)} <> 0)"
 
 
 def _comments(theorem: Theorem, letters: Letters) -> list[str]:
@@ -604,29 +596,28 @@ def _comments(theorem: Theorem, letters: Letters) -> list[str]:
     ]
 
 
-def coq(theorems: Sequence[Theorem]) -> str:
-    """A file that Coq 8.16 compiles."""
-    return "\n".join([COQ_HEAD, *map(_coq_theorem, theorems)])
-
-
-def _coq_theorem(theorem: Theorem) -> str:
+def coq_of_identities(theorem: Theorem) -> str:
+    """A file for Coq whose hypotheses are the equations, not where they come from."""
     letters = letters_of(theorem)
     binders = f" ({' '.join(letters.names.values())} : R)" if letters.names else ""
-    lines = [f"(* {text} *)" for text in _comments(theorem, letters)]
-    lines += [f"Theorem {theorem.name}{binders}", *_hypotheses(theorem, letters, "<>")]
-    lines += [f"  : {_statement(theorem, letters, theorem.steps[-1])} = 0.", "Proof."]
+    lines = [COQ_HEAD, *(f"(* {text} *)" for text in _comments(theorem, letters))]
+    lines += [f"Theorem {theorem.name}{binders}", *_hypotheses(theorem, letters)]
+    lines += [f"  : {polynomial_text(letters, theorem.steps[-1].gives.polynomial)} = 0.", "Proof."]
+    return "\n".join([*lines, *coq_steps(theorem, letters), "Qed.", ""])
+
+
+def coq_steps(theorem: Theorem, letters: Letters) -> Iterator[str]:
+    """The steps from the equations to the end."""
     for step in theorem.steps[:-1]:
-        lines.append(f"  assert ({step.gives.name} : {_statement(theorem, letters, step)} = 0).")
-        lines += [f"  {{ {_coq_step(theorem, letters, step, 'ring')} }}"]
-    by = "field; nonzero" if theorem.summands else "ring"
-    return "\n".join([*lines, f"  {_coq_step(theorem, letters, theorem.steps[-1], by)}", "Qed.", ""])
+        yield f"  assert ({step.gives.name} : {polynomial_text(letters, step.gives.polynomial)} = 0)."
+        yield f"  {{ {_coq_step(letters, step)} }}"
+    yield f"  {_coq_step(letters, theorem.steps[-1])}"
 
 
-def _coq_step(theorem: Theorem, letters: Letters, step: Identity, by: str) -> str:
-    number, powers = _factors(theorem, step)
-    factor = _product(letters, powers, number)
-    total = _combination(letters, step)
-    return f"apply (cancel ({factor})); [nonzero |].\n    transitivity ({total}); [{by} | zero]."
+def _coq_step(letters: Letters, step: Identity) -> str:
+    number, powers = factored(step.factor)
+    factor, total = product_text(letters, powers, str(number)), combination(letters, step.terms)
+    return f"apply (cancel ({factor})); [nonzero |].\n    transitivity ({total}); [ring | zero]."
 
 
 def identities(theorems: Sequence[Theorem]) -> list[dict[str, Any]]:

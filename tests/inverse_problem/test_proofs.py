@@ -51,11 +51,26 @@ def test_coq_accepts_the_proof(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @needs_coq
-def test_coq_refuses_a_proof_with_a_false_row(tmp_path: Path) -> None:
-    text = proof_document(solved(catalogue.document("knife-edge-first")), "coq", 1)
-    spoilt = text.replace("(eq2 : 3*u3^3", "(eq2 : 5*u3^3")
-    assert spoilt != text
+def test_coq_refuses_the_proof_for_another_f(tmp_path: Path) -> None:
+    """The accelerations stand in the file, and Coq takes their derivatives."""
+    text = proof_document(solved({"equations": {"x": "-x - x'^2*y", "y": "-y + x'*y'"}}), "coq", 1)
+    assert "  | 1%nat => (num (-1 # 1) * _y + _v_x * _v_y)%poly" in text
+    assert compiled(text, tmp_path).returncode == 0
+    spoilt = text.replace("num (-1 # 1) * _y + _v_x * _v_y", "num (-1 # 1) * _y + num (2 # 1) * _v_x * _v_y")
     assert compiled(spoilt, tmp_path).returncode != 0
+
+
+@needs_coq
+@pytest.mark.parametrize(
+    "equations",
+    [{"x": "-x/(x^2 + y^2)^(3/2)", "y": "-y/(x^2 + y^2)^(3/2)"}, {"theta": "-sin(theta) - t"}, {"x": "-k*x - c*x'"}],
+)
+def test_coq_differentiates_the_lagrangian(equations: dict[str, str], tmp_path: Path) -> None:
+    text = proof_document(solved({"equations": equations, "parameters": "guess"}), "coq", 1)
+    assert text.count("Motion.euler_lagrange ") == len(equations)
+    assert compiled(text, tmp_path).returncode == 0
+    wrong = text.replace("Definition L : poly := (", "Definition L : poly := (_" + next(iter(equations)) + " + ")
+    assert compiled(wrong, tmp_path).returncode != 0
 
 
 @pytest.mark.slow

@@ -1,0 +1,542 @@
+"""Theorems as a file that Coq compiles: f, its derivatives, and the tensors are defined and computed in the file.
+
+Polynomials with rational coefficients are lists there, `derive` is the derivation with given values on the letters.
+A letter is a coordinate, a velocity, an atom of the formulas (u3 for sin(x)), an entry of the multiplier, or 1/D for a
+denominator D. Tensors of a system are polynomials in these letters, with the formulas of `mechanics.conditions`; a
+condition at a point is the value of such a polynomial where the letters have values. What is left to believe is what a
+comment says of a letter: that u3, which has the derivative u4, is sin(x).
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+
+from inverse_service.explanation import theorems as th
+from inverse_service.explanation.hierarchy import EquationName, equation_terms, hierarchy
+from inverse_service.expressions.tree import TIME, Symbol
+from inverse_service.field.rational_functions import Quotient, TooLarge, as_fraction, factored
+from inverse_service.mechanics.conditions import Motion
+
+HEAD = """(* What is proven: the theorems at the end, for all real numbers that fulfil their hypotheses. The
+   accelerations f, the derivation along the motion, and the tensors are defined below and computed by Coq. *)
+Require Import Reals Lra QArith Qreals List.
+Import ListNotations.
+Module Motion.
+
+(* Polynomials in letters with the numbers 0, 1, 2, ...: sorted lists of exponents with their coefficients. *)
+Definition poly := list (list nat * Q).
+Declare Scope poly_scope.
+Delimit Scope poly_scope with poly.
+Bind Scope poly_scope with poly.
+Fixpoint order (a b : list nat) : comparison :=
+  match a, b with
+  | [], [] => Eq
+  | [], _ => Lt
+  | _, [] => Gt
+  | d :: a', e :: b' => match Nat.compare d e with Eq => order a' b' | c => c end
+  end.
+Fixpoint plus_term (m : list nat) (c : Q) (p : poly) : poly :=
+  match p with
+  | [] => if Qeq_bool c 0 then [] else [(m, c)]
+  | (n, d) :: p' =>
+      match order m n with
+      | Eq => if Qeq_bool (c + d) 0 then p' else (n, Qred (c + d)) :: p'
+      | Gt => (m, c) :: p
+      | Lt => (n, d) :: plus_term m c p'
+      end
+  end.
+Definition add (p q : poly) : poly := fold_right (fun t => plus_term (fst t) (snd t)) q p.
+Definition scale (c : Q) (p : poly) : poly := map (fun t => (fst t, Qred (c * snd t))) p.
+Definition sub (p q : poly) : poly := add p (scale (-1) q).
+Fixpoint product (a b : list nat) : list nat :=
+  match a, b with [], _ => b | _, [] => a | d :: a', e :: b' => (d + e)%nat :: product a' b' end.
+Definition mul (p q : poly) : poly :=
+  fold_right (fun t => add (map (fun u => (product (fst t) (fst u), Qred (snd t * snd u))) q)) [] p.
+Definition num (c : Q) : poly := plus_term [] c [].
+Definition var (k : nat) : poly := [(repeat 0%nat k ++ [1%nat], 1)].
+Fixpoint power (p : poly) (e : nat) : poly := match e with O => num 1 | S d => mul p (power p d) end.
+Fixpoint sum (n : nat) (h : nat -> poly) : poly := match n with O => [] | S m => add (sum m h) (h m) end.
+(* The letters of a product of powers, each with its exponent and what is left when the exponent is one less. *)
+Definition before (e : nat) (m : list nat) := match e, m with O, [] => [] | _, _ => e :: m end.
+Fixpoint lowered (k : nat) (m : list nat) : list (nat * nat * list nat) :=
+  match m with
+  | [] => []
+  | e :: m' =>
+      match e with O => [] | S d => [(k, e, before d m')] end ++
+      map (fun t => (fst t, before e (snd t))) (lowered (S k) m')
+  end.
+(* The derivation that takes letter k to s(k): the sum over k of (dp/dk) s(k). *)
+Definition derive (s : nat -> poly) (p : poly) : poly :=
+  fold_right (fun t => add (fold_right (fun u =>
+    add (mul [(snd u, Qred (snd t * inject_Z (Z.of_nat (snd (fst u)))))] (s (fst (fst u)))))
+    [] (lowered 0 (fst t)))) [] p.
+Infix "+" := add : poly_scope.
+Infix "-" := sub : poly_scope.
+Infix "*" := mul : poly_scope.
+Infix "^" := power : poly_scope.
+Close Scope Q_scope.
+Open Scope R_scope.
+(* The value where the letters have the values r. *)
+Fixpoint monomial (r : nat -> R) (k : nat) (m : list nat) : R :=
+  match m with [] => 1 | e :: m' => r k ^ e * monomial r (S k) m' end.
+Definition value (r : nat -> R) (p : poly) : R :=
+  fold_right (fun t => Rplus (Q2R (snd t) * monomial r 0%nat (fst t))) 0 p.
+"""
+TENSORS = """
+(* Variable 0 is the time, then come `size` coordinates and as many velocities. *)
+Definition partial (v : nat) : poly -> poly := derive (slope v).
+(* Along the motion: d/dt + v^i d/dq^i + f^i d/dv^i. *)
+Definition along (p : poly) : poly :=
+  (partial 0 p + sum size (fun i => velocity i * partial (1 + i) p) +
+   sum size (fun i => f i * partial (1 + size + i) p))%poly.
+Definition by_velocity (i j : nat) : poly := partial (1 + size + j) (f i).
+(* N = -1/2 df/dv, Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv), nabla T = Gamma(T) + N T - T N. *)
+Definition N (i j : nat) : poly := scale (-1 # 2) (by_velocity i j).
+Definition Phi (i j : nat) : poly :=
+  (along (by_velocity i j) - (scale (2 # 1) (partial (1 + j) (f i)) +
+   scale (1 # 2) (sum size (fun m => by_velocity i m * by_velocity m j))))%poly.
+Definition nabla (T : nat -> nat -> poly) (i j : nat) : poly :=
+  (along (T i j) + sum size (fun m => N i m * T m j) - sum size (fun m => T i m * N m j))%poly.
+(* R[T]^i_kl = dT^i_k/dv^l - dT^i_l/dv^k, and nabla of such a tensor. *)
+Definition curvature (T : nat -> nat -> poly) (i k l : nat) : poly :=
+  (partial (1 + size + l) (T i k) - partial (1 + size + k) (T i l))%poly.
+Definition nabla_R (T : nat -> nat -> nat -> poly) (i k l : nat) : poly :=
+  (along (T i k l) + sum size (fun m => N i m * T m k l) -
+   sum size (fun m => T i m l * N m k) - sum size (fun m => T i k m * N m l))%poly.
+"""
+CONDITIONS = """(* (T)_ik: g T is symmetric. (T)_ikl: the cyclic sum of g_ij T^j_kl. *)
+Definition symmetric (T : nat -> nat -> poly) (i k : nat) : poly :=
+  (sum size (fun j => g i j * T j k) - sum size (fun j => g k j * T j i))%poly.
+Definition cyclic (T : nat -> nat -> nat -> poly) (i k l : nat) : poly :=
+  sum size (fun j => g i j * T j k l + g l j * T j i k + g k j * T j l i)%poly.
+"""
+TACTICS = """Ltac computed H := match type of H with value _ ?p = _ =>
+  let q := eval vm_compute in p in replace p with q in H by (vm_compute; reflexivity) end;
+  cbv [value monomial fold_right fst snd point Q2R Qnum Qden] in H.
+Ltac compute_goal := match goal with |- value _ ?p = _ =>
+  let q := eval vm_compute in p in replace p with q by (vm_compute; reflexivity) end;
+  cbv [value monomial fold_right fst snd point Q2R Qnum Qden].
+End Motion.
+Open Scope R_scope.
+Lemma cancel (f a : R) : f <> 0 -> f * a = 0 -> a = 0.
+Proof. intros H P; destruct (Rmult_integral _ _ P); [contradiction | assumption]. Qed.
+Lemma plus_zero (a b : R) : a = 0 -> b = 0 -> a + b = 0.
+Proof. intros -> ->; ring. Qed.
+Lemma times_zero (a b : R) : b = 0 -> a * b = 0.
+Proof. intros ->; ring. Qed.
+Ltac nonzero := repeat split; repeat (assumption || apply Rmult_integral_contrapositive_currified ||
+  apply pow_nonzero || lra).
+Ltac zero := repeat (reflexivity || assumption || apply times_zero || apply plus_zero).
+"""
+EULER_LAGRANGE = """(* d/dt (dL/dv^i) - dL/dq^i along the motion. *)
+Definition euler_lagrange (i : nat) : poly := (along (partial (1 + size + i) L) - partial (1 + i) L)%poly.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Formal:
+    """A polynomial in the generators and the letters 1/D, no relation between them used."""
+
+    polynomial: fmpq_mpoly
+
+    def __add__(self, other: Formal, /) -> Formal:
+        return Formal(self.polynomial + other.polynomial)
+
+    def __sub__(self, other: Formal, /) -> Formal:
+        return Formal(self.polynomial - other.polynomial)
+
+    def __mul__(self, other: Formal, /) -> Formal:
+        return Formal(self.polynomial * other.polynomial)
+
+    def scaled(self, factor: int | Fraction) -> Formal:
+        return Formal(self.polynomial * fmpq(*Fraction(factor).as_integer_ratio()))
+
+    @property
+    def is_zero(self) -> bool:
+        return bool(self.polynomial.is_zero())
+
+
+class System:
+    """The formulas of theorems over one ring, as Coq has them: letters, their slopes, f, and L where there is one."""
+
+    def __init__(self, theorems: Sequence[th.Theorem]) -> None:
+        self.theorems, first = theorems, theorems[0]
+        origin = first.origin
+        if origin is None:
+            raise TooLarge("long factors are letters of their own")
+        self.ring, self.field, self.size = origin.exact.ring, origin.exact.ring.field, origin.exact.motion.size
+        self.entries = {pair: self.place(symbol) for pair, symbol in origin.symbols.items()}
+        self.lagrangian = origin.lagrangian
+        motion = origin.exact.motion
+        given = [*motion.accelerations, *([self.lagrangian] if self.lagrangian is not None else [])]
+        images = [image for table in self.ring.images for image in table.values()]
+        self.below = sorted({k for value in (*given, *images) for k, _ in value.exponents})
+        self.count = len(self.field.context.names())
+        names = tuple(f"g{k}" for k in range(self.count + len(self.below)))
+        self.context = fmpq_mpoly_ctx.get(names, Ordering.lex)
+        self.images = [{k: self.formal(image).polynomial for k, image in table.items()} for table in self.ring.images]
+        self.accelerations = [self.formal(f) for f in motion.accelerations]
+        self.used = self._used(given)
+        self.names = th.letters_of(first, self.used)
+        self.numbers = {k: number for number, k in enumerate(sorted(self.used, reverse=True))}
+
+    def place(self, tree: Symbol) -> int:
+        return next(k for k, known in self.ring.trees.items() if known == tree)
+
+    def _used(self, given: Sequence[Quotient]) -> set[int]:
+        """The generators that occur in the formulas, in their slopes, and in the theorems."""
+        variables = {k for k, tree in self.ring.trees.items() if tree in self.ring.variables and tree != TIME}
+        polynomials = [p for value in given for p in (value.numerator,)]
+        polynomials += [self.field.denominators[k] for k in self.below]
+        polynomials += [p for theorem in self.theorems for p in th.polynomials_of(theorem)]
+        used = variables | {*self.entries.values()}
+        waiting = {k for p in polynomials for k, degree in enumerate(p.degrees()) if degree} | used
+        used = set()
+        while waiting:
+            used |= waiting
+            slopes = (table[k] for table in self.ring.images for k in waiting if k in table)
+            found = {k for s in slopes for k, degree in enumerate(s.numerator.degrees()) if degree}
+            waiting = found - used
+        return used
+
+    def denominator(self, k: int) -> fmpq_mpoly:
+        """D among the letters."""
+        return self.formal(Quotient(self.field, self.field.denominators[k], ())).polynomial
+
+    def formal(self, value: Quotient) -> Formal:
+        """N / (D_1^e_1 ...) as N times powers of the letters 1/D."""
+        powers = [0] * len(self.below)
+        for k, e in value.exponents:
+            if k not in self.below:
+                raise TooLarge("a denominator that f does not have")
+            powers[self.below.index(k)] = e
+        table = {(*exponents, *powers): c for exponents, c in value.numerator.to_dict().items()}
+        return Formal(self.context.from_dict(table))
+
+    def partial(self, variable: int) -> Callable[[Formal], Formal]:
+        """The derivative by ring.variables[variable]; d(1/D) = -(1/D)^2 dD."""
+        images = dict(self.images[variable])
+        for place, k in enumerate(self.below):
+            inner = self.denominator(k)
+            slope = sum((inner.derivative(g) * image for g, image in images.items() if g < self.count), inner * 0)
+            images[self.count + place] = -(self.context.gen(self.count + place) ** 2) * slope
+
+        def derivative(value: Formal) -> Formal:
+            degrees = value.polynomial.degrees()
+            if any(degrees[k] for k in self.ring.undefined):
+                raise TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
+            terms = (value.polynomial.derivative(k) * image for k, image in images.items() if degrees[k])
+            return Formal(sum(terms, value.polynomial * 0))
+
+        return derivative
+
+    def motion(self) -> Motion[Formal]:
+        n = self.size
+        partials = [self.partial(k) for k in range(2 * n + 1)]
+        velocities = [Formal(self.context.gen(self.place(v))) for v in self.ring.variables[1 + n :]]  # type: ignore[arg-type]
+        one = Formal(self.context.constant(1))
+
+        def along(value: Formal) -> Formal:
+            rates = [one, *velocities, *self.accelerations]
+            return Formal(
+                sum(
+                    (by(value).polynomial * rate.polynomial for by, rate in zip(partials, rates, strict=True)),
+                    value.polynomial * 0,
+                )
+            )
+
+        zero = Formal(self.context.constant(0))
+        return Motion(tuple(self.accelerations), tuple(partials[1 : 1 + n]), tuple(partials[1 + n :]), along, zero)
+
+    def cleared(self, formal: Formal, least: Mapping[int, int]) -> tuple[fmpq_mpoly, dict[int, int]]:
+        """(the product with D^m, m): a polynomial in the generators, m at least `least`."""
+        tables = [exponents[self.count :] for exponents in formal.polynomial.to_dict()]
+        most = {k: max([least.get(k, 0), *(table[place] for table in tables)]) for place, k in enumerate(self.below)}
+        whole = self.field.context.constant(0)
+        for exponents, c in formal.polynomial.to_dict().items():
+            term = self.field.context.from_dict({exponents[: self.count]: c})
+            for place, k in enumerate(self.below):
+                term = term * self.field.denominators[k] ** (most[k] - exponents[self.count + place])
+            self.field.budget.charge(len(term))
+            whole = whole + term
+        return whole, {k: m for k, m in most.items() if m}
+
+    # What is written
+
+    def definitions(self) -> Iterator[str]:
+        """The letters, the slopes of those that have any, f, the velocities, and the values of the letters."""
+        n, name = self.size, self.names.names
+        for letter, meaning in self.names.meanings.items():
+            yield f"(* {letter} is {meaning} *)"
+        for k, number in self.numbers.items():
+            yield f"Definition _{name[k]} := var {number}."
+        for place, k in enumerate(self.below):
+            yield f"Definition inverse_{place + 1} := var {len(self.numbers) + place}.  (* 1/({self.text(k)}) *)"
+        yield f"Definition size := {n}%nat."
+        yield "(* dD/d(variable) for the letters that are not 1/D; variable 0 is the time. *)"
+        yield "Definition slope_of_letter (v k : nat) : poly :=\n  match v, k with"
+        for v, table in enumerate(self.images):
+            for k, image in table.items():
+                if k in self.numbers:
+                    yield f"  | {v}%nat, {self.numbers[k]}%nat => {self.polynomial(image)}"
+        yield "  | _, _ => []\n  end."
+        yield "Definition denominator (k : nat) : poly :=\n  match k with"
+        for place, k in enumerate(self.below):
+            inner = self.denominator(k)
+            yield f"  | {len(self.numbers) + place}%nat => {self.polynomial(inner)}"
+        yield "  | _ => []\n  end."
+        yield "(* d(1/D) = -(1/D)^2 dD *)"
+        yield "Definition slope (v k : nat) : poly :="
+        yield f"  if Nat.ltb k {len(self.numbers)} then slope_of_letter v k"
+        yield "  else (num (-1) * var k ^ 2 * derive (slope_of_letter v) (denominator k))%poly."
+        yield "Definition velocity (i : nat) : poly :=\n  match i with"
+        for i, rate in enumerate(self.ring.variables[1 + n :]):
+            yield f"  | {i}%nat => _{name[self.place(rate)]}"  # type: ignore[arg-type]
+        yield "  | _ => []\n  end."
+        yield "Definition f (i : nat) : poly :=\n  match i with"
+        for i, acceleration in enumerate(self.accelerations):
+            yield f"  | {i}%nat => {self.polynomial(acceleration.polynomial)}"
+        yield "  | _ => []\n  end."
+        yield TENSORS
+        values = [f"  | {number}%nat => {name[k]}" for k, number in self.numbers.items()]
+        values += [f"  | {len(self.numbers) + place}%nat => / ({self.text(k)})" for place, k in enumerate(self.below)]
+        binders = f"({' '.join(name[k] for k in self.numbers)} : R) "
+        yield f"Definition point {binders}(which : nat) : R :=\n  match which with"
+        yield from values
+        yield "  | _ => 0\n  end."
+
+    def text(self, k: int) -> str:
+        """A denominator as real numbers."""
+        return th.polynomial_text(self.names, self.field.denominators[k])
+
+    def polynomial(self, polynomial: fmpq_mpoly) -> str:
+        """In the letters of the file."""
+        letters = {k: f"_{name}" for k, name in self.names.names.items()}
+        letters |= {self.count + place: f"inverse_{place + 1}" for place in range(len(self.below))}
+        terms = []
+        for exponents, c in polynomial.to_dict().items():
+            powers = [f"{letters[k]} ^ {e}" if e > 1 else letters[k] for k, e in enumerate(exponents) if e]
+            value = as_fraction(c)
+            number = f"num ({value.numerator} # {value.denominator})"
+            terms.append(" * ".join(powers if value == 1 and powers else [number, *powers]))
+        return f"({' + '.join(terms) or 'num 0'})%poly"
+
+    def at_point(self, polynomial: str) -> str:
+        return f"Motion.value (Motion.point {' '.join(self.names.names[k] for k in self.numbers)}) ({polynomial})"
+
+
+def coq(theorems: Sequence[th.Theorem]) -> str:
+    """A file that Coq 8.16 compiles; without the definition of f where its long factors are letters of their own."""
+    try:
+        system = System(theorems)
+        further = [CONDITIONS] if system.entries else [EULER_LAGRANGE]
+        proofs = (
+            [_of_lagrangian(system, k) for k in range(len(theorems))]
+            if system.lagrangian is not None
+            else [_of_conditions(system)]
+        )
+        given = (
+            _entries(system)
+            if system.entries
+            else [
+                f"Definition L : poly := {system.polynomial(system.formal(system.lagrangian).polynomial)}."  # type: ignore[arg-type]
+            ]
+        )
+        return "\n".join([HEAD, *system.definitions(), *given, *further, TACTICS, *proofs])
+    except TooLarge as error:
+        return f"(* f is not defined in this file: {error}. *)\n" + th.coq_of_identities(theorems[0])
+
+
+def _entries(system: System) -> Iterator[str]:
+    yield "(* The multiplier, a symmetric matrix of real numbers. *)"
+    yield "Definition g (i j : nat) : poly :=\n  match i, j with"
+    for (i, j), k in system.entries.items():
+        yield from (f"  | {a}%nat, {b}%nat => _{system.names.names[k]}" for a, b in sorted({(i, j), (j, i)}))
+    yield "  | _, _ => []\n  end."
+
+
+def _tensor(name: str) -> str:
+    """nabla (nabla Phi) for "nabla^2 Phi", curvature (nabla Phi) for "R[nabla Phi]"."""
+    if name.startswith("R["):
+        return f"(Motion.curvature {_tensor(name[2:-1])})"
+    operator, _, rest = name.rpartition(" ")
+    found = "Motion.Phi" if rest == "Phi" else "(Motion.curvature Motion.Phi)"
+    for _ in range(int(operator.partition("^")[2] or 1) if operator else 0):
+        found = f"(Motion.{'nabla' if rest == 'Phi' else 'nabla_R'} {found})"
+    return found
+
+
+def _condition(name: EquationName) -> str:
+    indices = " ".join(f"{i}%nat" for i in name.indices)
+    return f"Motion.{'cyclic' if name.condition.cyclic else 'symmetric'} {_tensor(name.condition.name)} {indices}"
+
+
+def _of_conditions(system: System) -> str:
+    """det g = 0 for every g with the conditions of this f at this point."""
+    (theorem,) = system.theorems
+    origin = theorem.origin
+    assert origin is not None
+    depth = max(name.condition.order for name, _ in origin.rows) - 2
+    tensors = hierarchy(system.motion(), depth)
+    steps, proofs = list[th.Identity](), list[str]()
+    relations = th.relations_of(system.ring)
+    for (fact, _), (name, row) in zip(theorem.equations, origin.rows, strict=True):
+        terms = equation_terms(name.condition, tensors[name.condition], system.size)[name]
+        entries = {pair: Formal(system.context.gen(k)) for pair, k in system.entries.items()}
+        formal = Formal(system.context.constant(0))
+        for pair, sign, coefficient in terms:
+            formal = formal + (coefficient * entries[pair]).scaled(sign)
+        whole, most = system.cleared(formal, dict(row.exponents))
+        number = row.numerator.leading_coefficient() / fact.polynomial.leading_coefficient()
+        factor = system.field.context.constant(number)
+        for k, m in most.items():
+            factor = factor * system.field.denominators[k] ** (m - dict(row.exponents).get(k, 0))
+        found = th.divided(whole - factor * fact.polynomial, relations, system.field.budget)
+        if not found.rest.is_zero():
+            raise TooLarge("a condition was not recognized")
+        given = th.Fact(f"row{fact.name[2:]}", whole)
+        back = [(-c, relation) for c, relation in found.terms]
+        step = th.identity(fact, factor * found.multiplier, [(found.multiplier, given), *back])
+        steps.append(step)
+        proofs.append(_from_row(system, step, given, most))
+    relation_facts = {
+        fact.name: fact for step in (*steps, *theorem.steps) for _, fact in step.terms if fact.name.startswith("rel")
+    }
+    nonzero = _nonzero(system, theorem, steps)
+    rows = [
+        f"  (row{fact.name[2:]} : {system.at_point(_condition(name))} = 0)"
+        for (fact, _), (name, _) in zip(theorem.equations, origin.rows, strict=True)
+    ]
+    rows = ["  (* " + ", ".join(text for _, text in theorem.equations) + " *)", *rows]
+    return _theorem(system, theorem, [*relation_facts.values()], nonzero, rows, proofs)
+
+
+def _from_row(system: System, step: th.Identity, given: th.Fact, most: Mapping[int, int]) -> str:
+    """The equation of the elimination from the condition as it stands."""
+    letters, (number, powers) = system.names, factored(step.factor)
+    factor = th.product_text(letters, powers, str(number))
+    scale = next(c for c, fact in step.terms if fact.name == given.name)
+    below = th.product_text(letters, [(system.field.denominators[k], m) for k, m in most.items()])
+    others = [(c, fact) for c, fact in step.terms if fact.name != given.name]
+    total = f"(({th.polynomial_text(letters, scale)}) * {below}) * whole"
+    total += f" + {th.combination(letters, others)}" if others else ""
+    return (
+        f"  assert ({step.gives.name} : {th.polynomial_text(letters, step.gives.polynomial)} = 0).\n"
+        f"  {{ Motion.computed {given.name}. apply (cancel ({factor})); [nonzero |].\n"
+        f"    match type of {given.name} with ?whole = 0 => transitivity ({total}) end; [field; nonzero | zero]. }}"
+    )
+
+
+def _of_lagrangian(system: System, k: int) -> str:
+    """One Euler-Lagrange expression of L along the motion, by the derivatives of L that Coq takes."""
+    theorem = system.theorems[k]
+    motion = system.motion()
+    assert system.lagrangian is not None
+    value = system.formal(system.lagrangian)
+    formal = motion.along(motion.by_velocity[k](value)) - motion.by_coordinate[k](value)
+    whole, most = system.cleared(formal, {})
+    found = th.divided(whole, th.relations_of(system.ring), system.field.budget)
+    if not found.rest.is_zero():
+        raise TooLarge("an Euler-Lagrange expression was not recognized as zero")
+    step = th.identity(th.Fact("residual", whole), found.multiplier, found.terms)
+    letters = system.names
+    number, powers = factored(step.factor)
+    factor = th.product_text(
+        letters, [*powers, *((system.field.denominators[i], m) for i, m in most.items())], str(number)
+    )
+    total = th.combination(letters, step.terms)
+    lines = [f"  Motion.compute_goal. apply (cancel ({factor})); [nonzero |]."]
+    lines += [f"  transitivity ({total}); [field; nonzero | zero]."]
+    facts = [fact for _, fact in step.terms]
+    return _theorem(
+        system, theorem, facts, _nonzero(system, theorem, [step]), [], lines, f"Motion.euler_lagrange {k}%nat"
+    )
+
+
+def _nonzero(system: System, theorem: th.Theorem, steps: Sequence[th.Identity]) -> list[fmpq_mpoly]:
+    """What must not vanish: the denominators, and the factors by which steps are divided."""
+    own = theorem.steps if system.lagrangian is None else ()
+    divisors = [factor for step in (*steps, *own) for factor, _ in factored(step.factor)[1]]
+    listed = [*(system.field.denominators[k] for k in system.below), *divisors]
+    return list({str(one): one for one in listed if not one.is_constant()}.values())
+
+
+def _theorem(
+    system: System,
+    theorem: th.Theorem,
+    relations: Sequence[th.Fact],
+    nonzero: Sequence[fmpq_mpoly],
+    rows: Sequence[str],
+    proofs: Sequence[str],
+    expression: str = "",
+) -> str:
+    letters = system.names
+    binders = " ".join(letters.names[k] for k in system.numbers)
+    given = [f"  ({fact.name} : {th.polynomial_text(letters, fact.polynomial)} = 0)" for fact in relations]
+    given += [f"  (nz{i} : {th.polynomial_text(letters, one)} <> 0)" for i, one in enumerate(nonzero, 1)]
+    last = theorem.steps[-1]
+    said = system.at_point(expression) if expression else th.polynomial_text(letters, last.gives.polynomial)
+    lines = [f"Theorem {theorem.name} ({binders} : R)", *given, *rows, f"  : {said} = 0.", "Proof.", *proofs]
+    if not expression:
+        lines += th.coq_steps(theorem, letters)
+    return "\n".join([*lines, "Qed.", _example(system, theorem, relations, nonzero), ""])
+
+
+SAMPLES = [
+    Fraction(*pair) for pair in ((1, 1), (2, 1), (3, 1), (-1, 1), (1, 2), (3, 5), (4, 5), (5, 13), (5, 1), (-2, 3))
+]
+ATTEMPTS = 400
+
+
+def _example(system: System, theorem: th.Theorem, relations: Sequence[th.Fact], nonzero: Sequence[fmpq_mpoly]) -> str:
+    """A rational point where the hypotheses on denominators and relations hold."""
+    letters, source = system.names, random.Random(1)
+    for _ in range(ATTEMPTS):
+        values = [Fraction(0)] * system.count
+        for k in sorted(system.used, reverse=True):
+            relation = system.field.relations.get(k)
+            found = source.choice(SAMPLES) if relation is None else _root(_at(relation.right, values), relation.degree)
+            if found is None:
+                break
+            values[k] = found
+        else:
+            if all(_at(one, values) for one in nonzero):
+                break
+    else:
+        return "(* No rational point was found where the hypotheses hold. *)"
+    said = [f"{th.polynomial_text(letters, fact.polynomial)} = 0" for fact in relations]
+    said += [f"{th.polynomial_text(letters, one)} <> 0" for one in nonzero]
+    if not said:
+        return ""
+    chosen = ", ".join(f"({values[k].numerator} / {values[k].denominator})" for k in system.numbers)
+    binders = " ".join(letters.names[k] for k in system.numbers)
+    return (
+        f"(* Such numbers exist. *)\nExample somewhere_{theorem.name} : exists {binders} : R,\n  "
+        + " /\\\n  ".join(said)
+        + f".\nProof. exists {chosen}; repeat split; lra. Qed."
+    )
+
+
+def _at(polynomial: fmpq_mpoly, values: Sequence[Fraction]) -> Fraction:
+    return sum(
+        (
+            as_fraction(c) * math.prod((values[k] ** int(e) for k, e in enumerate(exponents) if e), start=Fraction(1))
+            for exponents, c in polynomial.to_dict().items()
+        ),
+        Fraction(0),
+    )
+
+
+def _root(value: Fraction, degree: int) -> Fraction | None:
+    """The positive rational root of this degree."""
+    if value <= 0:
+        return None
+    found = [round(part ** (1 / degree)) for part in (value.numerator, value.denominator)]
+    candidate = Fraction(found[0], found[1]) if found[1] else Fraction(0)
+    return candidate if candidate**degree == value else None

@@ -1,0 +1,1 @@
+"""Linear systems: quadratic Lagrangians from matrices, modes and roots."""

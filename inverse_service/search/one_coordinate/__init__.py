@@ -1,0 +1,1 @@
+"""One coordinate: last multipliers, Darboux polynomials, quadratures."""
