@@ -27,15 +27,16 @@ class ExplanationStep(Document):
     """One step of the explanation: its sentence, and where it has formulas its words and formulas in turn.
 
     Even places of `parts` are words, odd ones formulas; a formula after the end of the sentence is shown below it.
+    In `details` and `steps` a sentence with formulas has `parts` alone.
     """
 
-    text: str
+    text: str = ""
     parts: list[str] = Field(default_factory=list)
 
     @model_serializer(mode="wrap")
     def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Parts of a sentence without formulas are left out: an explanation has hundreds of them."""
-        return {key: value for key, value in handler(self).items() if value or key == "text"}
+        """What is empty is left out: an explanation has hundreds of sentences."""
+        return {key: value for key, value in handler(self).items() if value}
 
 
 class LagrangianPart(Formula):

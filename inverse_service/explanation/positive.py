@@ -95,8 +95,10 @@ def _worked_out(exact: MotionInRing, g: Matrix) -> Explanation:
     if sum(len(entry.numerator) for entry in [*shown, size]) > MOST_TERMS_SHOWN:
         raise TooLarge("the products fill pages")
     steps = (
-        said("The Hessian of `L` in the velocities is ", row("g = ", _matrix(exact, g)), ".", about=("multiplier",)),
-        said("Its derivatives `dg_ij/dv^k` are symmetric in `j` and `k`."),
+        said(
+            "The Hessian of `L` in the velocities is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
+            about=("multiplier",),
+        ),
         said(
             row("Gamma(g) = ", _matrix(exact, moved)),
             ", and `g N + (g N)^T` with ",
@@ -247,15 +249,14 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
 def of_lagrangian(
     analysis: Analysis, with_time: bool, tree: Expression, family: str, how: Sequence[Step], decision: Decision | None
 ) -> Answer:
-    """The answer that this Lagrangian proves, not yet checked: the plain proof, how L was found, what else there is."""
-    others = existence_steps(decision) if decision is not None and decision.symbol is not None else ()
+    """The answer that this Lagrangian proves, not yet checked: the plain proof, and how L was found."""
     return Answer(
         "variational",
         lagrangian=describe(analysis, tree, family),
         space=None if decision is None else decision.space,
         certificate=certify.of_lagrangian(analysis, tree, with_time),
         explanation=euler_lagrange_steps(analysis.system, tree),
-        details=(*how, *others),
+        details=tuple(how),
     )
 
 
@@ -277,32 +278,31 @@ def branch_steps(
     return (said("Where ", where, ": ", _written(values, "the roots are those given here"), "."),)
 
 
-def as_given_steps(tree: Expression) -> tuple[Step, ...]:
+def as_given_steps() -> tuple[Step, ...]:
     """How L follows from equations that are Euler-Lagrange equations as written."""
     step = said(
         "The equations, each times a factor that is read off from the quotients of their coefficients, are "
         "self-adjoint: then the matrix of the accelerations is the Hessian of a Lagrangian, which follows by "
-        "integration: ",
-        _written(row("L = ", tree), "the `L` given above"), ".", about=("Helmholtz",),
+        "integration.", about=("Helmholtz",),
     )  # fmt: skip
     return (step,)
 
 
-def search_steps(outcome: SearchOutcome, tree: Expression) -> tuple[Step, ...]:
+def search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
     """The family or the method that found L, and the constants it may have."""
     from inverse_service.search.rungs import REASONS
 
     assert outcome.found is not None
     name, _ = outcome.tried[-1]
     reason = (
-        f"{REASONS[name]} This gives "
+        f"{REASONS[name]} This gives `L`."
         if name in REASONS
         else (
             f"In the family '{name}' the Euler-Lagrange equations along the motion are linear in the coefficients; "
-            "solved, they leave "
+            "solved, they leave `L`."
         )
     )
-    first = said(reason, _written(row("L = ", tree), "the `L` given above"), ".")
+    first = said(reason)
     if len(outcome.found.parts) < 2:
         return (first,)
     parts = [row(f"C_{k}*(", part, ")") for k, part in enumerate(outcome.found.parts, start=1)]
@@ -335,13 +335,7 @@ def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
     """How H follows from the momenta."""
     if hamiltonian is None:
         return ()
-    pairs = list(zip(hamiltonian.symbols, hamiltonian.momenta, strict=True))
-    momenta = listed([row(symbol, " = ", p) for symbol, p in pairs])
     branch = hamiltonian.note.rstrip(".").replace("`", "")
     note = f" ({branch})" if branch else ""
-    solved = f"{branch}: " if hamiltonian.implicit else f"They are solved for the velocities{note}; with them "
-    result = row("H = p v - L = ", hamiltonian.expression)
-    return (
-        said("The momenta `p = dL/dv` are ", _written(momenta, "those given with `H`"), "."),
-        said(solved, _written(result, "`H = p v - L` is the one given above"), "."),
-    )
+    solved = f"{branch}:" if hamiltonian.implicit else f"The momenta `p = dL/dv` are solved for the velocities{note};"
+    return (said(f"{solved} `H = p v - L`."),)

@@ -179,7 +179,7 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     provenance: dict[str, Any] = {
         "seed": options.seed,
         "time_limit": options.time_limit,
-        "points": [dict(point) for point in work.points],
+        "points": [dict(point) for k, point in enumerate(work.points) if point not in work.points[:k]],
         "conditions_left_out": left_out,
     }
     if work.refused:
@@ -257,7 +257,7 @@ def _as_given(work: Work) -> Answer | None:
     short = not (system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES)
     short = short and sum(map(node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
-    found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(best), decision)
+    found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(), decision)
     others = _with_other_matrices(work, with_time) if short else None
     return completed(work, replace(found, checked="valid"), others, with_time)
 
@@ -434,7 +434,7 @@ def _as_written(work: Work, decision: Decision, tree: Expression) -> Expression:
 def _proposed(work: Work, decision: Decision, tree: Expression) -> Answer:
     assert work.outcome is not None
     assert work.outcome.found is not None
-    how = search_steps(work.outcome, tree)
+    how = search_steps(work.outcome)
     return of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
 
 

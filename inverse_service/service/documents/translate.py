@@ -226,7 +226,7 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
-        "details": [step_part(step) for step in answer.details],
+        "details": [step_part(step, in_full=False) for step in answer.details],
         "checked": answer.checked,
         "reason": answer.reason,
         "domain": _domain(answer.nonzero, answer.positive),
@@ -234,8 +234,11 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
     }
 
 
-def step_part(step: solutions.Step) -> schemas.ExplanationStep:
-    """The sentence, and its words and formulas in turn; what is shown below it comes last."""
+def step_part(step: solutions.Step, in_full: bool = True) -> schemas.ExplanationStep:
+    """The sentence, and its words and formulas in turn; what is shown below it comes last.
+
+    What is not written in full has the sentence in one form only: as parts where it has formulas.
+    """
     parts = [""]
     for part in (part for part in step.parts if part.kind in ("text", "formula", "display")):
         words = len(parts) % 2 == 1  # the last one is
@@ -243,7 +246,9 @@ def step_part(step: solutions.Step) -> schemas.ExplanationStep:
             parts[-1] += part.text
         else:
             parts += [part.text] if words or part.kind == "text" else ["", part.text]
-    return schemas.ExplanationStep(text=step.text, parts=parts if len(parts) > 1 else [])
+    has_formulas = len(parts) > 1
+    text = step.text if in_full or not has_formulas else ""
+    return schemas.ExplanationStep(text=text, parts=parts if has_formulas else [])
 
 
 def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:

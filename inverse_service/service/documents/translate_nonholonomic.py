@@ -264,7 +264,7 @@ def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> sche
         explanation=one.associated.explanation,
         **translate.equation_fields(system),
         verdict_with_time=None if solution.with_time is None else solution.with_time.verdict,
-        steps=[] if is_main else fields["explanation"],
+        steps=[] if is_main else [translate.step_part(step, in_full=False) for step in answer.explanation],
         **{key: fields[key] for key in _SHOWN},
     )
 
