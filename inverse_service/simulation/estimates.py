@@ -22,7 +22,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from inverse_service.expressions.tree import TIME, Apply, holds, walk
+from inverse_service.expressions.tree import TIME, Apply, Expression, Power, Symbol, Velocity, holds, walk
 from inverse_service.integrators.method_table import METHODS, OWN_STEPS, SCIPY
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import initial, motions, observing, schemes
@@ -162,8 +162,11 @@ _OF_TOLERANCE = 1e8  # tolerances that the energy may change in two steps, in ki
 # enter a narrow force before they see it, and lose what it did until then
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE = 0.1  # of the size of the motion
+GOLDEN, MOST_PULSES = 0.618033988749895, 64
 SEES = frozenset({"adaptive", "stiff", *SCIPY})  # their estimate of the error sees it
-ENDS_ELSEWHERE = "`adaptive` ends {:.3g} from there: a force changes with t within the steps. Take a smaller step."
+ENDS_ELSEWHERE = (
+    "`adaptive` on the peaks of the forces ends {:.3g} from there: one acts within a step. Take a smaller step."
+)
 _NEAR = 5  # steps
 
 
@@ -248,21 +251,49 @@ def other_motion(run: observing.Observed) -> Outcome | None:
     return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), schemes.OTHER_MOTION)
 
 
-def has_functions_of_time(run: observing.Observed) -> bool:
-    """Whether t is in a function of the formulas: that may change faster than the steps, and a pulse lie between two of
-    them, which neither they nor half of them show."""
-    problem, choice = run.problem, run.requested.choice
-    if problem is None or choice is None or not choice.guard or choice.method in SEES:
-        return False
+def moments_of_pulses(run: observing.Observed) -> Array | None:
+    """Times at which a function of t alone has a value that neither point about it shows, at most MOST_PULSES: a pulse
+    between two steps, which no method sees, nor half its steps. The argument of the function is smooth where its value
+    is a pulse: its turning points and zeros, located to 1e-10 of a step. None where the formulas hold no function of t,
+    which otherwise may change faster than the steps."""
+    problem, choice, times = run.problem, run.requested.choice, run.trajectory.times
+    if problem is None or choice is None or not choice.guard:
+        return None
     trees = (problem.lagrangian, problem.free_lagrangian, *(problem.accelerations or ()), *problem.forces)
-    nodes = (node for tree in trees if tree is not None for node in walk(tree))
-    return any(isinstance(node, Apply) and holds(node.argument, TIME) for node in nodes)
+    nodes = {node for tree in trees if tree is not None for node in walk(tree)}
+    timed = [node for node in nodes if isinstance(node, Apply | Power) and holds(node, TIME)]
+    if not any(isinstance(node, Apply) for node in timed):
+        return None
+    moving = {*map(Symbol, run.scene.coordinates), *map(Velocity, run.scene.coordinates)}
+    table: dict[Expression, Any] = {Symbol(name): value for name, value in run.values.items()}
+    found: list[Array] = []
+    for node in timed:
+        if moving.intersection(walk(node)):
+            continue
+        inner = node.argument if isinstance(node, Apply) else node.base
+
+        def at(moments: Array, tree: Expression = node) -> Array:
+            return nf.array_value(tree, {**table, TIME: moments})
+
+        along, values = at(times, inner), at(times)
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(along)))) + 1
+        low, high = times[turns - 1], times[turns + 1]
+        sign = np.sign(along[turns] - along[turns - 1])  # 1 where the argument rises to a maximum
+        for _ in range(50):  # golden section
+            a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+            left = sign * at(a, inner) > sign * at(b, inner)
+            low, high = np.where(left, low, a), np.where(left, b, high)
+        peaks = (low + high) / 2
+        after = np.clip(np.searchsorted(times, peaks), 1, len(times) - 1)
+        shown = np.maximum(np.abs(values[after] - at(peaks)), np.abs(values[after - 1] - at(peaks)))
+        alike = np.abs(values[after] - values[after - 1]) < shown / 2
+        found.append(peaks[alike & (shown > np.nanmax(np.abs(at(np.concatenate([times, peaks])))) / 2)])
+    return np.unique(np.concatenate([np.empty(0), *found]))[:MOST_PULSES]
 
 
-def apart_from(run: observing.Observed, other: Trajectory) -> str:
-    """A doubt where a run of DOP853 ends elsewhere, by a tenth of the motion's size."""
-    at = run.trajectory
-    if not other.outcome.completed or not len(at.times):
+def apart_from(run: observing.Observed, other: Array | None) -> str:
+    """A doubt where DOP853 has positions (m, n) that end elsewhere, by a tenth of the motion's size; none without."""
+    if other is None or not len(run.trajectory.times):
         return ""
-    apart = float(np.abs(other.positions[-1] - at.positions[-1]).max())
-    return ENDS_ELSEWHERE.format(apart) if apart > TOO_LARGE * float(np.ptp(other.positions, axis=0).max()) else ""
+    apart = float(np.abs(other[-1] - run.trajectory.positions[-1]).max())
+    return ENDS_ELSEWHERE.format(apart) if apart > TOO_LARGE * float(np.ptp(other, axis=0).max()) else ""

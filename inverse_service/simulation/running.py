@@ -49,7 +49,6 @@ from inverse_service.simulation.scene_data import (
     Unavailable,
 )
 
-OTHER = Requested("adaptive", "adaptive", None, MethodChoice("adaptive", tolerance=1e-10))
 LATE = "The time was over before its turn; take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed by a fault of the program ({}): please report the scene."
 
@@ -146,17 +145,34 @@ def run_method(
         with derivation.timed(seconds, "half the step"):
             numbers |= estimates.estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
         doubt = numbers.pop("doubt")
-        if not doubt and estimates.has_functions_of_time(run_.observed):
+        moments = None if doubt else estimates.moments_of_pulses(run_.observed)
+        if moments is not None and (len(moments) or requested.method not in estimates.SEES):
             with derivation.timed(seconds, "adaptive"):
-                other = observed_run(
-                    replace(scene, observe=()), OTHER, derivation.derived_for_truth(scene, derived), None, stop
-                )
-            doubt = "" if other.trajectory is None else estimates.apart_from(run_.observed, other.trajectory)
+                doubt = estimates.apart_from(run_.observed, _ended_on(moments, scene, derived, stop))
         outcome = replace(outcome, doubt=doubt)
     if COST in scene.observe:
         with derivation.timed(seconds, COST):
             numbers[COST] = _costs(scene, requested, derived, run_.free, stop, find)
     return replace(run_, outcome=outcome, numbers=numbers, seconds=seconds)
+
+
+def _ended_on(moments: Array, scene: Scene, derived: derivation.Derived, stop: Stop | None) -> Array | None:
+    """Positions by DOP853, (m, n), whose steps end on the moments, at these and at the end; None where it stops."""
+    problem, grid = derivation.with_accelerations(scene, derivation.derived_for_truth(scene, derived)), scene.grid
+    start = Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+    found = [scene.positions]
+    begin, end = grid.begin, grid.begin + grid.step * grid.steps
+    for moment in [*moments[(moments > begin) & (moments < end)], end]:
+        part = Grid(scene.grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
+        part = replace(part, step=(moment - begin) / part.steps)
+        if isinstance(problem, Unavailable):
+            return None
+        ran = _part(scene, problem, CHOICE, start, part, stop)
+        if not ran.outcome.completed or ran.velocities is None:
+            return None
+        found += list(ran.positions[1:])
+        start, begin = Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
+    return np.array(found)
 
 
 def observed_run(

@@ -428,7 +428,8 @@ def _point_program(
     watches: Sequence[Watch], forces: int, further: Sequence[Formula] = (),
 ) -> Program:  # fmt: skip
     carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
-    watches = [*watches, *rank_watches(f, [q + d for q, d in zip(f.symbols("q"), changes, strict=False)])]
+    ends = [q + d for q, d in zip(f.symbols("q"), changes, strict=False)]
+    watches = [*watches, *rank_watches(f, ends, bool(further))]
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
     state, updates = with_clock(f, carried, changes, observed)
     needed = [*updates, *further, *(watch.formula for watch in watches), *(formula for _, formula in observed)]
@@ -443,6 +444,7 @@ GUARD_REMEDY = "take a smaller step, or smaller free constants"
 OTHER_LAGRANGIAN = "give another free_lagrangian, or use `adaptive`"
 OTHER_MOTION = "use `adaptive`, or begin there again with the free_lagrangian that holds there"
 RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
+RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
 RANK_REMEDY = "begin elsewhere, or divide the constraints by what vanishes"
 MAP_LIMIT = 1e-12
 RESOLVE = f"{SMALLER_STEP} or `adaptive`; guard = false continues unchecked"
@@ -510,15 +512,21 @@ def range_watches(f: Formulas, alpha: Formula) -> list[Watch]:
     ]
 
 
-def rank_watches(f: Formulas, place: Sequence[Formula]) -> list[Watch]:
-    """det(omega(q_k) omega(q_(k+1))^T) > 0: at a loss of rank in between the span of the constraints turns round."""
+def rank_watches(f: Formulas, place: Sequence[Formula], own_steps: bool = False) -> list[Watch]:
+    """det(w w_next^T) > 0, w = omega(q_k): at a loss of rank in between the span of the constraints turns round. Steps
+    that a method chooses itself may turn with it: there det(w w^T) must not sink to LOST of its first size either."""
     if not f.forms:
         return []
     before, after = f.forms_at(f.symbols("q")), f.forms_at(place)
-    entries = [[sum((a * b for a, b in zip(row, other, strict=True)), number(0)) for other in after] for row in before]
-    if not determinant(entries).free_symbols:
+    turned, size = (
+        determinant([[sum((a * b for a, b in zip(row, other, strict=True)), number(0)) for other in rows]
+                     for row in before])
+        for rows in (after, before)
+    )  # fmt: skip
+    if not turned.free_symbols:
         return []
-    return [Watch("positive", determinant(entries), RANK, RANK_REMEDY)]
+    found = [Watch("positive", turned, RANK, RANK_REMEDY)]
+    return [*found, Watch("rank", size, RANK_LOST, RANK_REMEDY, LOST)] if own_steps and size.free_symbols else found
 
 
 def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:

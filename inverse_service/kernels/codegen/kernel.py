@@ -162,14 +162,18 @@ class Blocks:
         w.jump(onwards)
         w.open(onwards)
 
-    def keep_sign(self, slot: str, value: str, code: int) -> None:
-        """The value must keep the sign it had first; where the slot is 0 there is no first yet."""
+    def keep_sign(self, slot: str, value: str, code: int, share: float = 0.0) -> None:
+        """The value must keep the sign it had first, and this share of its size; where the slot is 0 there is no first
+        yet."""
         w = self.writer
         sign, zero = w.read(slot), w.number(0.0)
-        own = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
+        if share:
+            own = w.binary("/", w.number(1.0), value)
+        else:
+            own = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
         fresh = w.compare("==", sign, zero)
         sign = w.select(fresh, own, sign)
-        good = w.compare(">", w.binary("*", sign, value), zero)
+        good = w.compare(">", w.binary("*", sign, value), w.number(share))
         w.write(slot, sign if self.active is None else w.select(self.active, sign, w.read(slot)))
         self.stop_unless(good, code, value)
 
@@ -490,8 +494,9 @@ class Kernel:
         values = self.emitter.write([watch.formula for watch in watches]) if watches else []
         for place, (watch, value) in enumerate(zip(watches, values, strict=True)):
             limit, zero = w.number(watch.limit), w.number(0.0)
-            if watch.kind == "sign":
-                self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place)
+            if watch.kind in ("sign", "rank"):
+                share = watch.limit if watch.kind == "rank" else 0.0
+                self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place, share)
                 continue
             if watch.kind in ("positive", "domain"):
                 good = w.compare(">", value, zero)

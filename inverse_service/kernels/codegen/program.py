@@ -73,7 +73,7 @@ def layout_of(program: Program) -> Layout:
         *(f"{name}_rate" for name in program.unknowns),
         *program.sizes,
         *(f"{which}_{k}" for k in range(len(solves)) for which in ("first", "last")),
-        *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind == "sign"),
+        *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind in ("sign", "rank")),
         *(f"{which}_{k}" for k in range(len(program.way)) for which in ("later", "before")),
         *((PACE,) if program.way else ()),
         *(f"maximum_{k}" for k in range(len(program.observed))),
@@ -126,8 +126,8 @@ class Iterate:
 class Watch:
     """A quantity tested after each step.
 
-    "sign" must keep its sign, "positive" and "domain" must be above 0, "bound" and "resolution" must stay below
-    `limit` in size and have a value, "map" must stay below it where it has one.
+    "sign" must keep its sign, "rank" also the share `limit` of its first size, "positive" and "domain" must be above 0,
+    "bound" and "resolution" must stay below `limit` and have a value, "map" must stay below it where it has one.
     """
 
     kind: str
