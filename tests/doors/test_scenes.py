@@ -1,4 +1,5 @@
-"""Scenes of the corpus that mean nothing: each is refused at its place, by Python and over HTTP."""
+"""Scenes of the corpus: what means nothing is refused at its place, by Python and over HTTP; no method completes a hard
+motion with a wrong trajectory."""
 
 from __future__ import annotations
 
@@ -34,3 +35,15 @@ def test_the_service_refuses_the_same(service: str) -> None:
 def test_what_is_no_scene_is_refused(scene: object) -> None:
     with pytest.raises(inverse_service.InputError):
         inverse_service.simulate(scene)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("row", rows("motions"), ids=lambda row: row["id"])
+def test_no_method_completes_a_hard_motion_with_a_wrong_trajectory(row: Row) -> None:
+    """To the end without a doubt: within the error that is given, or a tenth of the motion's size."""
+    right, final = dict(row.get("right", {})), row["final"]
+    for method in inverse_service.simulate(row["scene"])["methods"]:
+        if method["outcome"] == "completed" and not method.get("doubt"):
+            assert final is not None, method["label"]
+            apart = max(abs(method["final"]["positions"][name] - value) for name, value in final.items())
+            assert apart <= row["size"] * right.pop(method["label"], 0.1), method["label"]
+    assert not right  # these get to the end
