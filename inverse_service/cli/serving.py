@@ -81,7 +81,7 @@ def _start_loading() -> None:
 def _make_first_page() -> None:
     """The templates and examples of the start page, which its first visitor need not wait for."""
     from inverse_service.web.pages import solve
-    from inverse_service.web.pages.form_documents import fields_from
+    from inverse_service.web.pages.forms import fields_from
 
     solve.solve_page(fields_from({"equations": solve.START}))
 

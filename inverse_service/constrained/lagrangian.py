@@ -48,12 +48,11 @@ from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessia
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.quotient_matrices import solve_square
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search.ansatz import make_sampler, solve_ansatz
 from inverse_service.search.factors import position_monomials, products
-from inverse_service.search.linear_ansatz import solve_ansatz
 from inverse_service.search.material import Material, distinct, gather
 from inverse_service.search.members import best_members
 from inverse_service.search.protocol import describe
-from inverse_service.search.sampling import make_sampler
 from inverse_service.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times, tree_of
 from inverse_service.solving.solving import solve
 

@@ -1,4 +1,16 @@
-"""The ansatz, deepened by weight: functions of the velocities times functions of position.
+"""The rows of the ansatz: functions of the velocities, their coefficients, and what has to go with them.
+
+Functions of the velocities that ansätze are built from, in sets that grow.
+
+Terms that an ansatz needs besides its kinetic ones: what can cancel the residuals of these.
+
+Of a single term the residuals T(q) w(v) are answered by B(q) w v_i / v_j with dB/dq_j = T. Those of a combination
+that has a multiplier as Hessian are the Euler-Lagrange expressions of some A_i(q) v_i - V(q), so they are linear in
+the velocities, at the latest once everything is put over one denominator: terms T(q) and T(q) v_j, answered by B(q)
+and B(q) v_k with dB/dq_j = T. Closures term by term cannot see this where polynomials in the velocities are letters,
+as their relations to the velocities are used only there.
+
+The ansatz, deepened by weight: functions of the velocities times functions of position.
 
 Which functions of the velocities a multiplier can be made of is seen at one place: for g = sum_k c_k(t, q) Hessian(s_k)
 the coefficients and their derivatives are numbers at one place (t, q), and (H2), (H3) are linear in them for every v
@@ -9,17 +21,20 @@ them in a second round. Potentials and linear terms come later.
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations_with_replacement
+from math import isqrt
 
 import numpy as np
 from flint import nmod_mat
 
 from inverse_service import bounds
+from inverse_service.deadline import STEP, check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
     TIME,
@@ -30,26 +45,390 @@ from inverse_service.expressions.tree import (
     Sum,
     Symbol,
     Velocity,
+    holds,
     is_exponential,
     number,
+    square_root,
     walk,
 )
 from inverse_service.field import modular
 from inverse_service.field import truncated_series as ps
 from inverse_service.field.echelon_kernels import Words
+from inverse_service.field.exact_atoms import factored
 from inverse_service.field.modular import Field, compiled, multiply, reconstruct
 from inverse_service.field.point import Expansion, Variable, variables_in
+from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.field.sample_points import SamplePoints
 from inverse_service.field.truncated_series import SingularPoint
-from inverse_service.search.closure import closed, is_admissible, potentials
-from inverse_service.search.factors import Factors, position_monomials, products
-from inverse_service.search.linear_ansatz import letters_of, to_montgomery
-from inverse_service.search.material import Material, antiderivatives, distinct
-from inverse_service.search.motion_terms import has_velocity, split_velocities
-from inverse_service.search.multiplier_ansatz import helmholtz_matrix
+from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
+from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
+from inverse_service.search.factors import HALF, Factors, position_monomials, products
+from inverse_service.search.material import Material, antiderivatives, distinct, moving_letters, oriented
 from inverse_service.search.null_vectors import SPARE, random_null_vector
-from inverse_service.search.sampling import LetterTable, sampler_of, table_at
-from inverse_service.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times
+from inverse_service.search.terms import (
+    EMPTY,
+    Monomial,
+    MotionTerms,
+    TooManyTerms,
+    euler_lagrange,
+    has_velocity,
+    monomial,
+    rank,
+    split_velocities,
+    terms_of,
+    times,
+    tree_of,
+)
+
+_FOUR = Fraction(4)
+_POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
+_CARRIED = tuple(Fraction(e, 2) for e in (0, 2, -2, 1, -1, 4, 3))
+_ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
+
+
+def with_roots(material: Material) -> list[Monomial]:
+    """v_i v_j and v_i sqrt(p) for what holds velocities in f, as in the square F^2 of a Finsler function."""
+    letters = [letter for letter in moving_letters(material) if isinstance(letter, Sum)]
+    rooted = [times(monomial(v), frozenset([(p, HALF)])) for p in letters for v in material.motion.velocities]
+    return [*quadratic(material), *rooted] if rooted else []
+
+
+def ratios(material: Material) -> list[Monomial]:
+    """v_i v_j and v_i v_j / v_k."""
+    return distinct([*quadratic(material), *quotients(material, 2)])
+
+
+def of_velocities(material: Material) -> list[Monomial]:
+    """These, powers and logarithms of one velocity."""
+    return distinct([*ratios(material), *(shape for v in material.motion.velocities for shape in single(v))])
+
+
+def functions(material: Material) -> list[Monomial]:
+    """These, and what f itself holds."""
+    return distinct([*of_velocities(material), *of_letters(material)])
+
+
+def as_in_force(material: Material) -> list[Monomial]:
+    """Those of these that need no other roots and logarithms than f holds: f has values for them already."""
+    items = {item for terms in material.motion.forces for key in terms for item in key}
+    letters, rooted = {p for p, _ in items}, {p for p, e in items if e.denominator > 1}
+
+    def is_held(letter: Expression, e: Fraction) -> bool:
+        plain = not isinstance(letter, Apply) or is_exponential(letter) or letter in letters
+        return plain and (e.denominator == 1 or letter in rooted)
+
+    return [shape for shape in functions(material) if all(is_held(p, e) for p, e in shape)]
+
+
+def products_and_roots(material: Material) -> list[Monomial]:
+    """Products of up to four velocities, v_i log v_j, v_i v_j v_k / v_l^2 and its like, roots of velocities.
+
+    For one coordinate `functions` has them all.
+    """
+    if material.motion.size == 1:
+        return []
+    higher = [*powers(material, 3), *(powers(material, 4) if material.motion.size < 4 else [])]
+    crossed = [monomial(a, Apply("log", b)) for a, b in itertools.permutations(material.motion.velocities, 2)]
+    double = [*quotients(material, 3), *(quotients(material, 4) if material.motion.size < 3 else [])]
+    below = divisors(material)
+    double += [frozenset([(v, _FOUR), (w, -_FOUR / 2)]) for v in material.motion.velocities for w in below if v != w]
+    return distinct([*functions(material), *higher, *crossed, *double, *roots(material)])
+
+
+def polynomials(material: Material) -> list[Monomial]:
+    """Products of two, three and four velocities, of several coordinates."""
+    if material.motion.size == 1:
+        return []
+    return [shape for degree in (2, 3, 4) for shape in powers(material, degree)]
+
+
+def carried(material: Material) -> list[Monomial]:
+    """v_i v_j w^e and functions of w, for the velocity w of a coordinate that f does not hold, roots in f first.
+
+    The momentum of w is constant then, and w is a function of the others, which can enter L in any power.
+    """
+    motion, found = material.motion, list[Monomial]()
+    held = {node for f in material.analysis.system.accelerations for node in walk(f)}
+    cyclic = [v for q, v in zip(motion.coordinates, motion.velocities, strict=True) if q not in held]
+    for w in sorted(cyclic, key=lambda w: (not _is_rooted(material, w), repr(w))):
+        others = [v for v in motion.velocities if v != w]
+        pairs = [monomial(*pair) for pair in itertools.combinations_with_replacement(others, 2)]
+        found += [times(pair, monomial(w), e) for e in _CARRIED for pair in pairs]
+        found += [*single(w), *(monomial(v, w) for v in others)]
+    return list(dict.fromkeys(found)) if len(motion.velocities) > 1 else []
+
+
+def _is_rooted(material: Material, w: Expression) -> bool:
+    """Whether f holds a root of w."""
+    nodes = (node for f in material.analysis.system.accelerations for node in walk(f))
+    return any(
+        isinstance(node, Power) and node.base == w and isinstance(node.exponent, Number) and node.exponent.value % 1
+        for node in nodes
+    )
+
+
+def complex_logarithms(material: Material) -> list[Monomial]:
+    """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i U_x) z' has them."""
+    found: list[Monomial] = []
+    for v, w in itertools.combinations(material.motion.velocities, 2):
+        modulus = Apply("log", v**2 + w**2)
+        angle = Apply("atan", w / v)
+        found += [monomial(letter, part) for letter in (v, w) for part in (modulus, angle)]
+    return [*found, *quadratic(material)] if found else []
+
+
+def quadratic(material: Material) -> list[Monomial]:
+    """v_i v_j."""
+    return powers(material, 2)
+
+
+def powers(material: Material, degree: int) -> list[Monomial]:
+    """Products of `degree` velocities."""
+    velocities = material.motion.velocities
+    return [monomial(*chosen) for chosen in itertools.combinations_with_replacement(velocities, degree)]
+
+
+def quotients(material: Material, degree: int) -> list[Monomial]:
+    """Products of `degree` velocities over w^(degree - 1) or w^(degree - 2), w another velocity or a sum of them in f.
+
+    Where some velocities are constant along the motion, only these are divided by.
+    """
+    exponents = {degree - 1, degree - 2} - {0}
+    return [
+        times(product, monomial(w), -e)
+        for product in powers(material, degree)
+        for w in (*divisors(material), *material.linear_sums)
+        if all(w != letter for letter, _ in product)
+        for e in exponents
+    ]
+
+
+def divisors(material: Material) -> list[Expression]:
+    """The velocities that are constant along the motion, else all."""
+    motion = material.motion
+    constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
+    return list(constant or motion.velocities)
+
+
+def roots(material: Material) -> list[Monomial]:
+    """w^(+-1/2) v_i v_j and v_i^a v_j^b with halves a + b = 1 or 2; w is constant along the motion."""
+    motion = material.motion
+    constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
+    found = [times(pair, frozenset([(w, e)])) for w in constant for e in (HALF, -HALF) for pair in quadratic(material)]
+    for a, b in itertools.permutations(motion.velocities, 2):
+        found += [frozenset([(a, HALF), (b, 3 * HALF)]), frozenset([(a, HALF), (b, HALF)])]
+    return found
+
+
+def single(velocity: Expression) -> list[Monomial]:
+    """Powers, log v and v log v."""
+    log = Apply("log", velocity)
+    return [monomial(velocity, log), monomial(log), *(frozenset([(velocity, e)]) for e in _POWERS)]
+
+
+def of_letters(material: Material) -> list[Monomial]:
+    """Powers, logarithms and exponentials of what holds velocities in f, and those times a velocity."""
+    shapes: list[Monomial] = exponentials(material)
+    for letter in moving_letters(material):
+        if isinstance(letter, Sum):
+            # Its integer powers are sums of products that stand in the list themselves.
+            shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
+            shapes += [monomial(Apply("log", letter)), *_arctangents(letter)]
+        else:
+            shapes += [frozenset([(letter, Fraction(e))]) for e in (1, -1, 2)]
+    plain = [EMPTY, *(monomial(v) for v in material.motion.velocities)]
+    return distinct([times(a, b) for a in shapes for b in plain])
+
+
+def _arctangents(letter: Expression) -> list[Monomial]:
+    """atan(c v) for a letter a v^2 + b with numbers a, b, c^2 = a/b."""
+    match letter:
+        case Sum((Number() as constant, square)) | Sum((square, Number() as constant)):
+            terms = list(terms_of(square).items())
+        case _:
+            return []
+    match [(list(key), value / constant.value) for key, value in terms]:
+        case [([(Velocity() as v, power)], ratio)] if power == 2 and ratio > 0:
+            return [monomial(Apply("atan", _root(ratio) * v))]
+    return []
+
+
+def _root(value: Fraction) -> Expression:
+    """Its square root, a number where it is rational."""
+    top, bottom = isqrt(value.numerator), isqrt(value.denominator)
+    exact = top**2 == value.numerator and bottom**2 == value.denominator
+    return number(Fraction(top, bottom)) if exact else square_root(number(value))
+
+
+def exponentials(material: Material) -> list[Monomial]:
+    """The products of exponentials of velocities in f, and their inverses."""
+    found: dict[Monomial, None] = {}
+    keys = [key for terms in material.motion.forces for key in terms]
+    for letter in material.velocity_letters:
+        if isinstance(letter, Sum):
+            try:
+                keys += list(terms_of(letter))
+            except TooManyTerms:
+                continue
+    for key in keys:
+        part: Monomial = frozenset((p, e) for p, e in key if is_exponential(p) and has_velocity(p))
+        if part:
+            found[part] = None
+            found[times(EMPTY, part, -1)] = None
+            found.update(dict.fromkeys(frozenset([(p, Fraction(s))]) for p, _ in part for s in (1, -1, 2, -2)))
+    return distinct(list(found))
+
+
+def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int) -> list[Monomial]:
+    """The seeds, and terms whose Euler-Lagrange expressions can cancel those of the terms before.
+
+    A residual T(q) w(v) in equation i is cancelled by B(q) w v_i / v_j with dB/dq_j = T; only the
+    velocity shapes of the seeds, 1 and v_k are admitted. Stops at `bound` terms beyond the seeds.
+    """
+    shapes = {split_velocities(key)[1] for key in seeds}
+    shapes |= {EMPTY, *(monomial(v) for v in material.motion.velocities)}
+    found = dict.fromkeys(seeds)
+    fresh, room = list(seeds), bound
+    for _ in range(depth):
+        added: dict[Monomial, None] = {}
+        for key in fresh:
+            added.update(dict.fromkeys(extra for extra in _cancelling(material, key, shapes) if extra not in found))
+            if len(added) > 2 * room:
+                break
+        fresh = sorted(added, key=rank)[:room]
+        room -= len(fresh)
+        found.update(dict.fromkeys(fresh))
+    return list(found)
+
+
+def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> list[Monomial]:
+    """Admissible terms that answer the residuals of one candidate."""
+    check(STEP)
+    try:
+        residuals = euler_lagrange(material.motion, key)
+    except TooManyTerms:
+        return []
+    found: dict[Monomial, None] = {}
+    motion = material.motion
+    answered: dict[Monomial, list[tuple[Symbol, Monomial]]] = {}
+    for v, residual in zip(motion.velocities, residuals, strict=True):
+        for term in residual:
+            position, moving = split_velocities(term)
+            whole = times(moving, monomial(v))
+            if whole not in answered:
+                answered[whole] = _answering(motion, whole, shapes)
+            for q, shape in answered[whole]:
+                found.update(dict.fromkeys(times(m, shape) for m in antiderivatives(position, q)))
+    found.update(dict.fromkeys(m for extra in list(found) for m in without_squares(extra)))
+    return list(found)
+
+
+def _answering(motion: MotionTerms, whole: Monomial, shapes: set[Monomial]) -> list[tuple[Symbol, Monomial]]:
+    """(q_j, w v_i / v_j) for the admitted shapes among these, `whole` being w v_i."""
+    every = zip(motion.coordinates, motion.velocities, strict=True)
+    return [(q, shape) for q, w in every if (shape := times(whole, monomial(w), -1)) in shapes]
+
+
+def without_squares(key: Monomial) -> list[Monomial]:
+    """With sin^2 u or cos^2 u also the monomial without it, 1 = sin^2 u + cos^2 u; sinh and cosh likewise."""
+    return [
+        times(key, frozenset([(letter, Fraction(2))]), -1)
+        for letter, e in key
+        if isinstance(letter, Apply) and letter.function in ("sin", "cos", "sinh", "cosh") and e >= 2
+    ]
+
+
+def each_once(terms: Sequence[Monomial]) -> list[Monomial]:
+    """The terms without m sin^2 u where m and m cos^2 u are among them, and without m sinh^2 u likewise."""
+    every = set(terms)
+    pairs = {"sin": "cos", "sinh": "cosh"}
+
+    def is_sum(key: Monomial) -> bool:
+        squares = [p for p, e in key if isinstance(p, Apply) and p.function in pairs and e >= 2]
+        return any(
+            {rest := times(key, monomial(p), -2), times(rest, monomial(Apply(pairs[p.function], p.argument)), 2)}
+            <= every
+            for p in squares
+        )
+
+    return [key for key in terms if not is_sum(key)]
+
+
+def potentials(material: Material, seeds: Iterable[Monomial], bound: int) -> list[Monomial]:
+    """B(q) and B(q) v_k with dB/dq_j = phi T, phi the factor of a seed that holds v_i, T from f^i.
+
+    In f^i = g^-1 (dL/dq - …) the potential and the linear terms of L stand undivided, so T runs over
+    the terms of f^i with all that holds velocities left out. At most `bound` of each kind.
+    """
+    motion = material.motion
+    found: dict[Monomial, None] = {}
+    linear: dict[Monomial, None] = {}
+    for product in sorted(_forces_of_seeds(material, seeds), key=rank)[: 4 * bound]:
+        for q in motion.coordinates:
+            for m in antiderivatives(product, q):
+                found[m] = None
+                linear.update(dict.fromkeys(times(m, monomial(v)) for v in motion.velocities))
+    for extra in list(found):
+        found.update(dict.fromkeys(without_squares(extra)))
+    return [*sorted(found, key=rank)[:bound], *sorted(linear, key=rank)[:bound]]
+
+
+def _forces_of_seeds(material: Material, seeds: Iterable[Monomial]) -> set[Monomial]:
+    """phi T for the factor phi of each seed and the position parts T of the forces on its velocities."""
+    motion = material.motion
+    parts = [{split_velocities(key)[0] for key in terms} for terms in motion.forces]
+    factors = set()
+    for seed in seeds:
+        position, moving = split_velocities(seed)
+        nodes = {node for letter, _ in moving for node in walk(letter)}
+        factors |= {(position, i) for i, v in enumerate(motion.velocities) if v in nodes}
+    return {times(position, part) for position, i in factors for part in parts[i]}
+
+
+def is_admissible(material: Material, key: Monomial) -> bool:
+    """L may contain t only where asked for, and a pure constant is no term."""
+    if all(isinstance(letter, Number) for letter, _ in key):
+        return False
+    return material.motion.with_time or not any(holds(letter, TIME) for letter, _ in key)
+
+
+def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> list[Monomial]:
+    """B and B v_k for the residuals of a combination; none where they are too large to be written out."""
+    system = material.analysis.system
+    try:
+        check()
+        trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
+        motion, point = material.motion, material.analysis.real_point
+        symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
+        parts = _linear_parts(material, (key for tree in trees for key in oriented(terms_of(tree), point)))
+        sums = {letter for key in combination for letter, e in key if isinstance(letter, Sum) and e > 0}
+        # With 3 x^2 + 1 in L, and below f, each term of (3 x^2 + 1)/(3 x^2 + 1) has a divisor that cancels.
+        if any(part is None or any(letter in sums and e < 0 for letter, e in part) for part in parts):
+            quotients = factored(list(trees), symbols, Budget.long())
+            parts = _linear_parts(material, (key for tree in quotients for key in oriented(terms_of(tree), point)))
+    except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
+        return []
+    return _primitives(material, [position for position in parts if position is not None])[: bounds.SMALL]
+
+
+def _linear_parts(material: Material, keys: Iterable[Monomial]) -> list[Monomial | None]:
+    """T for each term T or T v_j, None for any other."""
+    linear = {EMPTY, *map(monomial, material.motion.velocities)}
+    pairs = (split_velocities(key) for key in keys)
+    return [position if moving in linear else None for position, moving in pairs]
+
+
+def _primitives(material: Material, parts: Iterable[Monomial]) -> list[Monomial]:
+    """B and B v_k for each T."""
+    motion = material.motion
+    found: dict[Monomial, None] = {}
+    for position in parts:
+        for q in motion.coordinates:
+            raised = antiderivatives(position, q)
+            found.update(dict.fromkeys(raised))
+            found.update(dict.fromkeys(times(m, monomial(v)) for m in raised for v in motion.velocities))
+    return distinct(list(found))
+
 
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 

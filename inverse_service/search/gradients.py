@@ -26,8 +26,7 @@ from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.field.real_point import RealTable, real_sign
 from inverse_service.mechanics.implicit_equations import vanishes
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import completion
-from inverse_service.search.motion_terms import split_velocities
+from inverse_service.search import quadratures
 from inverse_service.search.quadratures import antiderivative, fresh_names
 from inverse_service.search.terms import (
     EMPTY,
@@ -40,6 +39,7 @@ from inverse_service.search.terms import (
     monomial,
     multiply_terms,
     split_content,
+    split_velocities,
     terms_of,
     times,
     tree_of,
@@ -123,7 +123,7 @@ class Integrator:
                 total = add_terms(total, part)
         if not other:
             return total, other
-        known = completion.linear_completion([variable.name], [other])
+        known = quadratures.linear_completion([variable.name], [other])
         if known is not None:
             return add_terms(total, terms_of(known), -1), {}
         left = Terms()
@@ -173,10 +173,10 @@ class Integrator:
         symbols = [ex.Symbol(name) for name in names]
         rest, total = list(wanted), Terms()
         for i, j in combinations(range(len(names)), 2):
-            magnetic = completion.round_potential(names, rest, i, j)
+            magnetic = quadratures.round_potential(names, rest, i, j)
             if magnetic is not None:
                 total = add_terms(total, terms_of(magnetic))
-                own = completion.expressions_without_acceleration(names, terms_of(magnetic))
+                own = quadratures.expressions_without_acceleration(names, terms_of(magnetic))
                 rest = [self.in_normal_form(add_terms(w, part, -1)) for w, part in zip(rest, own, strict=True)]
         fields: dict[tuple[int, int], Terms] = {}
         slopes = list[Terms]()

@@ -22,24 +22,31 @@ from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import rungs
-from inverse_service.search.closure import answers, each_once, without_squares
+from inverse_service.search.ansatz import (
+    Sampler,
+    make_sampler,
+    occurring_terms,
+    sampler_of,
+    solve_ansatz,
+    solve_multiplier,
+)
 from inverse_service.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.search.families import (
     Family,
     all_terms,
+    answers,
+    each_once,
     is_linear,
     kinetic_terms,
     label,
     own_family,
     with_parameters,
+    without_squares,
 )
-from inverse_service.search.linear_ansatz import solve_ansatz
 from inverse_service.search.material import Material, gather
 from inverse_service.search.members import Member, best_members, needed_combinations
-from inverse_service.search.multiplier_ansatz import occurring_terms, solve_multiplier
 from inverse_service.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
 from inverse_service.search.quadratures import real_form
-from inverse_service.search.sampling import Sampler, make_sampler, sampler_of
 from inverse_service.search.terms import Monomial, TooManyTerms, collected, terms_of, tree_of
 from inverse_service.search.tidy import tidied
 from inverse_service.search.views import Lettered, views

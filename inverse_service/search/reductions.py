@@ -37,12 +37,19 @@ from inverse_service.field.exact_atoms import factored
 from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.linear_pde.involutive_form import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search.integrating import divergence_factor, hidden_damping, integrating_factor
+from inverse_service.search.factors import divergence_factor, hidden_damping, integrating_factor
 from inverse_service.search.material import Material, coefficient
-from inverse_service.search.motion_terms import split_velocities
 from inverse_service.search.protocol import Smaller
 from inverse_service.search.quadratures import fresh_names
-from inverse_service.search.terms import Terms, TooManyTerms, monomial, monomial_tree, terms_of, tree_of
+from inverse_service.search.terms import (
+    Terms,
+    TooManyTerms,
+    monomial,
+    monomial_tree,
+    split_velocities,
+    terms_of,
+    tree_of,
+)
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:

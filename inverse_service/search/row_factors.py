@@ -32,10 +32,9 @@ from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search.completion import expressions_without_acceleration
 from inverse_service.search.gradients import ONE_TERM, Integrator, constant_factor, is_zero
 from inverse_service.search.material import Material
-from inverse_service.search.motion_terms import has_velocity, split_velocities
+from inverse_service.search.quadratures import expressions_without_acceleration
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -43,9 +42,11 @@ from inverse_service.search.terms import (
     TooManyTerms,
     add_terms,
     derivative_of_terms,
+    has_velocity,
     monomial,
     multiply_terms,
     split_content,
+    split_velocities,
     terms_of,
     times,
     tree_of,

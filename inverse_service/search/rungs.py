@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from inverse_service import bounds
 from inverse_service.search import (
+    families,
     holomorphic,
+    linear_systems,
+    one_coordinate,
     one_matrix,
     other_coordinates,
     reductions,
     row_factors,
     scalar_multiplier,
-    shapes,
 )
 from inverse_service.search.families import Family
-from inverse_service.search.linear_systems.time_dependent import is_linear, linear_lagrangians
-from inverse_service.search.one_coordinate import last_multiplier
 from inverse_service.search.protocol import Leaf, Reduction
 
 Rung = Leaf | Reduction | Family
@@ -50,16 +50,16 @@ LEAVES = (
     Leaf(
         "linear systems, multipliers in t alone",
         1.5,
-        is_linear,
-        linear_lagrangians,
+        linear_systems.is_linear,
+        linear_systems.linear_lagrangians,
         "The system is linear: a `g` that depends on `t` alone has to solve `g' = g N + (g N)^T` and keep `g Phi` "
         "symmetric.",
     ),
     Leaf(
         "one coordinate, products of Darboux factors",
         6.5,
-        last_multiplier.applies,
-        last_multiplier.propose,
+        one_coordinate.applies,
+        one_coordinate.propose,
         "For one coordinate `g` has to solve `Gamma(g) + g df/dv = 0`; a product of factors that `Gamma` takes to "
         "multiples of themselves solves it, and `L` is `g` integrated twice by `v`.",
     ),
@@ -67,7 +67,7 @@ LEAVES = (
         "one coordinate, a function of the velocity",
         4.2,
         scalar_multiplier.is_of_one_coordinate,
-        last_multiplier.propose_function_of_velocity,
+        one_coordinate.propose_function_of_velocity,
         "With `P' = 1/F` and `Q' = v/F`, `f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where "
         "`phi_t = A phi` and `phi_x = B phi`; then `L = phi (v P - Q) + int phi G d x`.",
         exact=True,
@@ -76,7 +76,7 @@ LEAVES = (
         "one coordinate, a function of the velocity by quadratures",
         9.5,
         scalar_multiplier.is_of_one_coordinate,
-        last_multiplier.propose_with_integrals,
+        one_coordinate.propose_with_integrals,
         "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
         "`phi_t = A phi` and `phi_x = B phi`; what is not elementary stays under integral signs.",
         exact=True,
@@ -117,16 +117,16 @@ REDUCTIONS = (
 )
 ANSATZ = (
     Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
-    Family("quadratic in the velocities, short factors", 2, shapes.quadratic, bounds.SMALL),
-    Family("functions of velocities as in f, short factors", 3.74, shapes.as_in_force, bounds.SMALL),
-    Family("functions of velocities, constant coefficients", 3.75, shapes.of_velocities, 0),
-    Family("ratios of velocities, short factors", 3.7, shapes.ratios, bounds.SMALL),
-    Family("quadratic in the velocities and in a root", 3.9, shapes.with_roots, bounds.LARGE),
-    Family("functions of velocities, short factors", 4, shapes.functions, bounds.SMALL),
-    Family("products of up to four velocities", 7, shapes.polynomials, bounds.LARGE),
-    Family("squares times powers of a velocity", 7.5, shapes.carried, bounds.LARGE),
-    Family("products, roots and logarithms of velocities", 8, shapes.products_and_roots, bounds.LARGE),
-    Family("logarithms and arctangents of two velocities", 9, shapes.complex_logarithms, bounds.SMALL),
+    Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
+    Family("functions of velocities as in f, short factors", 3.74, families.as_in_force, bounds.SMALL),
+    Family("functions of velocities, constant coefficients", 3.75, families.of_velocities, 0),
+    Family("ratios of velocities, short factors", 3.7, families.ratios, bounds.SMALL),
+    Family("quadratic in the velocities and in a root", 3.9, families.with_roots, bounds.LARGE),
+    Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
+    Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
+    Family("squares times powers of a velocity", 7.5, families.carried, bounds.LARGE),
+    Family("products, roots and logarithms of velocities", 8, families.products_and_roots, bounds.LARGE),
+    Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
 RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)
 REASONS = {rung.name: rung.reason for rung in (*LEAVES, *REDUCTIONS)}

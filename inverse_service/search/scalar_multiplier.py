@@ -35,11 +35,11 @@ from inverse_service.mechanics.conditions import (
 )
 from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.quotient_matrices import null_vectors, numerators, reduced_rows
-from inverse_service.search.completion import completed
 from inverse_service.search.material import Material
 from inverse_service.search.members import Matrix as RealMatrix
 from inverse_service.search.members import definite_weights
 from inverse_service.search.quadratures import (
+    completed,
     exponential,
 )
 from inverse_service.search.terms import (

@@ -49,12 +49,12 @@ from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.mechanics.quadratic_forms import short_forms
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import joined
-from inverse_service.search.motion_terms import has_velocity
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
     Terms,
     TooManyTerms,
+    has_velocity,
     monomial_tree,
     split_content,
     terms_of,

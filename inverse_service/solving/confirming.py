@@ -15,8 +15,7 @@ from inverse_service.errors import CertificateRefused
 from inverse_service.explanation.positive import hamiltonian_of, legendre_steps, verification_steps
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
-from inverse_service.search.further import is_multiple, why_shown
-from inverse_service.search.protocol import Found, SearchOutcome, describe
+from inverse_service.search.protocol import Found, SearchOutcome, describe, is_multiple, why_shown
 
 if TYPE_CHECKING:
     from inverse_service.decision.deciding import Analysis, Decision

@@ -38,10 +38,9 @@ from inverse_service.mechanics.second_order_system import (
     branches_of,
     on_branch,
 )
-from inverse_service.search.motion_terms import reading_class
 from inverse_service.search.protocol import Found, SearchOutcome
 from inverse_service.search.row_factors import lagrangians_of_lines, with_written_masses
-from inverse_service.search.terms import TooManyTerms
+from inverse_service.search.terms import TooManyTerms, reading_class
 from inverse_service.search.tidy import tidied
 from inverse_service.solving.confirming import (
     NOT_YET,
@@ -311,7 +310,7 @@ def _is_complete(answer: Answer) -> bool:
 
 def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
-    from inverse_service.search.integrating import is_free_of_divergence
+    from inverse_service.search.factors import is_free_of_divergence
 
     if autonomous.lagrangian is not None and is_free_of_divergence(work.analysis, work.options.seed):
         return autonomous  # no factor e^(ct) is asked for, so the search would go the same way

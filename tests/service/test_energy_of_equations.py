@@ -10,7 +10,7 @@ import pytest
 from inverse_service import solve
 from inverse_service.service.figures.time_series import series_figure
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.web.pages.figures import figure_data, figure_names
+from inverse_service.web.pages.simulations import figure_data, figure_names
 
 
 def run(equations: list[str], velocity: float, method: Any, **further: Any) -> dict[str, Any]:

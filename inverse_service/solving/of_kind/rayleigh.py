@@ -22,8 +22,8 @@ from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, 
 from inverse_service.field.semidefinite import kernel
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search.completion import completed
 from inverse_service.search.protocol import describe
+from inverse_service.search.quadratures import completed
 from inverse_service.search.row_factors import lagrangian_as_given
 from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
 from inverse_service.solving.of_kind.kind_answers import NOT_FOUND, KindAnswer, decided, is_valid

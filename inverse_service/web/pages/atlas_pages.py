@@ -15,7 +15,7 @@ from inverse_service.catalogue import atlas
 from inverse_service.errors import InputError
 from inverse_service.reading.names import Names
 from inverse_service.service.documents.text_page import conditions_of
-from inverse_service.web.pages import form_documents, typesetting
+from inverse_service.web.pages import forms, typesetting
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_atlas import CITE, LICENSE, found_by
@@ -115,7 +115,7 @@ async def entry(name: str) -> HTMLResponse:
         source=referenced(found["source"]),
         body=body_of(name),
         alike=[one for one in atlas.search(form=found["form"]) if one["name"] != name][:12] if found["form"] else [],
-        question=form_documents.question_address(found["document"]),
+        question=forms.question_address(found["document"]),
         can_simulate=can_simulate(),
         cite=CITE,
     )

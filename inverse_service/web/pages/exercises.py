@@ -28,7 +28,7 @@ from inverse_service.service.jobs.model import split_options, write_json
 from inverse_service.service.jobs.tasks import check_task, solve_task
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages import form_documents, form_tasks, reading_back, sheets, typesetting
+from inverse_service.web.pages import forms, reading_back, sheets, typesetting
 from inverse_service.web.pages.preview import motion_of_result
 from inverse_service.web.pages.rendering import POLICY, page
 from inverse_service.web.pages.solve import fields_of_job
@@ -61,8 +61,8 @@ class Exercise:
 def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) -> Exercise:
     """The exercise of a link with what is said of an answer: "none", or "one" with a formula."""
     try:
-        document = split_options(form_documents.document_of_fields(fields))[0]
-        result = solve_task(document, SolveOptions(time_limit=form_tasks.GLANCE))
+        document = split_options(forms.document_of_fields(fields))[0]
+        result = solve_task(document, SolveOptions(time_limit=reading_back.GLANCE))
     except InputError as error:
         return Exercise([], "", problem=reading_back.sentence(error.places[0]) if error.places else str(error))
     system, names = result["system"], typesetting.names_of(result["system"])
@@ -104,7 +104,7 @@ def _judged_exists(verdict: str) -> sheets.Judged:
 def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sheets.Judged:
     """What the checker says of a student's L, or of the L that belongs to a student's H."""
     try:
-        lagrangian = lagrangian_of(own, names) if ask == "hamiltonian" else form_documents.right_side(own)
+        lagrangian = lagrangian_of(own, names) if ask == "hamiltonian" else forms.right_side(own)
         found = check_task(write_json({"system": document, "lagrangian": lagrangian}))
     except InputError as error:
         reasons = [reading_back.sentence(place) for place in error.places] or [str(error)]
@@ -124,7 +124,7 @@ def lagrangian_of(hamiltonian: str, names: Any) -> str:
     """
     from inverse_service.expressions.printing import to_text
 
-    text = form_documents.right_side(hamiltonian.replace("H =", "L =").replace("H=", "L="))
+    text = forms.right_side(hamiltonian.replace("H =", "L =").replace("H=", "L="))
     tree = read_formula(text, names)
     momenta: dict[Expression, Expression] = {Symbol(f"p_{name}"): Velocity(name) for name in names.coordinates}
     if any(isinstance(node, Velocity) for node in walk(tree)):
@@ -136,7 +136,7 @@ def lagrangian_of(hamiltonian: str, names: Any) -> str:
         ],
         "lagrangian": to_text(substitute(tree, momenta)),
     }
-    found = solve_task(document, SolveOptions(time_limit=form_tasks.GLANCE))["hamiltonian"]
+    found = solve_task(document, SolveOptions(time_limit=reading_back.GLANCE))["hamiltonian"]
     if found.get("implicit"):
         raise InputError("The velocities of this H could not be solved for the momenta in closed form.")
     back = read_formula(found["text"], names)
@@ -172,7 +172,7 @@ def hints_of(result: Mapping[str, Any], names: Any) -> list[Markup]:
 async def exercise(request: Request) -> Response:
     """The page of a student, with what is said of an answer in the address."""
     query = request.query_params
-    fields = form_documents.fields_of_link(query)
+    fields = forms.fields_of_link(query)
     if fields is None:
         return RedirectResponse("/teach", 303)
     fields |= {"lagrangian": "", "constraints": "", "kind": "equations"}
@@ -180,7 +180,7 @@ async def exercise(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     answer, own = query.get("answer", ""), query.get("own", "")[:6_000]
     found = await engine.made(
-        client_of(request), exercise_task, fields, ask, answer, own, late=LATE, seconds=4 * form_tasks.GLANCE
+        client_of(request), exercise_task, fields, ask, answer, own, late=LATE, seconds=4 * reading_back.GLANCE
     )
     student = query.get("student", "").strip()[:80]
     code = ""
@@ -199,7 +199,7 @@ async def exercise(request: Request) -> Response:
 
 def question_of(query: Mapping[str, str]) -> str:
     """The address of the exercise without an answer, always in one order."""
-    wanted = (*form_documents.LINKED, "title", "ask", "hints")
+    wanted = (*forms.LINKED, "title", "ask", "hints")
     return urlencode({name: query[name] for name in wanted if query.get(name)})
 
 
@@ -213,10 +213,10 @@ def code_of(question: str, student: str, day: str) -> str:
 async def make(request: Request) -> HTMLResponse:
     """The page of a teacher: what is asked, the link, the code to embed."""
     query = request.query_params
-    fields = await fields_of_job(request, query["job"]) if query.get("job") else form_documents.fields_of_link(query)
-    fields = fields or form_documents.fields_from({"equations": "x'' = -x - c*x'"})
+    fields = await fields_of_job(request, query["job"]) if query.get("job") else forms.fields_of_link(query)
+    fields = fields or forms.fields_from({"equations": "x'' = -x - c*x'"})
     chosen = {name: query.get(name, "") for name in ("title", "ask", "hints")}
-    kept = {name: value for name, value in fields.items() if value and name in form_documents.LINKED}
+    kept = {name: value for name, value in fields.items() if value and name in forms.LINKED}
     link = f"{str(request.base_url).rstrip('/')}/exercise?{question_of({**kept, **chosen})}"
     return page("exercise_new.html", active="/teach", fields=kept, chosen=chosen, asked=ASKED, link=link)
 

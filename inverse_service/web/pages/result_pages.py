@@ -16,7 +16,7 @@ from inverse_service.service.jobs.model import Job
 from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
-from inverse_service.web.pages import figures, reading_back, result_tasks, simulations
+from inverse_service.web.pages import reading_back, result_tasks, simulations
 from inverse_service.web.pages.own_calls import SMALL_FORM, Answer, call, read_form
 from inverse_service.web.pages.rendering import POLICY, VISITOR, packed, page
 
@@ -118,7 +118,7 @@ async def figure_data(request: Request, identifier: str) -> Response:
 async def figure_file(request: Request, identifier: str, file: str) -> Response:
     """One figure as SVG or PNG."""
     name, _, ending = file.rpartition(".")
-    if name not in figures.NAMES or ending not in simulations.PICTURES:
+    if name not in simulations.NAMES or ending not in simulations.PICTURES:
         return missing()
     return await _file(request, identifier, simulations.PICTURES[ending], file, result_tasks.picture_task, name, ending)
 

@@ -22,8 +22,8 @@ from inverse_service.service.documents.text_page import branches_of, conditions_
 from inverse_service.service.jobs.model import write_json
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.tasks import check_task
-from inverse_service.web.pages import figures, reading_back, sheets, simulations, typesetting
-from inverse_service.web.pages.form_documents import lean_fields, question_address, right_side
+from inverse_service.web.pages import reading_back, sheets, simulations, typesetting
+from inverse_service.web.pages.forms import lean_fields, question_address, right_side
 from inverse_service.web.pages.preview import motion_of_result
 from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
 
@@ -140,13 +140,13 @@ def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
 
 def figure_data_task(store: str, id: str) -> bytes:
     """The data of all figures of a simulation, as JSON, which shrinks to a fifth."""
-    data = json.dumps(figures.figure_data(_result(store, id)), allow_nan=False)
+    data = json.dumps(simulations.figure_data(_result(store, id)), allow_nan=False)
     return gzip.compress(data.encode(), 5, mtime=0)
 
 
 def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
     """A figure as a file; None where the result does not have it."""
-    return figures.picture(_result(store, id), name, ending)
+    return simulations.picture(_result(store, id), name, ending)
 
 
 def prices_task(store: str, id: str) -> bytes:
@@ -157,7 +157,7 @@ def prices_task(store: str, id: str) -> bytes:
 def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
     """The picture of a solved system as a file; None where nothing can be drawn."""
     try:
-        from inverse_service.web.pages.pictures import picture_of
+        from inverse_service.web.pages.starts import picture_of
     except ModuleNotFoundError:  # the extras "simulation" and "figures" are not installed
         return None
     found = _result(store, id)

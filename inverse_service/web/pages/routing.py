@@ -12,10 +12,8 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service.web.clients import COOKIE, LARGEST_KEY, cookie_of_key
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import (
-    assets,
     atlas_pages,
     batch_pages,
-    calls_page,
     exercises,
     learn,
     rendering,
@@ -28,7 +26,7 @@ from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 account = APIRouter()
-TITLES = {403: "Not from here", 404: "There is nothing here", 405: "Not that way", 413: "That is too large"}
+TITLES = {403: "Forbidden", 404: "Page not found", 405: "Method not allowed", 413: "Request too large"}
 REDIRECTS = range(300, 400)
 
 
@@ -101,7 +99,7 @@ async def robots() -> Response:
 @account.get("/favicon.ico")
 async def favicon() -> Response:
     """The icon under the name that is asked for without being told."""
-    return RedirectResponse(assets.address("icon.svg"), 301, {"Cache-Control": "public, max-age=86400"})
+    return RedirectResponse(rendering.address("icon.svg"), 301, {"Cache-Control": "public, max-age=86400"})
 
 
 def _form(place: str, problem: str = "", status: int = 200) -> HTMLResponse:
@@ -117,8 +115,8 @@ def _is_secure(request: Request) -> bool:
     return request.url.scheme == "https"
 
 
-router.get("/static/{mark}/{name}")(assets.static)
-for part in (account, calls_page.router, learn.open_router):
+router.get("/static/{mark}/{name}")(rendering.static)
+for part in (account, learn.open_router):
     router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
 for pages in (solve, exercises, result_pages, simulate, atlas_pages, batch_pages, learn):
     router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

@@ -747,7 +747,7 @@ def _with_own_names(lagrangian: str, names: Names) -> Names:
     from dataclasses import replace
 
     from inverse_service.reading.document_names import GUESS, Declared, known_names
-    from inverse_service.web.pages.form_documents import right_side
+    from inverse_service.web.pages.forms import right_side
 
     try:
         declared = Declared(names.coordinates, GUESS, names.functions)

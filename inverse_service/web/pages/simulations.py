@@ -1,20 +1,24 @@
-"""The page of a simulation or of a work-precision measurement, with its figures and files."""
+"""The page of a simulation or a work-precision measurement: tables, figures as data for scripts and as files."""
 
 from __future__ import annotations
 
+import io
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
+from inverse_service.expressions.letters import greek_letter
 from inverse_service.reading.names import Names
 from inverse_service.service.documents.text_page import notes_of_formulas
-from inverse_service.web.pages import figures, typesetting
+from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.preview import angles_of_texts
 from inverse_service.web.pages.rendering import duration, page, short_number
-from inverse_service.web.pages.scenes import formulas_of
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
@@ -37,15 +41,15 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         job=job,
         result=result,
         headings=[heading for _, heading in columns],
-        formulas=formulas_of(result["system"]),
+        formulas=typesetting.formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
-        rows=[(m, _numbers(m, columns), _why(m), figures.columns_of(m)) for m in result["methods"]],
+        rows=[(m, _numbers(m, columns), _why(m), columns_of(m)) for m in result["methods"]],
         free=free_lagrangians(result),
         costs=costs(result),
         parts=part_costs(result),
         notes=notes_of(result),
-        figures=figures.figure_names(result),
-        motion=figures.motion_of(result),
+        figures=figure_names(result),
+        motion=motion_of(result),
         scene=document,
         curl=f"curl -s {address}/v1/simulate -H 'Content-Type: application/json' -d @scene.json",
     )
@@ -76,7 +80,7 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         active="/simulate",
         job=job,
         result=result,
-        figures=figures.figure_names(result),
+        figures=figure_names(result),
         methods=ranked,
         prices=[
             (short_number(target["error"]), prices_of(target, [one["label"] for one in ranked]))
@@ -228,3 +232,336 @@ def _price(part: Mapping[str, Any]) -> str:
 def pretty(document: str | bytes) -> str:
     """A JSON text with indents."""
     return json.dumps(json.loads(document), indent=1, ensure_ascii=False)
+
+
+TRUE = ("exact", "reference")
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
+DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
+MOST_POINTS = 2001
+DIGITS = 7
+ROUNDING = 1e-13
+SERIES = {
+    "energy": ("Energy error", "|E/E\u2080 \u2212 1|"),
+    "constraints": ("Constraint defect", "greatest |\u03c9(q) q\u2032|"),
+    "error": ("Trajectory error", "greatest distance from the true motion"),
+}
+NAMES = ("path", "coordinates", "section", "work-precision", *SERIES)
+MOST_PANELS = 6
+
+
+def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(name, title) of the figures that this result has."""
+    if result["format"].startswith("inverse-service/work-precision"):
+        return [("work-precision", "Work and precision")]
+    if any("members" in method for method in result["methods"]):
+        return []  # of an ensemble the page has the table
+    observed, found = set(result["observe"]), []
+    if "trajectory" in observed:
+        if result["circle_coordinates"]:
+            a, b = (greek_letter(name) or name for name in result["circle_coordinates"])
+            found.append(("path", "Path in the plane" if (a, b) == ("x", "y") else f"{b} over {a}"))
+        found.append(("coordinates", "Coordinates in time"))
+    if any(event["count"] for method in result["methods"] for event in method.get("events", ())):
+        found.append(("section", "Points at events"))
+    if (
+        "energy" in observed
+        and not _has(result, "energy")
+        and any(columns_of(m).get("energy") for m in result["methods"])
+    ):
+        found.append(("energy", "Energy"))
+    return found + [(name, SERIES[name][0]) for name in SERIES if name in observed and _has(result, name)]
+
+
+def _has(result: Mapping[str, Any], name: str) -> bool:
+    return any(series(name, method) for method in result["methods"])
+
+
+def columns_of(method: Mapping[str, Any]) -> Mapping[str, list[float | None]]:
+    """The recorded columns of a method, empty where it has none."""
+    columns: Mapping[str, list[float | None]] = (method.get("points") or {}).get("columns", {})
+    return columns
+
+
+def series(name: str, method: Mapping[str, Any]) -> list[float | None]:
+    """The sizes of an observed quantity; None where they are zero, unknown or only the rounding of the start.
+
+    No sizes of an energy that the true motion does not keep.
+    """
+    columns = columns_of(method)
+    if name == "energy" and "energy_note" in method:
+        return []
+    if name == "energy":
+        start = method.get("energy_start")
+        values = columns.get("energy", [])
+        errors = [None if e is None or start is None else (e - start) / (abs(start) or 1.0) for e in values]
+        return _after_start([_positive(error) for error in errors])
+    if name == "constraints":
+        rows = [column for key, column in columns.items() if key.startswith("constraint_")]
+        worst = [max((abs(w) for w in at if w is not None), default=None) for at in zip(*rows, strict=True)]
+        return _after_start([_positive(value) for value in worst])
+    return _after_start([_positive(value) for value in columns.get(name, [])])
+
+
+def _after_start(values: list[float | None]) -> list[float | None]:
+    """Without the rounding of the start, which a two-step method has twice: it would stretch the axis for nothing."""
+    start = [None if value is not None and value < ROUNDING else value for value in values[:2]]
+    return start + values[2:]
+
+
+def _positive(value: float | None) -> float | None:
+    return None if not value else abs(value)
+
+
+def figure_data(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What the script draws: each figure with its axes and its lines."""
+    return [_figure(name, title, result) for name, title in figure_names(result)] + _space(result)
+
+
+def _figure(name: str, title: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    return {"name": name, "title": title, "views": _views(name, title, result)}
+
+
+def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    methods = result["methods"]
+    if name == "work-precision":
+        precise = [_precision_line(k, method) for k, method in enumerate(methods)]
+        return [_view(title, "steady time in s", "relative error", precise, log_x=True, log_y=True)]
+    if name == "path":
+        pair = result["circle_coordinates"]
+        return [_plane_view(title, result, pair, equal=tuple(pair) == ("x", "y"))]
+    if name == "coordinates":
+        return [view for c in result["system"]["coordinates"] for view in _views_of(c, methods)]
+    if name == "section":
+        return _sections(result)
+    others = [method for method in methods if method["method"] != "exact"]
+    views = [
+        _view(
+            "size, logarithmic",
+            "t",
+            SERIES[name][1],
+            _lines(others, _times, partial(series, name), methods),
+            log_y=True,
+        )
+    ]
+    kept = _kept_views(result) if name == "energy" else []
+    return [view for view in (*kept, *views, *_signed_views(name, result, others)) if view["lines"]]
+
+
+def _kept_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """T + V with the H that the motion keeps, each divided by its start, and the drift of H: of damped motions."""
+    methods = result["methods"]
+    kept = [method for method in methods if "conserved_1" in columns_of(method)]
+    kept = [method for method in kept if method["method"] not in TRUE] or kept
+    drifts = _lines(kept, _times, partial(_column, "conserved_1"), methods)
+    both = []
+    for line, method in zip(drifts, kept, strict=True):
+        columns: Mapping[str, Any] = columns_of(method)
+        name = method["label"]
+        energies = columns.get("mechanical_energy") or [None]
+        if energies[0]:
+            mechanical = [None if e is None else e / energies[0] for e in energies]
+            both.append(
+                {**_line(line["place"], method, columns["t"], mechanical), "label": f"T + V, {name}", "dash": "solid"}
+            )
+        constant = [None if drift is None else 1 + drift for drift in columns["conserved_1"]]
+        both.append({**_line(line["place"], method, columns["t"], constant), "label": f"H, {name}", "dash": "dash"})
+    sizes = [{**line, "y": [_positive(value) for value in line["y"]]} for line in drifts]
+    return [
+        _view("T + V and the conserved H, from 1 at the start", "t", "part of the start", both),
+        _view("conserved H, relative drift, logarithmic", "t", "|H/H\u2080 \u2212 1|", sizes, log_y=True),
+    ]
+
+
+def _sections(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The points of each event, each coordinate with its velocity: Poincare sections."""
+    methods = [method for method in result["methods"] if method.get("events")]
+    views = []
+    for k, event in enumerate(methods[0]["events"]):
+        moving = [name for name in result["system"]["coordinates"] if name != event["when"]]
+        for name in moving or result["system"]["coordinates"]:
+            q, columns = greek_letter(name) or name, [method["events"][k]["columns"] for method in methods]
+            lines = [
+                {**_line(place, method, [], []), "x": found[name], "y": found[f"v_{name}"]}
+                for place, (method, found) in enumerate(zip(methods, columns, strict=True))
+            ]
+            views.append(_view(f"{event['when']} = 0: {q}, {q}\u2032", q, f"{q}\u2032", lines, dots=True))
+    return views
+
+
+def _plane_view(title: str, result: Mapping[str, Any], pair: Sequence[str], equal: bool = True) -> dict[str, Any]:
+    """One coordinate over another."""
+    a, b = pair
+    lines = _lines(result["methods"], partial(_column, a), partial(_column, b))
+    dots = is_thinned(result)
+    return _view(title, greek_letter(a) or a, greek_letter(b) or b, lines, equal=equal, dots=dots)
+
+
+def is_thinned(result: Mapping[str, Any]) -> bool:
+    """Whether points were left out: lines between every k-th step would fill a circle to a ring."""
+    every = result.get("record_every", 1)
+    return any((method.get("points") or {}).get("every", 1) > every for method in result["methods"])
+
+
+def _signed_views(name: str, result: Mapping[str, Any], methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The energy, or each constraint, with its sign."""
+    columns = {"E": "energy"} if name == "energy" else {}
+    if name == "constraints":
+        count = len(result["system"]["constraints"])
+        columns = {f"\u03c9{k}(q) q\u2032": f"constraint_{k}" for k in range(1, count + 1)}
+    return [
+        _view(
+            f"{label}, with its sign", "t", label, _lines(methods, _times, partial(_column, column), result["methods"])
+        )
+        for label, column in columns.items()
+    ]
+
+
+def _column(name: str, method: Mapping[str, Any]) -> list[float | None] | None:
+    return columns_of(method).get(name)
+
+
+def _views_of(name: str, methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A coordinate in time, its difference from the true motion where that was computed, and its phase portrait."""
+    q = greek_letter(name) or name
+    views = [_view(f"{q} in time", "t", q, _lines(methods, _times, partial(_column, name)))]
+    truth = next((columns_of(m) for m in methods if m["method"] in TRUE), {})
+    if truth.get(name) and len(methods) > 1:
+        true = dict(zip(truth["t"], truth[name], strict=True))
+        others = [method for method in methods if method["method"] not in TRUE]
+        lines = _lines(others, _times, lambda m: _difference(columns_of(m), name, true), methods)
+        views.append(_view(f"{q}, difference from the true motion", "t", f"{q} \u2212 true {q}", lines))
+    lines = _lines(methods, partial(_column, name), lambda m: _rate(columns_of(m), name))
+    return [*views, _view(f"{q}, phase portrait", q, f"{q}\u2032", lines)]
+
+
+def _times(method: Mapping[str, Any]) -> list[float | None] | None:
+    return columns_of(method).get("t")
+
+
+def _difference(columns: Mapping[str, list[Any]], name: str, true: Mapping[Any, Any]) -> list[float | None]:
+    pairs = [(q, true.get(t)) for t, q in zip(columns.get("t", ()), columns.get(name, ()), strict=True)]
+    return [None if q is None or at is None else q - at for q, at in pairs]
+
+
+def _rate(columns: Mapping[str, list[Any]], name: str) -> list[float | None]:
+    """The recorded velocity; where there is none, that between the recorded points on either side."""
+    if f"v_{name}" in columns:
+        return columns[f"v_{name}"]
+    t, q = columns.get("t", []), columns.get(name, [])
+    last = len(q) - 1
+    ends = [(max(0, k - 1), min(last, k + 1)) for k in range(len(q))]
+    return [None if q[a] is None or q[b] is None or a == b else (q[b] - q[a]) / (t[b] - t[a]) for a, b in ends]
+
+
+def _view(label: str, x: str, y: str, lines: Sequence[Mapping[str, Any]], **axes: bool) -> dict[str, Any]:
+    return {"label": label, "x": x, "y": y, "lines": [line for line in lines if line["x"]], **axes}
+
+
+Column = Callable[[Mapping[str, Any]], Sequence[Any] | None]
+
+
+def _lines(
+    methods: Sequence[Mapping[str, Any]], x: Column, y: Column, whole: Sequence[Mapping[str, Any]] = ()
+) -> list[dict[str, Any]]:
+    """A line for each method, which keeps its color by its place among the `whole`."""
+    places = {method["label"]: k for k, method in enumerate(whole or methods)}
+    return [_line(places[method["label"]], method, x(method), y(method)) for method in methods]
+
+
+def _line(k: int, method: Mapping[str, Any], x: Sequence[Any] | None, y: Sequence[Any] | None) -> dict[str, Any]:
+    every = max(1, math.ceil(len(x or ()) / MOST_POINTS))
+    is_true = method["method"] in TRUE
+    return {
+        "label": method["label"],
+        "place": k,
+        "color": "ink" if is_true else COLORS[k % len(COLORS)],
+        "dash": "solid" if is_true else DASHES[k % len(DASHES)],
+        "x": [_short(value) for value in (x or ())[::every]] if y else [],
+        "y": [_short(value) for value in (y or ())[::every]],
+    }
+
+
+def _precision_line(k: int, method: Mapping[str, Any]) -> dict[str, Any]:
+    good = [s for s in method["settings"] if s["error"] and s["best_seconds"] and not s["at_floor"]]
+    x, y = [s["best_seconds"] for s in good], [s["relative_error"] for s in good]
+    return {**_line(k, {"label": method["label"], "method": method["method"]}, x, y), "markers": True}
+
+
+def _space(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The motion in three dimensions: three coordinates, or the plane and time."""
+    if "trajectory" not in result.get("observe", ()):
+        return []
+    coordinates = result["system"]["coordinates"]
+    pair = result["circle_coordinates"]
+    axes = ["x", "y", "z"] if {"x", "y", "z"} <= set(coordinates) else [*(pair or coordinates[:2]), "t"]
+    if len(axes) != 3:
+        return []
+    lines = []
+    for k, method in enumerate(result["methods"]):
+        columns = columns_of(method)
+        if all(columns.get(axis) for axis in axes):
+            line = _line(k, method, columns[axes[0]], columns[axes[1]])
+            every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
+            lines.append({**line, "z": [_short(value) for value in columns[axes[2]][::every]]})
+    shown = [greek_letter(axis) or axis for axis in axes]
+    space = {"name": "space", "title": "In three dimensions", "axes": shown, "dots": is_thinned(result), "lines": lines}
+    return [space] if lines else []
+
+
+def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The motion of each method with the columns of all coordinates, thinned; None where nothing moved."""
+    coordinates = result["system"]["coordinates"]
+    tracks = []
+    for method in result["methods"]:
+        columns = columns_of(method)
+        if len(columns.get("t", ())) > 1 and all(name in columns for name in coordinates):
+            every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
+            t, *q = ([_short(value) for value in columns[name][::every]] for name in ("t", *coordinates))
+            tracks.append({"label": method["label"], "t": t, "q": q})
+    angles, dots = angles_of_texts(result["system"]), is_thinned(result)
+    return {"coordinates": coordinates, "angles": angles, "dots": dots, "tracks": tracks} if tracks else None
+
+
+def _short(value: Any) -> Any:
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
+    """A figure as an SVG or PNG file; None for a figure that the result does not have."""
+    if name not in dict(figure_names(result)):
+        return None
+    import matplotlib
+
+    from inverse_service.service.figures.style import RESOLUTION, SETTINGS
+
+    stream = io.BytesIO()
+    with matplotlib.rc_context(SETTINGS):
+        metadata = {"Title": name} | ({"Date": None} if ending == "svg" else {})
+        figure = _figure_of(result, name)
+        if figure is not None:
+            figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
+    return stream.getvalue() or None
+
+
+def _figure_of(result: Mapping[str, Any], name: str) -> Any:
+    import numpy as np
+
+    from inverse_service.service.figures.drawing import coordinate_figure, path_figure, view_figure
+    from inverse_service.service.figures.time_series import precision_figure, series_figure
+
+    if name == "work-precision":
+        return precision_figure(result)[0]
+    if name == "section":
+        views = _sections(result)[:MOST_PANELS]
+        return view_figure(views, 4.0 * len(views), 3.6)
+    tables = {
+        method["label"]: {column: np.asarray(values, dtype=float) for column, values in columns_of(method).items()}
+        for method in result["methods"]
+        if columns_of(method)
+    }
+    if name == "path":
+        return path_figure(result, tables, None)[0]
+    if name == "coordinates":
+        return coordinate_figure(result, tables, None)[0]
+    drawn = series_figure(name, result, tables)
+    return None if drawn is None else drawn[0]

@@ -18,7 +18,7 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
-from inverse_service.web.pages import form_documents, form_tasks, reading_back
+from inverse_service.web.pages import forms, reading_back
 from inverse_service.web.pages.own_calls import call, read_sent
 from inverse_service.web.pages.rendering import page
 from inverse_service.web.pages.result_pages import made, result_address, successful
@@ -56,35 +56,35 @@ async def form(request: Request) -> Response:
     """The form, empty, with an example of the catalogue, or with the document of a result."""
     query = request.query_params
     kind = query.get("kind", "equations")
-    linked = form_documents.fields_of_link(query)
+    linked = forms.fields_of_link(query)
     if linked is not None and "reveal" in query:
         return RedirectResponse(f"/exercise?{request.url.query}", 303)
     if linked is not None:
         fields = linked
     elif "example" in query:
-        fields = form_documents.lean_fields(example_document(query["example"]))
+        fields = forms.lean_fields(example_document(query["example"]))
     elif "job" in query:
         fields = await fields_of_job(request, query["job"])
     elif kind == "nonholonomic":
-        fields = form_documents.lean_fields(example_document(FIRST_NONHOLONOMIC))
+        fields = forms.lean_fields(example_document(FIRST_NONHOLONOMIC))
     elif kind == "lagrangian":
-        fields = form_documents.fields_from({"lagrangian": FROM_LAGRANGIAN})
+        fields = forms.fields_from({"lagrangian": FROM_LAGRANGIAN})
     else:
-        fields = form_documents.fields_from({"equations": START})
+        fields = forms.fields_from({"equations": START})
     # A page at its start is shown at once: while the workers of a fresh service start, the script asks by itself.
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
     found = await understand(request, fields, patience)
     glance = await glance_of(request, fields, SOON * engine.is_reading) if not query or linked is not None else None
-    return solve_page(fields, glance=glance, notes=form_documents.left_out_of_link(query), **found)
+    return solve_page(fields, glance=glance, notes=forms.left_out_of_link(query), **found)
 
 
 @router.get("/ask")
 async def ask(request: Request) -> Response:
     """The form with everything that can be asked."""
     query = request.query_params
-    fields = form_documents.fields_of_link(query) or form_documents.fields_from({"equations": START})
-    if query.get("kind") in form_documents.KINDS:
+    fields = forms.fields_of_link(query) or forms.fields_from({"equations": START})
+    if query.get("kind") in forms.KINDS:
         fields |= {"kind": query["kind"]}
     found: dict[str, Any] = {"problem": None, "understood": None} | await understand(request, fields)
     return page("ask.html", active="/", fields=fields, kinds=KIND_NAMES, most_coordinates=MAX_COORDINATES, **found)
@@ -109,7 +109,7 @@ async def glance_of(request: Request, fields: dict[str, str], patience: float) -
 
 async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, str]) -> None:
     with suppress(Refusal):
-        outcome = await engine.run_quick(client, form_tasks.glance_of_fields, fields, seconds=QUICK_DEADLINE)
+        outcome = await engine.run_quick(client, reading_back.glance_of_fields, fields, seconds=QUICK_DEADLINE)
         if outcome.status == "done" and outcome.value is not None:
             if len(_GLANCES) >= MOST_GLANCES:
                 _GLANCES.pop(next(iter(_GLANCES)))
@@ -120,7 +120,7 @@ async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, 
 async def submit(request: Request) -> Response:
     """The job of the form; on to its page, or back with what to change."""
     try:
-        sent = await read_sent(request, request.app.state.engine.settings.max_body, form_tasks.sent_task)
+        sent = await read_sent(request, request.app.state.engine.settings.max_body, reading_back.sent_task)
     except Refusal as refusal:
         return _not_read(refusal)
     if sent.document is None:
@@ -135,15 +135,17 @@ async def submit(request: Request) -> Response:
 async def echo(request: Request) -> Response:
     """What was understood of the form: the fragment for the script, else the form's link, whose page says it."""
     try:
-        fields, found = await read_sent(request, request.app.state.engine.settings.max_body, form_tasks.echo_sent_task)
+        fields, found = await read_sent(
+            request, request.app.state.engine.settings.max_body, reading_back.echo_sent_task
+        )
     except Refusal as refusal:
         return _not_read(refusal)
     if request.query_params.get("fragment"):
         return page("understood.html", **({"problem": None, "understood": None} | found))
     return (
         solve_page(fields, **found)
-        if not form_documents.is_whole(fields)
-        else RedirectResponse(form_documents.link_of_fields(fields), 303)
+        if not forms.is_whole(fields)
+        else RedirectResponse(forms.link_of_fields(fields), 303)
     )
 
 
@@ -151,8 +153,8 @@ async def _refused(
     request: Request, fields: dict[str, str], problem: reading_back.Problem | None, status: int
 ) -> Response:
     """The form with what to change: its link where the page there says the same, so that a reload asks nothing."""
-    if form_documents.is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
-        return RedirectResponse(form_documents.link_of_fields(fields), 303)
+    if forms.is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
+        return RedirectResponse(forms.link_of_fields(fields), 303)
     return solve_page(fields, problem=problem, status=status)
 
 
@@ -164,7 +166,9 @@ async def answer_beside(request: Request) -> Response:
         if not is_free:
             return Response(status_code=204)
         try:
-            found = await read_sent(request, engine.settings.max_body, form_tasks.glance_task, 2 * form_tasks.GLANCE)
+            found = await read_sent(
+                request, engine.settings.max_body, reading_back.glance_task, 2 * reading_back.GLANCE
+            )
         except Refusal as refusal:
             if refusal.kind not in ("limit", "busy"):
                 raise
@@ -177,13 +181,13 @@ def _not_read(refusal: Refusal) -> HTMLResponse:
     if refusal.kind != "limit":
         raise refusal
     problem = reading_back.problem_of({"detail": refusal.detail}, {})
-    return solve_page(form_documents.fields_from({"equations": START}), problem=problem, status=refusal.status)
+    return solve_page(forms.fields_from({"equations": START}), problem=problem, status=refusal.status)
 
 
 async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
     """How the fields are understood, for the template; nothing where no worker has said it in `patience` seconds."""
     engine: Engine = request.app.state.engine
-    asked = engine.run_quick(client_of(request), form_tasks.echo_task, fields, seconds=QUICK_DEADLINE)
+    asked = engine.run_quick(client_of(request), reading_back.echo_task, fields, seconds=QUICK_DEADLINE)
     try:
         outcome = await asyncio.wait_for(asked, patience)
     except (Refusal, TimeoutError):
@@ -209,8 +213,8 @@ def tiles() -> list[dict[str, Any]]:
     """The examples, each with the link that fills the form with it."""
     found = []
     for label, hint, body, document in EXAMPLES:
-        fields = form_documents.fields_from(document)
-        address = form_documents.link_of_fields(fields)
+        fields = forms.fields_from(document)
+        address = forms.link_of_fields(fields)
         found.append({"label": label, "hint": hint, "body": body, "address": address, "fields": fields})
     return found
 
@@ -227,4 +231,4 @@ async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     """The form filled with the document of a result."""
     if await successful(request, identifier) is None:
         raise Refusal(404, "not-found", "There is no result at this address.")
-    return await made(request, identifier, fields_task) or form_documents.fields_from({"equations": START})
+    return await made(request, identifier, fields_task) or forms.fields_from({"equations": START})

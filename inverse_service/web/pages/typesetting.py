@@ -289,3 +289,14 @@ def matrix_mathml(rows: list[list[str]]) -> str:
     """A matrix in round brackets, its entries being MathML."""
     body = "".join(f"<mtr>{''.join(f'<mtd>{entry}</mtd>' for entry in row)}</mtr>" for row in rows)
     return f"<mrow><mo>(</mo><mtable>{body}</mtable><mo>)</mo></mrow>"
+
+
+def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
+    """What a system is given by: L and the constraints, or its equations where they are solved."""
+    named = {"parameters": tuple(system.get("parameters") or ()), "functions": system.get("functions") or {}}
+    names = names_of({**system, **named})
+    found = [equation("L", system["lagrangian"], names)] if system.get("lagrangian") else []
+    constraints, equations = system.get("constraints") or (), system.get("equations")
+    lines = [f"{text} = 0" for text in ([constraints] if isinstance(constraints, str) else constraints)]
+    lines += [f"{name}'' = {text}" for name, text in equations.items()] if isinstance(equations, dict) else []
+    return (*found, *(formula(line, names) for line in lines))

@@ -13,8 +13,7 @@ from fontTools.ttLib import TTFont
 from inverse_service import catalogue
 from inverse_service.reading.names import Names
 from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.assets import address
-from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages.rendering import address, page
 
 STATIC = resources.files("inverse_service.web") / "static"
 FONT = TTFont(str(STATIC / "stix-two-math.woff2"))

@@ -1,0 +1,586 @@
+"""The linear equations of an ansatz: values at points modulo a prime, multipliers first, then Lagrangians.
+
+Values of letters and their logarithmic derivatives at random points of one prime field.
+
+All rational combinations of candidate terms that are Lagrangians, by linear algebra modulo a prime.
+
+Which combinations of terms have a multiplier as Hessian: the ansatz without its potentials.
+
+The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric;
+(H1) holds. Terms linear in the velocities do not enter, so this small problem tells whether a family
+holds a regular Lagrangian before its potentials are searched for.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import lru_cache
+from typing import NamedTuple, TypeGuard, TypeVar
+
+import numpy as np
+
+from inverse_service import bounds
+from inverse_service.deadline import STEP, check
+from inverse_service.decision.deciding import Analysis, variables_of
+from inverse_service.decision.kinds.helmholtz import tensors, written
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
+from inverse_service.field import modular
+from inverse_service.field.echelon_kernels import Words
+from inverse_service.field.elementary import to_kernels
+from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
+from inverse_service.field.point import Point, evaluate, number_value
+from inverse_service.field.real_point import RealTable, find_real_point, is_defined
+from inverse_service.field.reduction import reduce_atoms
+from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Matrix, SamplePoints
+from inverse_service.field.series_program import SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.tower import Tower, atoms_in_order, draw_point
+from inverse_service.search.null_vectors import (
+    SPARE,
+    SampledRows,
+    kernel,
+    pivots,
+    rational_vectors,
+    settled_kernel,
+)
+from inverse_service.search.terms import Monomial
+
+
+@dataclass(frozen=True, slots=True)
+class Sampler:
+    """A tower for f together with the letters of an ansatz, and a real point of both."""
+
+    analysis: Analysis
+    tower: Tower
+    real_point: RealTable | None
+    known: dict[Drawn, SamplePoints] = field(default_factory=dict, compare=False)
+
+    @property
+    def variables(self) -> list[Symbol | Velocity]:
+        names = self.analysis.system.coordinates
+        return [TIME, *(Symbol(name) for name in names), *(Velocity(name) for name in names)]
+
+    def points(self, seed: int) -> SamplePoints:
+        """The points that follow from a seed; what is known of them is kept."""
+        if (seed, ()) not in self.known:
+            prime = draw_point(self.tower, seed).prime
+            self.known[seed, ()] = SamplePoints(
+                self.analysis.accelerations, self.variables, self.tower, seed, prime, self.analysis.constrained
+            )
+        return self.known[seed, ()]
+
+    def at_one_place(self, seed: int) -> SamplePoints:
+        """Points that share t and the coordinates."""
+        return self._near_one(seed, tuple(v for v in self.variables if isinstance(v, Velocity)))
+
+    def with_fixed_parameters(self, seed: int) -> SamplePoints:
+        """Points that share the values of the parameters."""
+        return self._near_one(seed, tuple(self.variables))
+
+    def _near_one(self, seed: int, moving: tuple[Symbol | Velocity, ...]) -> SamplePoints:
+        if (seed, moving) not in self.known:
+            base, forces = draw_point(self.tower, seed), self.analysis.accelerations
+            self.known[seed, moving] = SamplePoints(
+                forces, self.variables, self.tower, seed, base.prime, base=base, moving=moving
+            )
+        return self.known[seed, moving]
+
+    def prime(self, seed: int) -> int:
+        """The prime of the points that follow from a seed."""
+        return self.points(seed).prime
+
+
+def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Sampler, list[Monomial]]:
+    """A sampler for the terms, without those that have no value at a point where f and most others have one.
+
+    Those with letters that cannot be reduced beside f, such as (w + sqrt(w^2 + 1))^(3/2), are left out, too.
+    Raises IrreducibleAtoms where there is no such point, or no letter can be reduced.
+    """
+    try:
+        return make_sampler(analysis, dict.fromkeys(item for term in terms for item in term)), list(terms)
+    except IrreducibleAtoms:
+        table, kept = _defined_together(analysis, terms)
+        if not kept:
+            raise
+    try:
+        return make_sampler(analysis, dict.fromkeys(item for term in kept for item in term), table), kept
+    except IrreducibleAtoms:
+        kept = _reduced_alone(analysis, kept, table)
+        if not kept:
+            raise
+        return make_sampler(analysis, dict.fromkeys(item for term in kept for item in term), table), kept
+
+
+def _reduced_alone(analysis: Analysis, terms: Sequence[Monomial], table: RealTable | None) -> list[Monomial]:
+    """The terms of letters each of which can be reduced beside f."""
+    plain, fine = [*analysis.accelerations, *analysis.constrained.values()], set[tuple[Expression, Fraction]]()
+    for letter, e in dict.fromkeys(item for term in terms for item in term):
+        kernels = [to_kernels(tree) for tree in (letter, letter ** Fraction(1, e.denominator))]
+        with suppress(IrreducibleAtoms):
+            if table is not None:
+                reduce_atoms([*plain, *kernels], variables_of(analysis.system), table)
+                fine.add((letter, e))
+    return [term for term in terms if term <= fine]
+
+
+def _defined_together(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[RealTable | None, list[Monomial]]:
+    """Of a few points of f the one at which the most terms have values, and these."""
+    best: tuple[RealTable | None, list[Monomial]] = (None, [])
+    items = dict.fromkeys(item for term in terms for item in term)
+    kernels = {(p, e): to_kernels(p ** Fraction(1, e.denominator)) for p, e in items}
+    wanted = [*analysis.accelerations, *analysis.constrained.values()]
+    for seed in range(2, 2 + bounds.ATTEMPTS):
+        table = find_real_point(wanted, variables_of(analysis.system), seed, analysis.system.positive)
+        if table is not None:
+            valued = {item for item, kernel in kernels.items() if is_defined([kernel], table)}
+            best = max(best, (table, [term for term in terms if term <= valued]), key=lambda found: len(found[1]))
+    return best
+
+
+def make_sampler(
+    analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]], table: RealTable | None = None
+) -> Sampler:
+    """Raises IrreducibleAtoms where letters and f have no common real point or cannot be reduced.
+
+    Ansätze whose letters bring no further atoms have their points in common.
+    """
+    extra = [to_kernels(tree) for letter, e in letters for tree in (letter, letter ** Fraction(1, e.denominator))]
+    wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
+    variables = variables_of(analysis.system)
+    table = table or find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)
+    if table is None:
+        raise IrreducibleAtoms("the ansatz has no real point in common with f")
+    atoms = _atoms(wanted)
+    for known in analysis.towers:
+        if atoms <= known.atoms and all(known.real_point.get(node) == x for node, x in table.items()):
+            return Sampler(analysis, known.tower, table, known.points)
+    shared = KnownTower(atoms, table, reduce_atoms(wanted, variables, table))
+    analysis.towers.append(shared)
+    return Sampler(analysis, shared.tower, table, shared.points)
+
+
+def _atoms(trees: Sequence[Expression]) -> frozenset[Expression]:
+    """Atoms, roots and pi in trees; a cosine counts as its sine, as one rule values both."""
+    atoms = (Apply("sin", atom.argument) if _is_cosine(atom) else atom for atom in atoms_in_order(trees))
+    return frozenset(atoms).union(node for node in distinct_nodes(trees) if node == PI)
+
+
+def _is_cosine(atom: Expression) -> TypeGuard[Apply]:
+    return isinstance(atom, Apply) and atom.function == "cos"
+
+
+class Derivatives(NamedTuple):
+    """Per sample and letter: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i) and d log p/dq_i.
+
+    Arrays of residues, (samples, letters) and (samples, letters, n); Gamma' acts on the derivative
+    only, so that EL_i(m)/m = V_i G + H_i - Q_i with sums over the letters of m. `hessian` is
+    d2 log p/dv_i dv_j, `third` Gamma of it (zero unless asked for), (samples, letters, n, n).
+    """
+
+    along: Words
+    by_velocity: Words
+    mixed: Words
+    by_position: Words
+    hessian: Words
+    third: Words
+
+    @property
+    def size(self) -> int:
+        """The number of coordinates."""
+        return int(self.by_velocity.shape[2])
+
+
+@dataclass(frozen=True, slots=True)
+class LetterTable:
+    """The values of the letters, with their derivatives; `numbers` are those of the samples among the points."""
+
+    known: SamplePoints
+    numbers: tuple[int, ...]
+    values: list[list[int]]
+    derivatives: Derivatives
+
+    @property
+    def prime(self) -> int:
+        return self.known.prime
+
+    @property
+    def points(self) -> list[Point]:
+        return [self.known.point(k) for k in self.numbers]
+
+
+def letter_table(
+    sampler: Sampler, letters: Sequence[Expression], count: int, seed: int, with_third: bool = False, first: int = 0
+) -> LetterTable:
+    """The table at `count` random points without the `first`; points at which a letter vanishes are left out."""
+    return table_at(sampler.points(seed), letters, count, with_third, first)
+
+
+def table_at(
+    known: SamplePoints, letters: Sequence[Expression], count: int, with_third: bool = False, first: int = 0
+) -> LetterTable:
+    """The same for given points."""
+    kernels, order = tuple(to_kernels(letter) for letter in letters), 3 if with_third else 2
+    found = _first(lambda k: known.letters(k, kernels, order), count)
+    numbers, rows = [k for k, _ in found], [row for _, row in found]
+    n, shape = len(known.forces), (count - first, len(letters))
+    table = np.array(rows[first:], np.uint64).reshape(*shape, 2 + 3 * n + 2 * n * n)
+    ends = np.cumsum([1, 1, n, n, n, n * n])
+    value, *parts = np.split(table, ends, axis=2)
+    ranks = (0, 1, 1, 1, 2, 2)
+    arrays = [np.ascontiguousarray(part).reshape(*shape, *(n,) * rank) for part, rank in zip(parts, ranks, strict=True)]
+    return LetterTable(known, tuple(numbers[first:]), value[:, :, 0].tolist(), Derivatives(*arrays))
+
+
+def values_at(known: SamplePoints, letters: Sequence[Expression], count: int) -> list[list[int]]:
+    """The values of the letters alone, at the points that `table_at` takes."""
+    kernels = tuple(to_kernels(letter) for letter in letters)
+    return [row for _, row in _first(lambda k: known.values(k, kernels), count)]
+
+
+_T = TypeVar("_T")
+
+
+def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
+    """The first points at which there is something, with it."""
+    found: list[tuple[int, _T]] = []
+    for k in itertools.count():
+        if len(found) == count:
+            break
+        check()
+        if k >= bounds.ATTEMPTS * count:
+            raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
+        row = at(k)
+        if row is not None:
+            found.append((k, row))
+    return found
+
+
+def monomial_values(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
+    """The value of each candidate at each sample, (samples, candidates), in Montgomery form."""
+    return products_of_values(table.values, letters, candidates, table.prime)
+
+
+def products_of_values(
+    rows: Sequence[Sequence[int]], letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int
+) -> Words:
+    """The same from the values of the letters at each sample."""
+    index = {letter: k for k, letter in enumerate(letters)}
+    pairs: dict[tuple[Expression, Fraction], int] = {}
+    starts, places = [0], []
+    for candidate in candidates:
+        places += [pairs.setdefault(item, len(pairs)) for item in candidate]
+        starts.append(len(places))
+    radix = (1 << 64) % prime
+    # Whole numbers as such: a fraction's parts take as long as the power.
+    items = [(index[letter], e if e.denominator > 1 else int(e)) for letter, e in pairs]
+    powers = [[positive_power(sample[k], e, prime) * radix % prime for k, e in items] for sample in rows]
+    field = modular.field_of(prime)
+    result = np.full((len(powers), len(candidates)), field.one, np.uint64)
+    given = np.array(powers, np.uint64).reshape(len(powers), -1)
+    _products(given, np.array(starts, np.int64), np.array(places, np.int64), result, field)
+    return result
+
+
+@compiled
+def _products(powers: Words, starts: Integers, places: Integers, result: Words, field: Field) -> None:
+    """result[s, c] times the powers at places[starts[c]] … places[starts[c + 1] - 1] of sample s."""
+    for s in range(result.shape[0]):
+        for c in range(result.shape[1]):
+            for k in range(starts[c], starts[c + 1]):
+                result[s, c] = multiply(result[s, c], powers[s, places[k]], field)
+
+
+Combination = dict[Monomial, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class LagrangianSpace:
+    """Independent combinations with vanishing Euler-Lagrange expressions along f."""
+
+    sampler: Sampler
+    combinations: tuple[Combination, ...]
+
+
+class Exponents(NamedTuple):
+    """The letters of candidate c are letters[starts[c]] … letters[starts[c + 1] - 1], with exponents as residues."""
+
+    starts: Integers
+    letters: Integers
+    exponents: Words
+
+
+@compiled
+def _fill(values: Words, candidates: Exponents, d: Derivatives, field: Field, result: Words) -> None:
+    """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s, from and to Montgomery form."""
+    n = d.by_velocity.shape[2]
+    for s in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            first, last = candidates.starts[c], candidates.starts[c + 1]
+            along = np.uint64(0)
+            for k in range(first, last):
+                along = plus(along, multiply(candidates.exponents[k], d.along[s, candidates.letters[k]], field), field)
+            for i in range(n):
+                velocity = rest = np.uint64(0)
+                for k in range(first, last):
+                    e, p = candidates.exponents[k], candidates.letters[k]
+                    velocity = plus(velocity, multiply(e, d.by_velocity[s, p, i], field), field)
+                    other = minus(d.mixed[s, p, i], d.by_position[s, p, i], field)
+                    rest = plus(rest, multiply(e, other, field), field)
+                total = plus(multiply(velocity, along, field), rest, field)
+                result[s * n + i, c] = multiply(values[s, c], total, field)
+
+
+def to_montgomery(array: Words, prime: int) -> Words:
+    """x R modulo the prime for each residue x."""
+    result = np.ascontiguousarray(array).copy()
+    _scale(result.reshape(-1), modular.field_of(prime))
+    return result
+
+
+@compiled
+def _scale(numbers: Words, field: Field) -> None:
+    """Each number times R."""
+    for k in range(numbers.shape[0]):
+        numbers[k] = multiply(numbers[k], field.square, field)
+
+
+def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
+    """EL_i of each candidate at each sample, (samples * n, candidates)."""
+    prime = table.prime
+    values = monomial_values(table, letters, candidates)
+    result = np.zeros((len(values) * table.derivatives.size, len(candidates)), np.uint64)
+    derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
+    _fill(values, exponents_of(letters, candidates, prime), derivatives, modular.field_of(prime), result)
+    return result
+
+
+def exponents_of(letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int) -> Exponents:
+    """The letters of each candidate in a row, their exponents in Montgomery form."""
+    index = {letter: k for k, letter in enumerate(letters)}
+    starts, places, exponents = [0], [], []
+    for candidate in candidates:
+        for letter, e in candidate:
+            places.append(index[letter])
+            exponents.append(number_value(e, prime))
+        starts.append(len(places))
+    numbers = to_montgomery(np.array(exponents, np.uint64), prime)
+    return Exponents(np.array(starts, np.int64), np.array(places, np.int64), numbers)
+
+
+def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:
+    return list(dict.fromkeys(letter for candidate in candidates for letter, _ in candidate))
+
+
+def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) -> LagrangianSpace:
+    """The space of Lagrangians in the span of the candidates (simple ones first).
+
+    Each basis element has its most complicated candidate to itself. Combinations whose coefficients
+    are no small rationals, or that fail at control points over another prime, are left out.
+    """
+    letters, n = letters_of(candidates), len(sampler.analysis.accelerations)
+
+    def equations(begin: int, end: int) -> Words:
+        table = letter_table(sampler, letters, end, seed, first=begin)
+        return euler_lagrange_matrix(table, letters, candidates)
+
+    # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
+    found = rational_vectors(len(candidates), SampledRows(equations, n), sampler.prime(seed), SPARE)
+    kept = _that_hold(sampler, candidates, found, seed + 77_777)
+    return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
+
+
+def null_combinations(matrix: Words, candidates: Sequence[Monomial], prime: int) -> list[Combination]:
+    """The rational part of the kernel of a matrix, (equations, candidates)."""
+    vectors = kernel(matrix, prime).rational_vectors()
+    return [{candidates[k]: a for k, a in vector.items()} for vector in vectors]
+
+
+def _that_hold(
+    sampler: Sampler, candidates: Sequence[Monomial], vectors: list[dict[int, Fraction]], seed: int
+) -> list[dict[int, Fraction]]:
+    """Those whose Euler-Lagrange expressions vanish at fresh points over another prime."""
+    used = sorted({k for vector in vectors for k in vector})
+    if not used:
+        return []
+    chosen = [candidates[k] for k in used]
+    letters = letters_of(chosen)
+    table = letter_table(sampler, letters, bounds.FEW, seed)
+    prime = table.prime
+    rows = euler_lagrange_matrix(table, letters, chosen).tolist()
+    place = {k: position for position, k in enumerate(used)}
+
+    def holds(vector: dict[int, Fraction]) -> bool:
+        weights = [(place[k], number_value(a, prime)) for k, a in vector.items()]
+        return all(sum(row[k] * w for k, w in weights) % prime == 0 for row in rows)
+
+    return [vector for vector in vectors if holds(vector)]
+
+
+def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
+    """Combinations of the terms, each of which is a Lagrangian up to a potential and linear terms."""
+    letters, n = letters_of(terms), len(sampler.analysis.accelerations)
+
+    def equations(begin: int, end: int) -> Words:
+        table = letter_table(sampler, letters, end, seed, with_third=True, first=begin)
+        return helmholtz_matrix(sampler, table, letters, terms)[0]
+
+    # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
+    vectors = rational_vectors(len(terms), SampledRows(equations, n * n), sampler.prime(seed), SPARE)
+    return LagrangianSpace(sampler, tuple({terms[k]: a for k, a in vector.items()} for vector in vectors))
+
+
+def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> list[Monomial]:
+    """The terms that a multiplier is made of at one value of the parameters, its coefficients being any numbers.
+
+    Terms that are combinations of simpler ones there, as k - r is of 1 and r, are left out.
+    """
+    points = sampler.with_fixed_parameters(seed)
+    terms = _independent(points, terms)
+    letters, n = letters_of(terms), len(sampler.analysis.accelerations)
+
+    def equations(begin: int, end: int) -> Words:
+        table = table_at(points, letters, end, with_third=True, first=begin)
+        return helmholtz_matrix(sampler, table, letters, terms)[0]
+
+    def samples(unknowns: int) -> int:
+        return (unknowns + SPARE) // n**2 + 1
+
+    found = settled_kernel(equations, points.prime, samples(len(terms)), samples)
+    used = {k for row in found.basis.tolist() for k, x in enumerate(row) if int(x)}
+    return [terms[k] for k in sorted(used)]
+
+
+def _independent(points: SamplePoints, terms: Sequence[Monomial]) -> list[Monomial]:
+    """The terms without those that are combinations of earlier ones at these points."""
+    letters = letters_of(terms)
+    rows = values_at(points, letters, len(terms) + SPARE)
+    return [terms[k] for k in pivots(products_of_values(rows, letters, terms, points.prime), points.prime)]
+
+
+def helmholtz_matrix(
+    sampler: Sampler, table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]
+) -> tuple[Words, Words]:
+    """The n^2 conditions H2 (i <= j) and H3 (i < j) of each term at each sample, and its Hessian; Montgomery form.
+
+    Shapes (samples n^2, terms) and (samples, terms, n, n).
+    """
+    prime, n = table.prime, table.derivatives.size
+    values = monomial_values(table, letters, terms)
+    tensors = tensors_of(sampler, table)
+    geometry = Geometry(*(to_montgomery(np.array([pair[k] for pair in tensors], np.uint64), prime) for k in (0, 1)))
+    derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
+    result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
+    hessians, rates = (np.zeros((len(values), len(terms), n, n), np.uint64) for _ in range(2))
+    field = modular.field_of(prime)
+    _differentiate(values, exponents_of(letters, terms, prime), derivatives, field, hessians, rates)
+    _write_conditions(hessians, rates, geometry, field, result)
+    return result, hessians
+
+
+def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matrix]]:
+    """(N, Phi) at each sample of a table; what is known of a point is kept."""
+    places = [table.known.place(k) for k in table.numbers]
+    for place in places:
+        if place.tensors is None:
+            place.tensors = connection_and_endomorphism(sampler, place.point)
+    return [place.tensors for place in places if place.tensors is not None]
+
+
+def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix, Matrix]:
+    """(N, Phi) at a point, each (n, n)."""
+    check(STEP + sum(map(node_count, sampler.analysis.accelerations)))
+    if len(sampler.analysis.accelerations) == 1:  # Phi is in no condition
+        f, known = sampler.analysis.accelerations[0], dict[Expression, int]()
+        evaluate(f, point, known)  # SingularPoint where it has no value
+        slope = evaluate(differentiate(f, sampler.variables[2]), point, known)
+        return [[-slope * pow(2, -1, point.prime) % point.prime]], [[0]]
+    series, instructions = _written(tuple(sampler.variables), tuple(sampler.analysis.accelerations))
+    registers = run(series, instructions, constants_at(series, point), point.prime, order=2)
+    return tensors(len(sampler.analysis.accelerations), len(sampler.variables), registers)
+
+
+@lru_cache(maxsize=32)
+def _written(
+    variables: tuple[Symbol | Velocity, ...], forces: tuple[Expression, ...]
+) -> tuple[SeriesProgram, Integers]:
+    try:
+        return written(variables, variables[1 + len(forces) :], forces, order=2)
+    except TooLarge as problem:
+        raise IrreducibleAtoms("the forces are too long for their series") from problem
+
+
+class Geometry(NamedTuple):
+    """The connection N and the Jacobi endomorphism Phi at each sample, (samples, n, n)."""
+
+    connection: Words
+    endomorphism: Words
+
+
+@compiled
+def _differentiate(
+    values: Words, terms: Exponents, d: Derivatives, field: Field, hessians: Words, rates: Words
+) -> None:
+    """g_ij = m (V_i V_j + W_ij) and Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma W_ij).
+
+    V, W, G, H are sums over the letters of m; all in Montgomery form, the results (samples, terms, n, n) zero before.
+    """
+    n = d.by_velocity.shape[2]
+    for s in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            first, last = terms.starts[c], terms.starts[c + 1]
+            along = _sum_of(terms, d.along, s, first, last, field)
+            for i in range(n):
+                for j in range(i, n):
+                    v = h = w = x = part = rate = np.uint64(0)
+                    for k in range(first, last):
+                        e, p = terms.exponents[k], terms.letters[k]
+                        v = plus(v, multiply(e, d.by_velocity[s, p, i], field), field)
+                        h = plus(h, multiply(e, d.mixed[s, p, i], field), field)
+                        w = plus(w, multiply(e, d.by_velocity[s, p, j], field), field)
+                        x = plus(x, multiply(e, d.mixed[s, p, j], field), field)
+                        part = plus(part, multiply(e, d.hessian[s, p, i, j], field), field)
+                        rate = plus(rate, multiply(e, d.third[s, p, i, j], field), field)
+                    part = plus(part, multiply(v, w, field), field)
+                    rate = plus(rate, multiply(along, part, field), field)
+                    rate = plus(rate, plus(multiply(h, w, field), multiply(v, x, field), field), field)
+                    hessians[s, c, i, j] = hessians[s, c, j, i] = multiply(values[s, c], part, field)
+                    rates[s, c, i, j] = rates[s, c, j, i] = multiply(values[s, c], rate, field)
+
+
+@compiled
+def _sum_of(terms: Exponents, numbers: Words, s: int, first: int, last: int, field: Field) -> np.uint64:
+    """The sum of a quantity over the letters of a term, each times its exponent."""
+    total = np.uint64(0)
+    for k in range(first, last):
+        total = plus(total, multiply(terms.exponents[k], numbers[s, terms.letters[k]], field), field)
+    return total
+
+
+@compiled
+def _write_conditions(hessians: Words, rates: Words, geometry: Geometry, field: Field, result: Words) -> None:
+    """Gamma(g_ij) - g_ik N_kj - g_jk N_ki for i <= j, then g_ik Phi_kj - g_jk Phi_ki for i < j, for each sample."""
+    samples, count, n, _ = hessians.shape
+    for s in range(samples):
+        for c in range(count):
+            row = s * n * n
+            for i in range(n):
+                for j in range(i, n):
+                    rate = rates[s, c, i, j]
+                    for k in range(n):
+                        rate = minus(rate, multiply(hessians[s, c, i, k], geometry.connection[s, k, j], field), field)
+                        rate = minus(rate, multiply(hessians[s, c, j, k], geometry.connection[s, k, i], field), field)
+                    result[row, c] = rate
+                    row += 1
+            for i in range(n):
+                for j in range(i + 1, n):
+                    skew = np.uint64(0)
+                    for k in range(n):
+                        skew = plus(skew, multiply(hessians[s, c, i, k], geometry.endomorphism[s, k, j], field), field)
+                        skew = minus(skew, multiply(hessians[s, c, j, k], geometry.endomorphism[s, k, i], field), field)
+                    result[row, c] = skew
+                    row += 1

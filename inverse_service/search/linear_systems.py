@@ -1,0 +1,546 @@
+"""Linear systems: their terms, all multipliers that depend on t alone, and the Lagrangians.
+
+Linear systems q'' = -C q' - (K_0 + sum_j phi_j(t) K_j) q + b(t), read off the terms of f.
+
+All multipliers g(t) of a linear system with constant damping, in closed form.
+
+For q'' = -C q' - K q, N = C/2 and Phi = 2K - C^2/2. A multiplier that depends on t alone fulfils
+    g' = T(g) = g N + (g N)^T,        g Phi symmetric,
+hence g [N, Phi], g [N, [N, Phi]], … symmetric. The symmetric matrices with all these properties are
+the greatest T-invariant space V on which g Phi is symmetric, and g(t) = e^(tT) g(0) with g(0) in V.
+The closed form of e^(tT) comes from the factors of degree 1 and 2 of the characteristic polynomial of
+T on V over the field of the parameters (Jordan form; Sarlet, Engels and Bahar 1982 for the conditions).
+
+Lagrangians of linear systems q'' = -C q' - K q + b(t), quadratic with coefficients that may depend on t.
+
+For a multiplier g(t), the simplest regular one among combinations of branches, judged at a real point,
+    L = 1/2 v.g v + 1/4 v.(g C - C^T g) q - 1/2 q.S q + q.g b,    S the symmetric part of g K:
+with W = (g C - C^T g)/4 antisymmetric its equations are g v' + (g' + 2W) v + (W' + S) q - g b = 0, and
+(H2) says g' + 2W = g C, the antisymmetric part of g K being W' by (H3).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import factorial
+
+import mpmath
+import numpy as np
+from flint import fmpq, fmpq_mat, fmpq_mpoly
+from numpy.typing import NDArray
+
+from inverse_service import bounds
+from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.tree import (
+    ONE,
+    TIME,
+    ZERO,
+    Apply,
+    Expression,
+    Symbol,
+    add,
+    holds,
+    multiply,
+    number,
+    square_root,
+)
+from inverse_service.field.exact_atoms import exact_ring
+from inverse_service.field.exact_ring import ExactRing, quotient_tree, sum_of
+from inverse_service.field.rational_functions import (
+    Budget,
+    Quotient,
+    QuotientField,
+    TooLarge,
+    as_fraction,
+    coefficients_of,
+    common_factor,
+    factored,
+)
+from inverse_service.field.real_point import RealTable, real_sign
+from inverse_service.mechanics.quotient_matrices import dot, null_space, reduced_rows
+from inverse_service.search.material import Material
+from inverse_service.search.members import definite_weights
+from inverse_service.search.quadratures import even_root
+from inverse_service.search.terms import Monomial, MotionTerms, Terms, collected, monomial_tree, tree_of
+
+Vector = tuple[Quotient, ...]
+Matrix = tuple[Vector, ...]
+
+
+def product(left: Matrix, right: Matrix) -> Matrix:
+    """left right."""
+    columns = transpose(right)
+    return tuple(tuple(_dot(row, column) for column in columns) for row in left)
+
+
+def apply(matrix: Matrix, vector: Vector) -> Vector:
+    """matrix vector."""
+    return tuple(_dot(row, vector) for row in matrix)
+
+
+def _dot(left: Vector, right: Vector) -> Quotient:
+    return dot(left[0].field.constant(0), left, right)
+
+
+def transpose(matrix: Matrix) -> Matrix:
+    return tuple(zip(*matrix, strict=True))
+
+
+def plus(left: Matrix, right: Matrix, factor: Fraction | int = 1) -> Matrix:
+    """left + factor right, factor a rational number."""
+    rows = zip(left, right, strict=True)
+    return tuple(tuple(a + b.scaled(factor) for a, b in zip(*pair, strict=True)) for pair in rows)
+
+
+def times(matrix: Matrix, factor: Quotient) -> Matrix:
+    return tuple(tuple(entry * factor for entry in row) for row in matrix)
+
+
+def trace(matrix: Matrix) -> Quotient:
+    return sum_of(matrix[0][0].field.constant(0), [matrix[i][i] for i in range(len(matrix))])
+
+
+def identity(owner: QuotientField, size: int) -> Matrix:
+    return tuple(tuple(owner.constant(int(i == j)) for j in range(size)) for i in range(size))
+
+
+def is_zero(matrix: Matrix) -> bool:
+    return all(entry.is_zero for row in matrix for entry in row)
+
+
+def places(size: int) -> list[tuple[int, int]]:
+    """The entries i <= j of a symmetric matrix in the order of its vector."""
+    return [*itertools.combinations(range(size), 2), *((i, i) for i in range(size))]
+
+
+def symmetric(vector: Vector, size: int) -> Matrix:
+    """The symmetric matrix with these entries."""
+    table = dict(zip(places(size), vector, strict=True))
+    return tuple(tuple(table[min(i, j), max(i, j)] for j in range(size)) for i in range(size))
+
+
+def entries(matrix: Matrix) -> Vector:
+    """The entries of a symmetric matrix."""
+    return tuple(matrix[i][j] for i, j in places(len(matrix)))
+
+
+def echelon(rows: Sequence[Vector]) -> tuple[list[Vector], list[int]]:
+    """(nonzero rows of the reduced echelon form, their pivots)."""
+    found = reduced_rows(rows, range(len(rows[0]) if rows else 0))
+    return list(found.rows), list(found.pivots)
+
+
+def kernel(rows: Sequence[Vector], width: int, owner: QuotientField) -> tuple[list[Vector], list[int]]:
+    """(basis of the vectors that every row annihilates, the unknown that each has to itself)."""
+    found = null_space(rows, width, owner.constant(1))
+    return [tuple(vector) for vector in found.values()], list(found)
+
+
+def combination(weights: Sequence[Quotient], vectors: Sequence[Vector]) -> Vector:
+    """sum_k weights_k vectors_k."""
+    return tuple(_dot(tuple(weights), column) for column in zip(*vectors, strict=True))
+
+
+def characteristic_polynomial(matrix: Matrix) -> list[Quotient]:
+    """The coefficients of det(x - matrix), the constant one first (Faddeev and LeVerrier)."""
+    owner, size = matrix[0][0].field, len(matrix)
+    numbers = [entry.constant_value for row in matrix for entry in row]
+    if all(value is not None for value in numbers):
+        rational = fmpq_mat(size, size, [fmpq(x.numerator, x.denominator) for x in numbers if x is not None])
+        return [owner.constant(as_fraction(c)) for c in rational.charpoly().coeffs()]
+    found = [owner.constant(1)]
+    auxiliary = identity(owner, size)
+    for k in range(1, size + 1):
+        moved = product(matrix, auxiliary)
+        coefficient = trace(moved).scaled(Fraction(-1, k))
+        found.append(coefficient)
+        auxiliary = plus(moved, times(identity(owner, size), coefficient))
+    return found[::-1]
+
+
+# A name that no formula can hold: the variable of characteristic polynomials.
+EIGENVALUE = Symbol("an eigenvalue")
+
+
+@dataclass(frozen=True, slots=True)
+class LinearTerms:
+    """C and K_j as terms, and b: `damping[i][j]`, `stiffness[phi][i][j]`, phi = {} for K_0."""
+
+    damping: tuple[tuple[Terms, ...], ...]
+    stiffness: dict[Monomial, tuple[tuple[Terms, ...], ...]]
+    forcing: tuple[Terms, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LinearSystem:
+    """C, the pairs (phi_j(t), K_j) with phi_0 = 1 first, and b(t); entries exact in the parameters."""
+
+    ring: ExactRing
+    damping: Matrix
+    stiffness: tuple[tuple[Expression, Matrix], ...]
+    forcing: tuple[Expression, ...]
+
+    @property
+    def size(self) -> int:
+        return len(self.damping)
+
+
+def linear_terms(motion: MotionTerms) -> LinearTerms | None:
+    """The parts of f, or None where f is not linear or C depends on time."""
+    n = motion.size
+    damping = _empty(n)
+    stiffness: dict[Monomial, list[list[Terms]]] = {frozenset(): _empty(n)}
+    forcing: list[Terms] = [{} for _ in range(n)]
+    places: dict[Expression, tuple[int, int]] = {q: (k, 0) for k, q in enumerate(motion.coordinates)}
+    places |= {v: (k, 1) for k, v in enumerate(motion.velocities)}
+    for i, terms in enumerate(motion.forces):
+        for key, value in terms.items():
+            moving = [(letter, e) for letter, e in key if holds(letter, *places)]
+            if not moving:
+                forcing[i][key] = value
+                continue
+            if len(moving) > 1 or moving[0][1] != 1 or moving[0][0] not in places:
+                return None
+            column, kind = places[moving[0][0]]
+            in_time: Monomial = frozenset(item for item in key if holds(item[0], TIME))
+            if kind and in_time:
+                return None
+            target = damping if kind else stiffness.setdefault(in_time, _empty(n))
+            target[i][column][key - frozenset(moving) - in_time] = -value
+    return LinearTerms(_frozen(damping), {phi: _frozen(k) for phi, k in stiffness.items()}, tuple(forcing))
+
+
+def _empty(n: int) -> list[list[Terms]]:
+    return [[{} for _ in range(n)] for _ in range(n)]
+
+
+def _frozen(rows: list[list[Terms]]) -> tuple[tuple[Terms, ...], ...]:
+    return tuple(map(tuple, rows))
+
+
+def linear_system(material: Material) -> LinearSystem | None:
+    """C, K and b with exact entries; None where f is not linear. TooLarge where a budget ends."""
+    terms = linear_terms(material.motion)
+    if terms is None:
+        return None
+    parts = [terms.damping, *terms.stiffness.values()]
+    trees = [tree_of(entry) for rows in parts for row in rows for entry in row]
+    budget = Budget.long()
+    ring = exact_ring(trees, (), 0, budget, further=(EIGENVALUE,))
+    factors = [monomial_tree(phi) if phi else ONE for phi in terms.stiffness]
+    exact = [_exact(ring, rows) for rows in parts]
+    forcing = tuple(tree_of(entry) if entry else ZERO for entry in terms.forcing)
+    return LinearSystem(ring, exact[0], tuple(zip(factors, exact[1:], strict=True)), forcing)
+
+
+def _exact(ring: ExactRing, rows: tuple[tuple[Terms, ...], ...]) -> Matrix:
+    return tuple(tuple(ring.value(tree_of(entry)) for entry in row) for row in rows)
+
+
+def factors_of(ring: ExactRing, matrix: Matrix) -> list[tuple[list[Quotient], int]]:
+    """(coefficients, the constant one first, and multiplicity) of the factors of det(x - matrix) by degree.
+
+    Empty for large matrices with parameters.
+    """
+    symbolic = any(entry.constant_value is None for row in matrix for entry in row)
+    if symbolic and len(matrix) > bounds.COORDINATES:
+        return []
+    variable = ring.atoms[EIGENVALUE]
+    terms = [c * variable**k for k, c in enumerate(characteristic_polynomial(matrix)) if not c.is_zero]
+    _, factors = factored(sum_of(ring.constant(0), terms).numerator)
+    found = [(_by_power(factor, variable), multiplicity) for factor, multiplicity in factors]
+    return sorted((item for item in found if len(item[0]) > 1), key=lambda item: len(item[0]))
+
+
+def _by_power(polynomial: fmpq_mpoly, variable: Quotient) -> list[Quotient]:
+    """The coefficients of a polynomial in the eigenvalue."""
+    owner = variable.field
+    place = next(k for k, degree in enumerate(variable.numerator.degrees()) if degree)
+    found, degree = coefficients_of(polynomial, [place]), int(polynomial.degrees()[place])
+    return [owner.quotient(owner.reduce(found.get((k,), polynomial * 0)), ()) for k in range(degree + 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """g(t) = sum of phi(t) G over the pairs (phi, G); `start` is g(0)."""
+
+    parts: tuple[tuple[Expression, Matrix], ...]
+
+    start: Matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Multipliers:
+    """The space V: a basis of vectors, and the matrix of T in it."""
+
+    system: LinearSystem
+    basis: tuple[Vector, ...]
+    operator: Matrix
+
+    def matrix(self, coordinates: Vector) -> Matrix:
+        """The element of V with these coordinates, as a symmetric matrix."""
+        return symmetric(combination(coordinates, self.basis), self.system.size)
+
+
+def invariant_multipliers(system: LinearSystem) -> Multipliers:
+    """V and T on it; an empty basis where there is no multiplier at all."""
+    owner, n = system.ring.field, system.size
+    width = n * (n + 1) // 2
+    half = Fraction(1, 2)
+    connection = plus(system.damping, system.damping, -half)
+    tensors = [plus(k, k) for _, k in system.stiffness]
+    tensors[0] = plus(tensors[0], product(system.damping, system.damping), -half)
+    rows: list[Vector] = []
+    basis, free = kernel(rows, width, owner)
+    while basis:
+        rows = echelon([*rows, *(row for tensor in tensors for row in asymmetry(tensor))])[0]
+        smaller, free = kernel(rows, width, owner)
+        if len(smaller) == len(basis):
+            break
+        basis = smaller
+        tensors = [_commutator(connection, tensor) for tensor in tensors]
+        tensors = [tensor for tensor in tensors if not is_zero(tensor)]
+    images = [entries(_moved(symmetric(vector, n), connection)) for vector in basis]
+    columns = [tuple(image[k] for k in free) for image in images]
+    return Multipliers(system, tuple(basis), transpose(tuple(columns)) if columns else ())
+
+
+def _moved(g: Matrix, connection: Matrix) -> Matrix:
+    """T(g)."""
+    moved = product(g, connection)
+    return plus(moved, transpose(moved))
+
+
+def _commutator(left: Matrix, right: Matrix) -> Matrix:
+    return plus(product(left, right), product(right, left), -1)
+
+
+def asymmetry(tensor: Matrix) -> Iterator[Vector]:
+    """The rows of (g A)_ij - (g A)_ji in the entries of g, i < j."""
+    n = len(tensor)
+    zero = tensor[0][0].field.constant(0)
+    pairs = places(n)
+    for i, j in pairs[: n * (n - 1) // 2]:
+        row = dict.fromkeys(pairs, zero)
+        for k in range(n):
+            row[min(i, k), max(i, k)] += tensor[k][j]
+            row[min(j, k), max(j, k)] -= tensor[k][i]
+        yield tuple(row.values())
+
+
+def constant_branches(space: Multipliers) -> list[Branch]:
+    """g' = 0."""
+    return _pure(space, space.system.ring.constant(0)) if space.basis else []
+
+
+def _pure(space: Multipliers, rate: Quotient) -> list[Branch]:
+    """The eigenvectors of T for one eigenvalue."""
+    basis = kernel(_shifted(space, rate), len(space.basis), space.system.ring.field)[0]
+    factor = _exponential(quotient_tree(space.system.ring, rate))
+    return [Branch(((factor, start),), start) for start in _sparse(space, basis)]
+
+
+def _sparse(space: Multipliers, coordinates: Sequence[Vector]) -> list[Matrix]:
+    """Spanning matrices: two reduced bases, entries on the diagonal eliminated last and first, simple ones first."""
+    n = space.system.size
+    vectors = [combination(vector, space.basis) for vector in coordinates]
+    turned = [vector[::-1] for vector in echelon([vector[::-1] for vector in vectors])[0]]
+    found = [symmetric(vector, n) for vector in (*turned, *echelon(vectors)[0])]
+    return [g for k, g in enumerate(found) if not any(_equal(g, other) for other in found[:k])]
+
+
+def _equal(left: Matrix, right: Matrix) -> bool:
+    return is_zero(plus(left, right, -1))
+
+
+def _shifted(space: Multipliers, rate: Quotient) -> Matrix:
+    """T - rate."""
+    one = identity(space.system.ring.field, len(space.basis))
+    return plus(space.operator, times(one, rate), -1)
+
+
+def all_branches(space: Multipliers, table: RealTable) -> list[Branch]:
+    """e^(tT) on the parts of V that belong to factors of degree 1 and 2, simple ones first."""
+    simple: list[Branch] = []
+    nested: list[Branch] = []
+    for coefficients, multiplicity in factors_of(space.system.ring, space.operator) if space.basis else ():
+        if len(coefficients) == 2:
+            rate = -(coefficients[0] / coefficients[1])
+            simple += _pure(space, rate)
+            nested += _chains(space, rate, multiplicity) if multiplicity > 1 else []
+        elif len(coefficients) == 3:
+            simple += _pairs(space, coefficients, table)
+    return simple + nested
+
+
+def _chains(space: Multipliers, rate: Quotient, multiplicity: int) -> list[Branch]:
+    """e^(rt) sum_k t^k (T - r)^k / k! g(0) on the kernel of (T - r)^m."""
+    ring = space.system.ring
+    shifted = _shifted(space, rate)
+    whole = shifted
+    for _ in range(multiplicity - 1):
+        whole = product(whole, shifted)
+    factor = _exponential(quotient_tree(ring, rate))
+    return [_chain(space, shifted, factor, vector) for vector in kernel(whole, len(space.basis), ring.field)[0]]
+
+
+def _chain(space: Multipliers, shifted: Matrix, factor: Expression, vector: Vector) -> Branch:
+    parts, current, k = [], vector, 0
+    while any(not entry.is_zero for entry in current):
+        monomial = Fraction(1, factorial(k)) * TIME**k * factor
+        parts.append((monomial, space.matrix(current)))
+        current, k = apply(shifted, current), k + 1
+    return Branch(tuple(parts), parts[0][1])
+
+
+def _pairs(space: Multipliers, coefficients: Sequence[Quotient], table: RealTable) -> list[Branch]:
+    """T = a + X with X^2 = d: e^(at) (C(t) + S(t) X), C = cosh, S = sinh(rt)/r for d = r^2; cos, sin for d < 0."""
+    ring = space.system.ring
+    lowest, middle, leading = coefficients
+    center = (middle / leading).scaled(Fraction(-1, 2))
+    discriminant = center * center - lowest / leading
+    shifted = _shifted(space, center)
+    one = identity(ring.field, len(space.basis))
+    square = plus(product(shifted, shifted), times(one, discriminant), -1)
+    even, odd, outside = _even_and_odd(quotient_tree(ring, discriminant), table)
+    factor, inverse = _exponential(quotient_tree(ring, center)), ring.value(outside).inverse()
+    found = []
+    for vector in kernel(square, len(space.basis), ring.field)[0]:
+        start, slope = space.matrix(vector), space.matrix(apply(shifted, vector))
+        parts = (factor * even, start), (factor * odd, times(slope, inverse))
+        found.append(Branch(parts, start))
+    return found
+
+
+def _even_and_odd(discriminant: Expression, table: RealTable) -> tuple[Expression, Expression, Expression]:
+    """(C, r S, r) with C'' = d C, C(0) = 1, S = C'/d, and r the part of sqrt|d| that needs no root."""
+    positive = real_sign(discriminant, table) > 0
+    outside, inside = even_root(discriminant if positive else -discriminant)
+    root = square_root(inside)
+    names = ("cosh", "sinh") if positive else ("cos", "sin")
+    even, odd = (Apply(name, outside * root * TIME) for name in names)
+    return even, odd / root, outside
+
+
+def _exponential(rate: Expression) -> Expression:
+    """e^(rate t)."""
+    argument = rate * TIME
+    return ONE if argument == number(0) else Apply("exp", argument)
+
+
+# Of the largest eigenvalue, the least that counts as one.
+_TINY = 1e-9
+
+
+def choose(system: LinearSystem, branches: Sequence[Branch], table: RealTable) -> list[Branch]:
+    """Regular sums of branches, at t = 0 and the real values of the parameters: definite and short ones first."""
+    branches = sorted(branches, key=lambda branch: (not _is_diagonal(branch.start), _size(branch)))
+    starts = [_numeric(system, branch.start, table) for branch in branches]
+    count, found = len(branches), dict[tuple[Fraction, ...], tuple[bool, int]]()
+    alone = [[Fraction(int(j == k)) for j in range(count)] for k in range(count)]
+    first = [[Fraction(int(j < k)) for j in range(count)] for k in range(2, count + 1)]
+    for weights in [*definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
+        padded = [*weights, *[Fraction(0)] * (count - len(weights))]
+        values = np.linalg.eigvalsh(sum(float(w) * start for w, start in zip(padded, starts, strict=True)))
+        sign = -1 if values[-1] <= 0 else 1
+        if min(abs(values)) > _TINY * max(abs(values)):
+            size = sum(_size(branch) for w, branch in zip(padded, branches, strict=True) if w)
+            found[tuple(sign * w for w in padded)] = (values[0] < 0 < values[-1], size)
+    return [_combined(weights, branches) for weights in sorted(found, key=lambda one: found[one])[: bounds.FEW]]
+
+
+def _numeric(system: LinearSystem, matrix: Matrix, table: RealTable) -> NDArray[np.float64]:
+    with mpmath.workdps(bounds.DIGITS):
+        rows = [[float(evaluate(quotient_tree(system.ring, entry), table)) for entry in row] for row in matrix]
+    return np.array(rows)
+
+
+def _size(branch: Branch) -> int:
+    """Terms in all entries."""
+    return sum(len(entry.numerator) + len(entry.exponents) for _, g in branch.parts for row in g for entry in row)
+
+
+def _is_diagonal(g: Matrix) -> bool:
+    return all(entry.is_zero for i, row in enumerate(g) for j, entry in enumerate(row) if i != j)
+
+
+def _combined(weights: Sequence[Fraction], branches: Sequence[Branch]) -> Branch:
+    """sum of weight * branch, parts with the same function of time put together."""
+    chosen = [(weight, branch) for weight, branch in zip(weights, branches, strict=True) if weight]
+    zero = plus(branches[0].start, branches[0].start, -1)
+    start, table = zero, dict[Expression, Matrix]()
+    for weight, branch in chosen:
+        start = plus(start, branch.start, weight)
+        for phi, g in branch.parts:
+            table[phi] = plus(table.get(phi, zero), g, weight)
+    return Branch(tuple((phi, g) for phi, g in table.items() if not is_zero(g)), start)
+
+
+def lagrangian(system: LinearSystem, motion: MotionTerms, branch: Branch) -> Expression:
+    """L as a sum over the functions of time in g."""
+    scaled = _primitive(branch)
+    return add(*(phi * add(*_terms(system, motion, g)) for phi, g in scaled))
+
+
+def _primitive(branch: Branch) -> list[tuple[Expression, Matrix]]:
+    """g over the common factor of its entries; a numerical factor keeps its sign."""
+    factor = common_factor([entry for _, g in branch.parts for row in g for entry in row if not entry.is_zero])
+    number = factor.constant_value
+    inverse = (factor.scaled(-1) if number is not None and number < 0 else factor).inverse()
+    return [(phi, times(g, inverse)) for phi, g in branch.parts]
+
+
+def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[Expression]:
+    """The terms of L that are linear in g, without its function of time."""
+    yield from _quadratic_form(system, g, motion.velocities, Fraction(1, 2))
+    damped = product(g, system.damping)
+    skew = plus(damped, transpose(damped), -1)
+    for i, j in itertools.product(range(system.size), repeat=2):
+        yield _term(system, skew[i][j].scaled(Fraction(1, 4)), motion.velocities[i], motion.coordinates[j])
+    for phi, stiffness in system.stiffness:
+        lowered = product(g, stiffness)
+        form = plus(lowered, transpose(lowered))
+        for term in _quadratic_form(system, form, motion.coordinates, Fraction(-1, 4)):
+            yield phi * term
+    for i, j in itertools.product(range(system.size), repeat=2):
+        yield collected(_term(system, g[i][j], motion.coordinates[i]) * system.forcing[j])
+
+
+def _quadratic_form(
+    system: LinearSystem, form: Matrix, letters: Sequence[Expression], factor: Fraction
+) -> Iterator[Expression]:
+    """factor * letters.form letters for a symmetric form."""
+    for i, letter in enumerate(letters):
+        yield _term(system, form[i][i].scaled(factor), letter**2)
+    for i, j in itertools.combinations(range(len(letters)), 2):
+        yield _term(system, form[i][j].scaled(2 * factor), letters[i], letters[j])
+
+
+def _term(system: LinearSystem, coefficient: Quotient, *letters: Expression) -> Expression:
+    return ZERO if coefficient.is_zero else multiply(quotient_tree(system.ring, coefficient), *letters)
+
+
+def is_linear(material: Material) -> bool:
+    """Whether f is linear in q and v, with constant coefficients of v."""
+    return linear_terms(material.motion) is not None
+
+
+def linear_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
+    """Regular Lagrangians whose multiplier depends on t at most, the simplest first.
+
+    None where V holds no regular matrix or the exponents are no square roots.
+    """
+    table = material.analysis.real_point
+    try:
+        system = linear_system(material) if table is not None else None
+        if system is None or table is None:
+            return ()
+        space = invariant_multipliers(system)
+        branches = all_branches(space, table) if material.motion.with_time else constant_branches(space)
+        chosen = choose(system, branches, table)
+        return tuple(dict.fromkeys(lagrangian(system, material.motion, branch) for branch in chosen))
+    except (TooLarge, ZeroDivisionError, KeyError):
+        return ()

@@ -1,1 +1,0 @@
-"""Linear systems: quadratic Lagrangians from matrices, modes and roots."""

@@ -1,0 +1,797 @@
+"""One coordinate: Lagrangians by Jacobi's last multiplier.
+
+L for one coordinate from its multiplier g: K with d2K/dv2 = g, and the part U without velocity.
+
+K for g = P_1^e_1 P_2^e_2, P_j linear or quadratic in v. For Q = a v^2 + b v + c put u = dQ/dv, D = 4ac - b^2, so that
+u^2 + D = 4aQ. With J_e = int int Q^e,
+    J_e = (2a (e+2)(2e+3) J_(e+1) - Q^(e+2)) / ((e+1)(e+2) D)   for e < -1, e != -2,
+    J_e = (Q^(e+1) + e (e+1) D J_(e-1)) / (2a (e+1)(2e+1))       for e > -1/2,
+which follow from (Q^m)''; J_(-1), J_(-2) and J_(-1/2) hold arctangents or logarithms.
+
+E(K) = f K_vv + v K_vx + K_vt - K_x has dE/dv = Gamma(g) + g df/dv = 0, so it may be taken at any v, and
+L = K + U with dU/dx = E(K) satisfies the Euler-Lagrange equation.
+
+Darboux polynomials of Gamma = v d/dx + f d/dv with a cofactor fitted to a multiplier.
+
+For x'' = f a multiplier obeys Gamma(g) + g df/dv = 0. With g = phi(x) P(x, v)^e this is
+    e Gamma(P) + (df/dv + Gamma(log phi)) P = 0,
+for given phi and e linear in P (Darboux 1878; Prelle and Singer 1983; Duarte, Duarte, da Mota and
+Skea 2001). P is taken as a polynomial in v whose terms are closed under what cancels residuals;
+the linear equations are solved at random points modulo a prime.
+
+Lienard's equation with Chiellini's condition has one in any coordinate. With y' = E x', E = exp(-int a dx),
+x'' = a x'^2 + b x' + c becomes y'' = b y' + h b, h = E c / b. Where dh/dy = -alpha b with constant alpha
+(Chiellini 1931), 1/(alpha w^2 + h w + h^2), w = y', is a last multiplier.
+
+Lagrangians for one coordinate from Jacobi's last multipliers (Jacobi 1844; Darboux 1894): phi(x) P_1^e_1 P_2^e_2.
+
+First powers phi P^e of one polynomial (see `darboux`); then the irreducible factors
+P_j of all of them are combined with letters of f, by linear algebra in the exponents:
+    sum_j e_j Gamma(log P_j) = -df/dv.
+The quotient of two multipliers is a first integral I of Gamma, and g I^k is a multiplier again, so
+different solutions e are the functions of first integrals times a multiplier that are in reach.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+
+from inverse_service import bounds
+from inverse_service.deadline import check
+from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.tree import (
+    HALF,
+    ONE,
+    TIME,
+    ZERO,
+    Apply,
+    Expression,
+    Integral,
+    Number,
+    Power,
+    Symbol,
+    Velocity,
+    add,
+    factors_of,
+    holds,
+    is_exponential,
+    multiply,
+    negated,
+    number,
+    powers_of,
+    square_root,
+    substitute,
+    walk,
+)
+from inverse_service.field.point import number_value
+from inverse_service.field.real_point import RealTable, real_sign
+from inverse_service.field.truncated_series import SingularPoint
+from inverse_service.search.ansatz import (
+    LetterTable,
+    letter_table,
+    letters_of,
+    make_sampler,
+    monomial_values,
+    null_combinations,
+    tensors_of,
+)
+from inverse_service.search.factors import Factors, find_factors
+from inverse_service.search.material import Material, antiderivatives
+from inverse_service.search.members import scaled
+from inverse_service.search.null_vectors import SPARE, pivots, small_solution
+from inverse_service.search.quadratures import (
+    antiderivative,
+    completed,
+    expanded,
+    exponential_of_integral,
+    extracted_root,
+    factored,
+    fresh_names,
+    potential_with_integrals,
+    shortest,
+    weight,
+)
+from inverse_service.search.terms import (
+    EMPTY,
+    Monomial,
+    Terms,
+    TooManyTerms,
+    along,
+    derivative_of_terms,
+    has_velocity,
+    monomial,
+    monomial_tree,
+    multiply_terms,
+    rank,
+    split_content,
+    split_velocities,
+    terms_of,
+    times,
+    tree_of,
+)
+
+Factor = tuple[Expression, Fraction]
+
+
+class NotElementary(ArithmeticError):
+    """The double integral has no form known here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The names of coordinate and velocity, and the real point that says on which branch roots are."""
+
+    x: Symbol
+    v: Velocity
+    point: RealTable
+
+
+@dataclass(frozen=True, slots=True)
+class _Quadratic:
+    """Q with u = dQ/dv, its leading coefficient a, and D = 4ac - b^2 in factors."""
+
+    q: Expression
+    u: Expression
+    a: Expression
+    d: Expression
+
+
+def coefficients(base: Expression, velocity: Velocity) -> list[Expression]:
+    """[c_0, c_1, …] of a polynomial in v; NotElementary for other functions of v."""
+    table: dict[int, Terms] = {}
+    for key, value in terms_of(base).items():
+        position, moving = split_velocities(key)
+        if any(p != velocity or e.denominator != 1 or e < 0 for p, e in moving):
+            raise NotElementary
+        table.setdefault(int(dict(moving).get(velocity, 0)), {})[position] = value
+    return [tree_of(table.get(k, {})) for k in range(max(table, default=0) + 1)]
+
+
+def double_integral(weight: Expression, factors: Sequence[Factor], place: Place) -> Expression:
+    """K with d2K/dv2 = weight times the factors, which are positive at the real point; else NotElementary.
+
+    The weight is a function of t and x.
+    """
+    parts = [coefficients(base, place.v) for base, _ in factors]
+    degrees = [len(part) - 1 for part in parts]
+    if not factors:
+        return HALF * weight * place.v**2
+    if degrees == [1]:
+        ((base, e),) = factors
+        scale = factored(weight / parts[0][1] ** 2, [place.x])
+        return scale * _linear(base, e, place.point)
+    if degrees == [2]:
+        ((base, e),) = factors
+        form = _quadratic(base, parts[0], place)
+        if e == -1:
+            return factored(weight / form.a, [place.x]) * _with_arctangent(form, place)
+        return weight * _recursion(form, e, place)
+    if set(degrees) == {1} and all(e == -1 for _, e in factors):
+        return weight * _partial_fractions([base for base, _ in factors], parts, place)
+    if degrees == [1, 1]:
+        return weight * _of_two(factors, parts, place)
+    raise NotElementary
+
+
+def _partial_fractions(bases: Sequence[Expression], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
+    """int int 1/(P_1 … P_m), the sum of u log u / (a^2 c) over u = P_j = a v + b, c the others at u = 0."""
+    terms = []
+    for j, (b, a) in enumerate(parts):
+        root = -(b / a)
+        others = [part[1] * root + part[0] for k, part in enumerate(parts) if k != j]
+        weight = factored(multiply(a**2, *others) ** -1, [place.x])
+        terms.append(weight * _linear(bases[j], Fraction(-1), place.point))
+    return add(*terms)
+
+
+def _linear(u: Expression, e: Fraction, point: RealTable) -> Expression:
+    """int int u^e du du."""
+    if e == -1:
+        return u * _logarithm(u, point)
+    if e == -2:
+        return -_logarithm(u, point)
+    return 1 / ((e + 1) * (e + 2)) * u ** (e + 2)
+
+
+def _logarithm(u: Expression, point: RealTable) -> Expression:
+    """log |u| on the side of the real point, numeric factors dropped: they add terms linear in v."""
+    terms = terms_of(u if real_sign(u, point) > 0 else negated(u))
+    content = abs(split_content(terms)[0])
+    return Apply("log", tree_of({key: value / content for key, value in terms.items()}))
+
+
+def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
+    """(e_1 + 2)(e_2 + 2) W^2 K = -P_1^(e_1 + 2) P_2^(e_2 + 2) for linear factors with e_1 + e_2 = -3.
+
+    W = a_1 b_2 - a_2 b_1 for P_j = a_j v + b_j.
+    """
+    (first, e), (second, h) = factors
+    (b1, a1), (b2, a2) = parts
+    if e + h != -3 or -2 in (e, h):
+        raise NotElementary
+    difference = factored(a1 * b2 - a2 * b1, [place.x])
+    product = first ** (e + 2) * second ** (h + 2) * difference**-2
+    return -1 / ((e + 2) * (h + 2)) * product
+
+
+def _quadratic(q: Expression, parts: Sequence[Expression], place: Place) -> _Quadratic:
+    c, b, a = parts
+    d = factored(4 * a * c - b**2, [place.x])
+    if d == ZERO:
+        # A square: the linear factor stands for it.
+        raise NotElementary
+    return _Quadratic(q, expanded(differentiate(q, place.v)), a, d)
+
+
+def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
+    """J_e."""
+    if e == -1:
+        return _with_arctangent(form, place) / form.a
+    if e == -2:
+        return _of_inverse_square(form, place)
+    if e == Fraction(-1, 2):
+        return _with_root(form, place)
+    if abs(e) > bounds.POWER or e.denominator > 2:
+        raise NotElementary
+    if e < -1:
+        weight = 2 * (e + 2) * (2 * e + 3)
+        above = weight * form.a * _recursion(form, e + 1, place) if weight else ZERO
+        return (above - form.q ** (e + 2)) / ((e + 1) * (e + 2) * form.d)
+    weight = e * (e + 1)
+    below = weight * form.d * _recursion(form, e - 1, place) if weight else ZERO
+    return (form.q ** (e + 1) + below) / (2 * (e + 1) * (2 * e + 1) * form.a)
+
+
+def _with_arctangent(form: _Quadratic, place: Place) -> Expression:
+    """a J_(-1) = y atan y - log(Q)/2 with y = u/D^1/2; logarithms where D < 0."""
+    if real_sign(form.d, place.point) < 0:
+        return _with_logarithms(form, place)
+    y = shortest(form.u / extracted_root(form.d), [place.x, place.v])
+    return y * Apply("atan", y) - HALF * _logarithm(form.q, place.point)
+
+
+def _with_logarithms(form: _Quadratic, place: Place) -> Expression:
+    """a J_(-1) = ((u - R) log(u - R) - (u + R) log(u + R))/(2R) with R^2 = -D."""
+    root = extracted_root(-form.d)
+    low, high = expanded(form.u - root), expanded(form.u + root)
+    first, second = _logarithm(low, place.point), _logarithm(high, place.point)
+    difference = low * first - high * second
+    return difference / (2 * root)
+
+
+def _of_inverse_square(form: _Quadratic, place: Place) -> Expression:
+    """J_(-2) = 2u atan(u/D^1/2)/D^3/2, for R^2 = -D > 0 it is u log((u - R)/(u + R))/(D R)."""
+    if real_sign(form.d, place.point) > 0:
+        root = extracted_root(form.d)
+        y = shortest(form.u / root, [place.x, place.v])
+        return 2 * y * Apply("atan", y) / form.d
+    root = extracted_root(-form.d)
+    low, high = expanded(form.u - root), expanded(form.u + root)
+    difference = _logarithm(low, place.point) - _logarithm(high, place.point)
+    return form.u * difference / (form.d * root)
+
+
+def _with_root(form: _Quadratic, place: Place) -> Expression:
+    """int int Q^(-1/2): a logarithm for a > 0, an arcsine for a < 0."""
+    a, u, q = form.a, form.u, form.q
+    last = square_root(q) / a
+    if real_sign(a, place.point) > 0:
+        root = extracted_root(factored(a, [place.x]))
+        log = _logarithm(u + 2 * root * square_root(q), place.point)
+        return u * log / (2 * a * root) - last
+    root = extracted_root(factored(negated(a), [place.x]))
+    arc = Apply("asin", u / extracted_root(-form.d))
+    return -(u * arc / (2 * a * root)) - last
+
+
+_SPEEDS = (Fraction(0), Fraction(1), Fraction(2), Fraction(1, 2), Fraction(-1))
+_TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
+
+
+def euler_lagrange(kinetic: Expression, force: Expression, x: Symbol, v: Velocity) -> Expression:
+    """f K_vv + v K_vx + K_vt - K_x."""
+    momentum = differentiate(kinetic, v)
+    return (
+        force * differentiate(momentum, v)
+        + v * differentiate(momentum, x)
+        + differentiate(momentum, TIME)
+        - differentiate(kinetic, x)
+    )
+
+
+def potential(kinetic: Expression, force: Expression, place: Place) -> Expression | None:
+    """U(t, x) with dU/dx = E(K), so that K + U is a Lagrangian; None where it is not found."""
+    residual = euler_lagrange(kinetic, force, place.x, place.v)
+    if not _is_free_of_velocity(residual, place):
+        return None
+    for speed in _SPEEDS:
+        if not _is_defined(residual, {**place.point, place.v: mpmath.mpf(speed.numerator) / speed.denominator}):
+            continue
+        try:
+            fixed = factored(substitute(residual, {place.v: number(speed)}), [place.x])
+            found = completed([place.x.name], [terms_of(-fixed)])
+        except TooManyTerms:
+            continue
+        if found is not None:
+            return found
+    return None
+
+
+def _is_free_of_velocity(residual: Expression, place: Place) -> bool:
+    """Seen in its values at the real point and close to it: what d2K/dv2 is no multiplier is left early."""
+    with mpmath.workdps(bounds.DIGITS):
+        first = evaluate(residual, place.point)
+        moved = {**place.point, place.v: place.point[place.v] * _STEP}
+        second = evaluate(residual, moved)
+        return bool(abs(first - second) < _TINY * (1 + abs(first)))
+
+
+def _is_defined(tree: Expression, point: RealTable) -> bool:
+    """Asked before a velocity is put in, since 0 times an infinite factor would fold to 0."""
+    try:
+        evaluate(tree, point)
+    except NoRealValue:
+        return False
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Letters, their values and logarithmic derivatives along the motion, and df/dv, at points of one prime."""
+
+    places: dict[Expression, int]
+    table: LetterTable
+    slopes: tuple[int, ...]
+
+    @property
+    def prime(self) -> int:
+        return self.table.prime
+
+    def along(self, sample: int, key: Monomial) -> int:
+        """Gamma(log key)."""
+        rates = self.table.derivatives.along[sample]
+        return sum(int(rates[self.places[p]]) * number_value(e, self.prime) for p, e in key) % self.prime
+
+
+def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int) -> Samples:
+    """`count` points for the letters of the terms; IrreducibleAtoms, SingularPoint or ValueError if there are none."""
+    letters = letters_of(terms)
+    sampler = make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
+    table = letter_table(sampler, letters, count, seed)
+    slopes = tuple(-2 * connection[0][0] % table.prime for connection, _ in tensors_of(sampler, table))
+    return Samples({p: k for k, p in enumerate(letters)}, table, slopes)
+
+
+def independent(samples: Samples, terms: Sequence[Monomial]) -> list[Monomial]:
+    """The terms without those that are combinations of earlier ones as functions (1 = sin^2 + cos^2)."""
+    rows = monomial_values(samples.table, list(samples.places), terms)
+    return [terms[k] for k in pivots(rows, samples.prime)]
+
+
+def montgomery_values(samples: Samples, terms: Sequence[Monomial]) -> list[list[int]]:
+    """The value of each term at each sample in Montgomery form (times 2^64)."""
+    return [[int(a) for a in row] for row in monomial_values(samples.table, list(samples.places), terms)]
+
+
+_LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
+_QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
+EXPONENTS = (
+    (1, tuple(map(Fraction, _LINEAR))),
+    (2, tuple(map(Fraction, _QUADRATIC))),
+    (3, (Fraction(-1),)),
+    (4, (Fraction(-1),)),
+)
+_HIGHEST = max(degree for degree, _ in EXPONENTS)
+
+
+@dataclass(frozen=True, slots=True)
+class DarbouxPower:
+    """g = factor * base^exponent; `factor` holds no velocity, `base` is a polynomial in v."""
+
+    factor: Monomial
+    base: tuple[tuple[Monomial, Fraction], ...]
+    exponent: Fraction
+
+
+def darboux_powers(material: Material, factors: Factors, seed: int) -> list[DarbouxPower]:
+    """Multipliers phi P^e, P of degree 1 to 4 in v; empty where none is found.
+
+    Where df/dv = 0 they are first integrals, and g = 1 is one: none can spare the integral of f that g = 1 needs.
+    """
+    found: dict[DarbouxPower, None] = {}
+    if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
+        return []
+    for degree, exponents in EXPONENTS:
+        try:
+            found.update(dict.fromkeys(_of_degree(material, factors, degree, exponents, seed)))
+        except (IrreducibleAtoms, SingularPoint, TooManyTerms, ValueError):
+            continue
+    return list(found)
+
+
+def _of_degree(
+    material: Material, factors: Factors, degree: int, exponents: Sequence[Fraction], seed: int
+) -> Iterator[DarbouxPower]:
+    phis = {e: position_factors(factors, degree * e) for e in exponents}
+    candidates = candidate_terms(material, degree)
+    every = [*candidates, *(phi for group in phis.values() for phi in group)]
+    samples = sampled(material, every, len(candidates) + SPARE, seed)
+    candidates = independent(samples, candidates)
+    values = montgomery_values(samples, candidates)
+    rates = [[samples.along(k, key) for key in candidates] for k in range(len(values))]
+    for e, group in phis.items():
+        for phi in group:
+            weight = number_value(e, samples.prime)
+            wanted = [slope + samples.along(k, phi) for k, slope in enumerate(samples.slopes)]
+            rows = _equations(values, rates, weight, wanted, samples.prime)
+            for terms in null_combinations(np.array(rows, np.uint64), candidates, samples.prime):
+                yield DarbouxPower(phi, tuple(terms.items()), e)
+
+
+def _equations(
+    values: Sequence[Sequence[int]], rates: Sequence[Sequence[int]], weight: int, wanted: Sequence[int], prime: int
+) -> list[list[int]]:
+    """Rows of e Gamma(P) + (df/dv + Gamma(log phi)) P = 0 for the terms of P."""
+    return [
+        [value * (weight * rate + target) % prime for value, rate in zip(row, along_row, strict=True)]
+        for row, along_row, target in zip(values, rates, wanted, strict=True)
+    ]
+
+
+def position_factors(factors: Factors, degree: Fraction) -> list[Monomial]:
+    """1, and the factors that go with v^degree where f has a term c(x) v^2, times functions of t.
+
+    With y' = E x', E = exp(-int c dx), a factor P(x, y')^e of a multiplier for y gives E^(2 + e) for x.
+    """
+    own = factors.along.get(0, EMPTY)
+    fitted = [EMPTY, times(EMPTY, own, 2 + degree), times(EMPTY, own, 2)]
+    return list(dict.fromkeys(times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3]))
+
+
+def candidate_terms(material: Material, degree: int) -> list[Monomial]:
+    """v^degree and the terms B(x) v^j that can cancel residuals of terms before, simple ones first."""
+    motion = material.motion
+    velocity = motion.velocities[0]
+    slope = derivative_of_terms(motion.forces[0], velocity)
+    found: dict[Monomial, None] = {frozenset([(velocity, Fraction(degree))]): None}
+    fresh = list(found)
+    for _ in range(bounds.FEW):
+        added: dict[Monomial, None] = {}
+        for key in fresh:
+            added.update(dict.fromkeys(m for m in _cancelling(material, key, slope, degree) if m not in found))
+        fresh = sorted(added, key=rank)[: bounds.COLUMNS - len(found)]
+        found.update(dict.fromkeys(fresh))
+    return sorted(found, key=rank)
+
+
+def _cancelling(material: Material, key: Monomial, slope: Terms, degree: int) -> list[Monomial]:
+    """Those of `_raised` that are polynomials of this degree, with t only where L may contain it."""
+    known: dict[Monomial, list[Monomial]] = material.shared.setdefault("cancelling", {})
+    if key not in known:
+        known[key] = _raised(material, key, slope)
+    motion = material.motion
+    return [m for m in known[key] if _is_admissible(m, motion.with_time, motion.velocities[0], degree)]
+
+
+def _raised(material: Material, key: Monomial, slope: Terms) -> list[Monomial]:
+    """B v^(j-1) with dB/dx = T for a residual T v^j, and T v^j / F for a term F of df/dv."""
+    motion = material.motion
+    x, velocity = motion.coordinates[0], motion.velocities[0]
+    divisors = [split_velocities(part) for part in slope]
+    found: dict[Monomial, None] = {}
+    for term in {**along(motion, {key: Fraction(1)}), **multiply_terms({key: Fraction(1)}, slope)}:
+        position, moving = split_velocities(term)
+        lowered = times(moving, monomial(velocity), -1)
+        if _is_polynomial(lowered, velocity, _HIGHEST):
+            found.update(dict.fromkeys([lowered, *(times(m, lowered) for m in antiderivatives(position, x))]))
+        if motion.with_time and _is_polynomial(moving, velocity, _HIGHEST):
+            found.update(dict.fromkeys(times(m, moving) for m in antiderivatives(position, TIME)))
+        quotients = ((part, times(moving, power, -1)) for part, power in divisors)
+        found.update(
+            (times(position, part, -1) | rest, None)
+            for part, rest in quotients
+            if _is_polynomial(rest, velocity, _HIGHEST)
+        )
+    return list(found)
+
+
+def _is_polynomial(moving: Monomial, velocity: Velocity, degree: int) -> bool:
+    return all(p == velocity and e.denominator == 1 and 0 <= e <= degree for p, e in moving)
+
+
+def _is_admissible(key: Monomial, with_time: bool, velocity: Velocity, degree: int) -> bool:
+    """A polynomial of this degree in v, with t only where L may contain it."""
+    if not _is_polynomial(split_velocities(key)[1], velocity, degree):
+        return False
+    return with_time or not any(holds(p, TIME) for p, _ in key)
+
+
+def inverse_multiplier(material: Material, factors: Factors) -> Expression | None:
+    """(alpha E^2 v^2 + h E v + h^2)/E^2, or None where f is not of this kind."""
+    motion = material.motion
+    x, v = motion.coordinates[0], motion.velocities[0]
+    parts = _by_powers(material)
+    if parts is None or not parts.get(1) or not parts.get(0) or (parts.get(2) and 0 not in factors.along):
+        return None
+    scale, damping = monomial_tree(factors.along.get(0, EMPTY)), tree_of(parts[1])
+    try:
+        ratio = factored(scale * tree_of(parts[0]) / damping, [x])
+        alpha = factored(-(differentiate(ratio, x) / (scale * damping)), [x])
+        if alpha == ZERO or holds(alpha, x, TIME):
+            return None
+        lowered = expanded(factored(ratio / scale, [x]))
+    except TooManyTerms:
+        return None
+    return alpha * v**2 + lowered * v + lowered**2
+
+
+def _by_powers(material: Material) -> Mapping[int, Terms] | None:
+    """The coefficients of 1, v and v^2 in f; None where f holds other functions of v, or t."""
+    velocity = material.motion.velocities[0]
+    table: dict[int, Terms] = {}
+    for key, value in material.motion.forces[0].items():
+        position, moving = split_velocities(key)
+        degree = dict(moving).get(velocity, 0)
+        if degree not in (0, 1, 2) or len(moving) > 1 or (moving and not degree):
+            return None
+        if any(holds(p, TIME) for p, _ in key):
+            return None
+        table.setdefault(int(degree), {})[position] = value
+    return table
+
+
+@dataclass(frozen=True, slots=True)
+class LastMultiplier:
+    """g = factor * product of base^exponent; only the bases, polynomials in v, hold the velocity."""
+
+    factor: Monomial
+    moving: tuple[tuple[Expression, Fraction], ...]
+
+
+def last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
+    """Multipliers in factors, each once, few factors first.
+
+    Those without velocity are only candidates: most of them fulfil no equation.
+    """
+    factors = _simplified(material, factors)
+    found = dict.fromkeys(LastMultiplier(phi, ()) for phi in position_factors(factors, Fraction(0)) if phi)
+    if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
+        found[LastMultiplier(EMPTY, ())] = None
+    powers = [
+        (power.factor, tree_of(dict(power.base)), power.exponent) for power in darboux_powers(material, factors, seed)
+    ]
+    inverse = inverse_multiplier(material, factors)
+    if inverse is not None:
+        powers.append((EMPTY, inverse, Fraction(-1)))
+    moving = _moving_factors(material)
+    if moving and all(isinstance(e, Number) for _, e in moving):
+        found[LastMultiplier(EMPTY, tuple((base, -e.value) for base, e in moving if isinstance(e, Number)))] = None
+    for phi, base, exponent in powers:
+        try:
+            found[_in_factors(material, phi, base, exponent)] = None
+        except TooManyTerms:
+            continue
+    bases = list(dict.fromkeys(base for multiplier in found for base, _ in multiplier.moving))
+    found.update(dict.fromkeys(_combined(material, bases[: bounds.FEW], seed)))
+    return sorted(found, key=lambda multiplier: len(multiplier.moving))
+
+
+def _simplified(material: Material, factors: Factors) -> Factors:
+    """With the argument of the exponential in exp(-int c dx) over one denominator."""
+    x = material.motion.coordinates[0]
+    along = {}
+    for i, phi in factors.along.items():
+        arguments = [e * p.argument for p, e in phi if is_exponential(p)]
+        rest = frozenset(item for item in phi if not is_exponential(item[0]))
+        try:
+            ((key, _),) = terms_of(Apply("exp", factored(add(*arguments), [x]))).items()
+            along[i] = times(rest, key) if arguments else phi
+        except TooManyTerms:
+            along[i] = phi
+    return replace(factors, along=along)
+
+
+def _in_factors(material: Material, phi: Monomial, polynomial: Expression, exponent: Fraction) -> LastMultiplier:
+    """phi P^e with P factored; its factors without velocity go into phi, constants are dropped."""
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    moving = []
+    for base, e in powers_of(factored(polynomial, [x, v])):
+        if has_velocity(base):
+            moving.append((expanded(base), e * exponent))
+        elif not isinstance(base, Number) and holds(base, x, TIME):
+            phi = times(phi, _letters(base), e * exponent)
+    return LastMultiplier(phi, tuple(moving))
+
+
+def _letters(base: Expression) -> Monomial:
+    """A factor as a monomial; exp(u + …) is a product of letters."""
+    if is_exponential(base):
+        ((key, _),) = terms_of(base).items()
+        return key
+    return monomial(base)
+
+
+def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Iterable[LastMultiplier]:
+    """One base, or two linear ones with e_1 + e_2 = -3, with exponents of letters of f, for df/dv."""
+    if not bases:
+        return
+    letters = [p for p in material.position_letters if not isinstance(p, Number)][: bounds.FEW]
+    try:
+        samples = sampled(material, [monomial(p) for p in (*bases, *letters)], len(letters) + SPARE, seed)
+    except (IrreducibleAtoms, SingularPoint, ValueError):
+        return
+    linear = [base for base in bases if _degree(material, base) == 1]
+    choices: list[tuple[Expression, ...]] = [(base,) for base in bases]
+    for chosen in [*choices, *itertools.combinations(linear, 2)]:
+        solution = small_solution(_exponents(samples, chosen, letters), samples.prime)
+        if solution is not None:
+            used = [(p, e) for p, e in zip([*chosen, *letters], solution, strict=True) if e]
+            yield LastMultiplier(
+                frozenset(item for item in used if item[0] not in chosen),
+                tuple(item for item in used if item[0] in chosen),
+            )
+
+
+def _degree(material: Material, base: Expression) -> int:
+    try:
+        return len(coefficients(base, material.motion.velocities[0])) - 1
+    except NotElementary:
+        return 0
+
+
+def _exponents(samples: Samples, chosen: Sequence[Expression], letters: Sequence[Expression]) -> list[list[int]]:
+    """Rows (Gamma(log p) for each p, -df/dv), and for two factors the one that makes the integral algebraic."""
+    columns = [monomial(p) for p in (*chosen, *letters)]
+    rows = [
+        [*(samples.along(k, key) for key in columns), -slope % samples.prime] for k, slope in enumerate(samples.slopes)
+    ]
+    if len(chosen) == 2:
+        rows.append([1, 1, *(0 for _ in letters), samples.prime - 3])
+    return rows
+
+
+def _moving_factors(material: Material) -> list[tuple[Expression, Expression]]:
+    """(base, exponent) of the factors of f that hold v, numbers left out: for f = F(v) G(t, x), 1/F is a multiplier."""
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    try:
+        force = factored(material.analysis.system.accelerations[0], [x, v])
+    except TooManyTerms:
+        return []
+    factors = factors_of(force)
+    pairs = [(f.base, f.exponent) if isinstance(f, Power) else (f, ONE) for f in factors]
+    return [(base, exponent) for base, exponent in pairs if has_velocity(base)]
+
+
+def _of_symbolic_power(material: Material) -> Expression | None:
+    """For f = P^e G, P = a v + b and e a letter: int int P^(-e) = P^(2 - e)/((1 - e)(2 - e) a^2), and a potential."""
+    point, moving = material.analysis.real_point, _moving_factors(material)
+    if point is None or len(moving) != 1 or isinstance(moving[0][1], Number):
+        return None
+    ((base, e),) = moving
+    place = Place(material.motion.coordinates[0], material.motion.velocities[0], point)
+    try:
+        _, a = coefficients(base, place.v)
+        below = (1 - e) * (2 - e) * a**2
+        kinetic = base ** (2 - e) / below
+        rest = potential(kinetic, material.analysis.system.accelerations[0], place)
+    except (ValueError, NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
+        return None
+    return None if rest is None else kinetic + rest
+
+
+def propose_function_of_velocity(material: Material, seed: int) -> list[Expression]:
+    """As `propose_with_integrals`, where all integrals are elementary."""
+    found = propose_with_integrals(material, seed)
+    return [tree for tree in found if not any(isinstance(node, Integral) for node in walk(tree))]
+
+
+def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
+    """L with g = phi(t, x)/F(v), for the first F that will do; phi, the two integrals of g and the potential by
+    quadratures."""
+    for function in _functions_of_velocity(material):
+        with suppress(TooManyTerms):
+            found = _of_function(material, function)
+            if found is not None:
+                return [found]
+    return []
+
+
+def _functions_of_velocity(material: Material) -> Iterator[Expression]:
+    """Candidates for F: the factors of f that hold v alone, and what each term of f holds of v."""
+    x = material.motion.coordinates[0]
+    found = [multiply(*(base**e for base, e in _moving_factors(material) if not holds(base, x, TIME)))]
+    found += [monomial_tree(split_velocities(key)[1]) for key in material.motion.forces[0]]
+    yield from dict.fromkeys(tree for tree in found if not holds(tree, x, TIME))
+
+
+def _of_function(material: Material, function: Expression) -> Expression | None:
+    """phi (v P - Q) + int phi G dx for f = F (G - A P - B Q), where P' = 1/F, Q' = v/F, A = phi_t/phi, B = phi_x/phi.
+
+    1/F is a multiplier of f = F G; A(t) and B(x) follow from F d(f/F)/dv = -(A + B v).
+    """
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    system = material.analysis.system
+    rest = factored(system.accelerations[0] / function, [x, v])
+    rate = factored(function * (-differentiate(rest, v)), [x, v])
+    along = factored(differentiate(rate, v), [x, v])
+    in_time = factored(rate - v * along, [x, v])
+    if holds(along, v, TIME) or holds(in_time, v, x) or (in_time != ZERO and not material.motion.with_time):
+        return None
+    phi = multiply(*(exponential_of_integral(c, q, material.analysis) for c, q in ((in_time, TIME), (along, x))))
+    names = fresh_names(system, phi)
+    integrals = []
+    for slope, c in ((1 / function, in_time), (v / function, along)):
+        known = antiderivative(system, tree_of(terms_of(slope)), v, material.analysis.real_point)
+        if known is None and c != ZERO:
+            return None
+        tree = Integral(next(names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else known
+        integrals.append(tree)
+        rest = rest + c * tree if c != ZERO else rest
+    force = phi * factored(rest, [x, v])
+    kinetic = phi * (v * integrals[0] - integrals[1])
+    potential_part = potential_with_integrals(system, kinetic, terms_of(-force), material.analysis.real_point)
+    return None if potential_part is None else tree_of(terms_of(kinetic)) + potential_part
+
+
+# With 60 a force of many terms takes 6 s in vain.
+_MOST_TERMS_OF_FORCE = 30
+
+
+def applies(material: Material) -> bool:
+    """One coordinate, f of moderate size with a real point."""
+    motion = material.motion
+    moderate = motion.size == 1 and len(motion.forces[0]) <= _MOST_TERMS_OF_FORCE
+    return moderate and material.analysis.real_point is not None
+
+
+def propose(material: Material, seed: int) -> Sequence[Expression]:
+    """Lagrangians whose multiplier is a product of Darboux factors, the simplest first; each is a candidate only."""
+    found: dict[Expression, None] = {}
+    for multiplier in last_multipliers(material, find_factors(material, seed), seed)[: bounds.CANDIDATES]:
+        check()
+        lagrangian = lagrangian_of(material, multiplier)
+        if lagrangian is not None:
+            found[lagrangian] = None
+    symbolic = _of_symbolic_power(material)
+    if symbolic is not None:
+        found[symbolic] = None
+    return sorted(found, key=weight)
+
+
+def lagrangian_of(material: Material, multiplier: LastMultiplier) -> Expression | None:
+    """L = K + U in closed form, with d2L/dv2 positive at the real point of f; None where there is none."""
+    motion, point = material.motion, material.analysis.real_point
+    force = material.analysis.system.accelerations[0]
+    if point is None:
+        return None
+    place = Place(motion.coordinates[0], motion.velocities[0], point)
+    try:
+        bases = [(_oriented(base, place), e) for base, e in multiplier.moving]
+        kinetic = double_integral(monomial_tree(multiplier.factor), bases, place)
+        rest = potential(kinetic, force, place)
+        return None if rest is None else _positive(kinetic + rest, place)
+    except (NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
+        return None
+
+
+def _oriented(base: Expression, place: Place) -> Expression:
+    """The base or its opposite, positive at the real point."""
+    return base if real_sign(base, place.point) > 0 else negated(base)
+
+
+def _positive(lagrangian: Expression, place: Place) -> Expression:
+    """The shorter of the tree and its expansion with simple coefficients, with a positive Hessian at the point."""
+    tree = min((tree_of(scaled(terms_of(lagrangian))), lagrangian), key=weight)
+    hessian = differentiate(differentiate(tree, place.v), place.v)
+    if real_sign(hessian, place.point) > 0:
+        return tree
+    return negated(tree)

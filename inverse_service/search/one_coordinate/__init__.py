@@ -1,1 +1,0 @@
-"""One coordinate: last multipliers, Darboux polynomials, quadratures."""
