@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 from typing import Any
+from urllib.parse import urlencode
 
 from fastapi import APIRouter
 from markupsafe import Markup, escape
@@ -21,7 +22,7 @@ from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_atlas import CITE, LICENSE, found_by
 
 router = APIRouter()
-MOST_SHOWN = 200
+FIRST_SHOWN, MOST_SHOWN = 30, 200
 REFERENCE = re.compile(
     r"(?:arXiv:\s*|(?<=, ))(?P<arxiv>\d{4}\.\d{4,5})|doi:\s*(?P<doi>10\.\d{4,}/[^\s,;]+[^\s,;.])"
     r"|math\.stackexchange\.com/questions/(?P<stack>\d+)|(?:MathOverflow |mathoverflow\.net/questions/)(?P<flow>\d+)"
@@ -65,6 +66,7 @@ async def shown(request: Request) -> HTMLResponse:
     """The search and what it found; the pictures where nothing is searched."""
     query = request.query_params
     sent = {name: query.get(name, "").strip() for name in ("q", "tag", "equations")}
+    most = MOST_SHOWN if query.get("all") else FIRST_SHOWN
     problem, found = "", []
     try:
         found = await found_by(request, sent["q"], sent["tag"], sent["equations"])
@@ -75,8 +77,9 @@ async def shown(request: Request) -> HTMLResponse:
         active="/atlas",
         sent=sent,
         problem=problem,
-        found=[_line(entry) for entry in found[:MOST_SHOWN]],
+        found=[_line(entry) for entry in found[:most]],
         count=len(found),
+        more=f"/atlas?{urlencode({**sent, 'all': 'yes'})}#systems" if len(found) > most else "",
         whole=len(atlas.entries()),
         tags=list(atlas.tags().items())[:24],
         pictures=() if any(sent.values()) else pictures(),

@@ -90,7 +90,7 @@ def _judged_none(verdict: str) -> sheets.Judged:
         return sheets.Judged("", sheets.YES, "Right. There is none, and the proof was checked.")
     if verdict == sheets.YES:
         return sheets.Judged("", sheets.NO, "Not yet. There is one.")
-    return sheets.Judged("", sheets.OPEN, "This could not be settled.")
+    return sheets.Judged("", sheets.OPEN, "The program could not decide.")
 
 
 def _judged_exists(verdict: str) -> sheets.Judged:
@@ -98,7 +98,7 @@ def _judged_exists(verdict: str) -> sheets.Judged:
         return sheets.Judged("", sheets.YES, "Right. There is one.")
     if verdict == sheets.NO:
         return sheets.Judged("", sheets.NO, "Not yet. There is none.")
-    return sheets.Judged("", sheets.OPEN, "This could not be settled.")
+    return sheets.Judged("", sheets.OPEN, "The program could not decide.")
 
 
 def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sheets.Judged:

@@ -320,7 +320,7 @@ def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:
 def left_out_of_link(query: Mapping[str, str]) -> list[str]:
     """A sentence for each value in a link that the form has no choice for."""
     return [
-        f"This link asks for {name}={value}, which does not exist and is left out; there is {', '.join(allowed)}."
+        f"The link sets {name}={value}, which is not valid and was ignored. Valid values: {', '.join(allowed)}."
         for name, allowed in CHOSEN.items()
         for value in _names(query.get(name, ""))
         if value not in allowed

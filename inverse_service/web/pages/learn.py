@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import posixpath
 import re
 import shlex
 from dataclasses import dataclass
-from functools import lru_cache
+from html import unescape
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter
@@ -20,6 +18,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import __version__, catalogue
 from inverse_service.reading.names import Names
+from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.rendering import can_simulate, page
 from inverse_service.web.problems import Refusal
 
@@ -37,22 +36,9 @@ async def learn() -> HTMLResponse:
     return page("learn.html", active="/learn", names=NAMES, manual=PAGES, can_simulate=can_simulate())
 
 
-# (name in the address, title, file in docs/).
-PAGES = (
-    ("steps", "The inverse problem in small steps", "tutorials/inverse-problem.md"),
-    ("disk", "The rolling disk", "tutorials/rolling-disk.md"),
-    ("enter", "How to enter a system", "how-to/enter-systems.md"),
-    ("verdicts", "What a verdict means", "explanation/verdicts.md"),
-    ("mathematics", "The mathematics", "explanation/method.md"),
-    ("constraints", "How to enter constraints on velocities", "how-to/constrained-systems.md"),
-    ("associated", "Constraints on velocities, explained", "explanation/constrained-systems.md"),
-    ("calls", "Calls for programs", "how-to/http.md"),
-    ("glossary", "Glossary", "reference/glossary.md"),
-)
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-_KNOWN = {file: f"/learn/{name}" for name, _, file in PAGES}
-_LINK = re.compile(r'href="([^":#]+)(#[^"]*)?"')
-_IMAGE = re.compile(r"<img [^>]*>")
+# (name in the address, title) of the pages in web/manual; the first page are the six screens.
+PAGES = (("mathematics", "The mathematics"), ("constraints", "Constraints"), ("calls", "Calls for programs"))
+_FORMULA = re.compile(r"<p>\$(.+?)\$</p>|\$(.+?)\$")
 CITATION = f"""@software{{inverse_service,
   title   = {{inverse-service: the inverse problem of the calculus of variations, decided and certified}},
   author  = {{{{The inverse-service authors}}}},
@@ -73,34 +59,32 @@ async def about() -> HTMLResponse:
 
 
 @open_router.get("/learn/{name}")
-async def manual(name: str) -> HTMLResponse:
+async def manual(request: Request, name: str) -> HTMLResponse:
     """One page of the manual."""
-    found = next(((title, file) for key, title, file in PAGES if key == name), None)
-    if found is None:
+    titles = dict(PAGES)
+    if name not in titles:
         raise Refusal(404, "not-found", "The manual has no such page; /learn lists them.")
-    title, file = found
-    return page("manual.html", active="/learn", title=title, body=_body(file), pages=PAGES, name=name)
+    return page(
+        "manual.html",
+        active="/learn",
+        title=titles[name],
+        body=_body(name, str(request.base_url).rstrip("/")),
+        pages=PAGES,
+        name=name,
+    )
 
 
-@lru_cache(maxsize=len(PAGES))
-def _body(file: str) -> Markup:
-    """The page as HTML; links to other pages of the manual stay on the site, those to files of the source go."""
-    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
-    html = markdown.render(_COMMENT.sub("", _text(file)).replace(".venv/bin/", ""))
-    return Markup(_IMAGE.sub("", _LINK.sub(lambda link: _address(file, link), html)))
+def _body(name: str, address: str) -> Markup:
+    """The page as HTML; what is between dollars is a formula of the theory."""
+    text = (resources.files("inverse_service.web") / "manual" / f"{name}.md").read_text(encoding="utf-8")
+    text = text.replace("ADDRESS", address)
+    html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    return Markup(_FORMULA.sub(lambda found: _formula(unescape(found[1] or found[2]), bool(found[1])), html))
 
 
-def _address(file: str, link: re.Match[str]) -> str:
-    target, anchor = posixpath.normpath(posixpath.join(posixpath.dirname(file), link[1])), link[2] or ""
-    return f'href="{_KNOWN[target]}{anchor}"' if target in _KNOWN else 'href="/learn"'
-
-
-def _text(file: str) -> str:
-    """From the wheel, or from the source tree."""
-    packed = resources.files("inverse_service.web") / "manual" / file
-    if packed.is_file():
-        return packed.read_text(encoding="utf-8")
-    return (Path(__file__).parents[3] / "docs" / file).read_text(encoding="utf-8")
+def _formula(text: str, alone: bool) -> str:
+    math = typesetting.of_theory(text)
+    return f'<p class="formula">{math}</p>' if alone else str(math)
 
 
 SYSTEM = {"coordinates": ["x", "y"], "equations": "x'' = -x; y'' = -y"}

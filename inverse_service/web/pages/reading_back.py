@@ -126,10 +126,10 @@ def _names(answer: Mapping[str, Any]) -> list[tuple[str, Markup, str]]:
     if answer["parameters"]:
         guessed = [name for name in answer["parameters"] if name in answer["guessed"]]
         one = len(answer["parameters"]) == 1
-        note = "\u2013 a constant of any value" if one else "\u2013 constants of any value"
+        note = "\u2013 a constant" if one else "\u2013 constants"
         if guessed:
             which = "" if len(guessed) == len(answer["parameters"]) else f": {', '.join(guessed)}"
-            note += f"; not declared, taken as constant{which}"
+            note += f"; not declared, so treated as constant{which}"
         rows.append(("Parameters", _symbols(answer["parameters"]), note))
     if answer["functions"]:
         names = Names(tuple(answer["coordinates"]), (), {k: tuple(v) for k, v in answer["functions"].items()})
@@ -149,12 +149,12 @@ def _symbols(names: list[str]) -> Markup:
 def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
     """A problem document of the service."""
     places = [_place(_fault(p), fields) for p in body.get("errors", [])]
-    return Problem("Please change this:", places or [ShownPlace(body["detail"])])
+    return Problem("There is a problem with your input", places or [ShownPlace(body["detail"])])
 
 
 def problem_of_error(error: InputError, fields: Mapping[str, str]) -> Problem:
     """A fault found while the form was read."""
-    return Problem("Please change this:", [_place(place, fields) for place in error.places])
+    return Problem("There is a problem with your input", [_place(place, fields) for place in error.places])
 
 
 def sentence(place: Place, fields: Collection[str] = (), is_marked: bool = False) -> str:

@@ -65,9 +65,11 @@ def _about_time(result: Mapping[str, Any], largest: float) -> list[Advice]:
         return []
     if limit < MUCH_OF * largest:
         return [
-            Advice(f"Ask again with more time: this answer had {limit:.2g} s, and the time ran out.", longer=largest)
+            Advice(f"This answer reached its time limit of {limit:.2g} s. Ask again with more time.", longer=largest)
         ]
-    return [Advice("Time ran out. This service gives no more; a machine of your own can.", LONG_RUN)]
+    return [
+        Advice("The maximum time limit was reached. Run the system on your own computer with a longer limit:", LONG_RUN)
+    ]
 
 
 def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
@@ -83,12 +85,12 @@ def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
 def _about_size(result: Mapping[str, Any]) -> list[Advice]:
     system, found = result["system"] or {}, []
     if system.get("functions"):
-        found.append(Advice("Put one function in the place of each arbitrary one."))
+        found.append(Advice("Replace each arbitrary function with a formula."))
     if system.get("parameters"):
-        found.append(Advice("Give values to parameters, such as k = 1/2: numbers are decided faster than letters."))
+        found.append(Advice("Assign values to the parameters, such as k = 1/2. Numeric systems are faster."))
     if result["verdict_with_time"] is not None and result["question"] == "L(q, q')":
         found.append(Advice(ONE_QUESTION))
-    return found or [Advice("Write the equations in other coordinates, or leave out what does not couple.")]
+    return found or [Advice("Write the equations in other coordinates, or solve uncoupled parts separately.")]
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,8 @@ from inverse_service.web.pages.rendering import duration
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
-BADGES = {YES: "a Lagrangian", NO: "no Lagrangian", OPEN: "not settled", DIFFERS: "differs by case"}
-OF_MOTION = {YES: "has a Hamiltonian", NO: "has no Hamiltonian", OPEN: "not settled", DIFFERS: "differs by case"}
+BADGES = {YES: "a Lagrangian", NO: "no Lagrangian", OPEN: "undetermined", DIFFERS: "differs by case"}
+OF_MOTION = {YES: "has a Hamiltonian", NO: "has no Hamiltonian", OPEN: "undetermined", DIFFERS: "differs by case"}
 MAX_STEPS = 200  # on a page; the whole is in the JSON
 LONGEST_MATRICES = 6_000  # characters of all matrices on a page: typeset they weigh 25 times that
 TENSORS = (("Phi", "<mi>Φ</mi>"), ("nabla_Phi", "<mi>∇</mi><mi>Φ</mi>"))
@@ -184,10 +184,10 @@ def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int, pe
             return Markup("L(q, q\u2032): none; L(t, q, q\u2032): {}.").format(_colored(OPEN, "being looked for"))
         return Markup("Whether {} {} from a Lagrangian is {}.").format(these, come, _colored(OPEN, "being decided"))
     if none:
-        return Markup("No Lagrangian without the time exists; one with the time was {}.").format(
-            _colored(OPEN, "not settled")
+        return Markup("No Lagrangian without the time exists; one with the time is {}.").format(
+            _colored(OPEN, "undetermined")
         )
-    return Markup("Whether {} {} from a Lagrangian was {}.").format(these, come, _colored(OPEN, "not settled"))
+    return Markup("Whether {} {} from a Lagrangian is {}.").format(these, come, _colored(OPEN, "undetermined"))
 
 
 def _motion_sentence(verdict: str, motion: Mapping[str, Any], pending: Collection[str] = ()) -> Markup:
@@ -199,17 +199,17 @@ def _motion_sentence(verdict: str, motion: Mapping[str, Any], pending: Collectio
     if pending:
         return Markup("Whether this motion can be given a Hamiltonian is {}.").format(_colored(OPEN, "being decided"))
     if motion.get("verdict") == "not_variational":
-        return Markup("No Hamiltonian without the time exists; one with the time was {}.").format(
-            _colored(OPEN, "not settled")
+        return Markup("No Hamiltonian without the time exists; one with the time is {}.").format(
+            _colored(OPEN, "undetermined")
         )
-    return Markup("Whether this motion can be given a Hamiltonian was {}.").format(_colored(OPEN, "not settled"))
+    return Markup("Whether this motion can be given a Hamiltonian is {}.").format(_colored(OPEN, "undetermined"))
 
 
-CHECKED = "A second program checked the proof."
+CHECKED = "An independent checker verified the proof."
 DOUBTED = {
-    "incomplete": "The second program could not follow the proof.",
-    "invalid": "The second program rejects the proof: this is an error of ours.",
-    "old": "The proof is of an older version and proves too little: ask again.",
+    "incomplete": "The independent checker could not follow the proof.",
+    "invalid": "The independent checker rejects the proof. This is an error of this program.",
+    "old": "This proof comes from an older version and is no longer sufficient. Solve the system again.",
 }
 
 
@@ -225,7 +225,7 @@ def _checked(parts: Sequence[Mapping[str, Any]]) -> list[Markup]:
     worst = next((one for one in ("invalid", "old", "incomplete") if one in found), None)
     if worst:
         return [Markup(DOUBTED[worst])]
-    return [Markup("A second program checked the proofs." if len(parts) > 1 else CHECKED)] if found else []
+    return [Markup("An independent checker verified the proofs." if len(parts) > 1 else CHECKED)] if found else []
 
 
 # The sheet.
@@ -311,7 +311,7 @@ def _other_note(shown: Mapping[str, Any], other: Mapping[str, Any]) -> Markup:
         return Markup('<a href="#more">One {} the time</a> exists, too.').format(kind)
     if other["verdict"] == "not_variational":
         return Markup("None {} the time exists.").format(kind)
-    return Markup("Whether one {} the time exists was not settled.").format(kind)
+    return Markup("Whether one {} the time exists is undetermined.").format(kind)
 
 
 def _other_row(other: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
@@ -443,7 +443,7 @@ KIND_NAMES = {
     "rayleigh": "Natural, with Rayleigh friction",
 }
 SEEKING = "Being decided"
-WORDS = {YES: "Yes", NO: "No", OPEN: "Not settled"}
+WORDS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 
 
 def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Row]:
@@ -518,8 +518,12 @@ def _special(cases: Mapping[str, Any], names: Names) -> Iterable[Markup]:
         )  # fmt: skip
 
     yield Markup("<ul>{}</ul>").format(node(cases["tree"]))
-    told = "No other case has another verdict." if cases["complete"] else "Other cases may differ."
-    yield Markup("{} case{} decided. {}").format(cases["examined"], "s" * (cases["examined"] != 1), told)
+    told = (
+        "The list is complete: no other parameter values change the verdict."
+        if cases["complete"]
+        else "Other parameter values may change the verdict."
+    )
+    yield Markup("{} case{} examined. {}").format(cases["examined"], "s" * (cases["examined"] != 1), told)
 
 
 def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Markup]:
@@ -544,9 +548,9 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Ma
 # A motion on constraints.
 
 HINTS = {
-    "first": "constraint forces as they come",
+    "first": "in the independent velocities",
     "second": "in the dependent velocities",
-    "third": "velocities turn like an arrow",
+    "third": "velocities of constant length",
 }
 
 
@@ -631,10 +635,10 @@ def _rows(
     if clock:
         yield _clock_row(clock, result, names)
     elif own == YES:
-        yield Row("Another clock", "time runs faster or slower", "", "Not needed")
+        yield Row("Another clock", "a new time, dτ = N dt", "", "Not needed")
     else:
         why = reduced.get("without_clock")
-        yield Row("Another clock", "time runs faster or slower", OPEN, "None found", (), (Markup(why),) if why else ())
+        yield Row("Another clock", "a new time, dτ = N dt", OPEN, "None found", (), (Markup(why),) if why else ())
 
 
 def _associated_row(one: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
@@ -721,10 +725,10 @@ class Judged:
 
 OWN = {
     "valid": (YES, "Yes. The Euler-Lagrange equations of this L are these equations."),
-    "invalid": (NO, "Not yet. This L has other equations."),
-    "differs": (NO, "Only in part. This L has these equations in some cells, and others elsewhere."),
-    "incomplete": (OPEN, "This could not be settled."),
-    "unread": (OPEN, "This L cannot be read."),
+    "invalid": (NO, "Not yet. This L gives different equations."),
+    "differs": (NO, "Only in part. This L gives these equations in some regions, and others elsewhere."),
+    "incomplete": (OPEN, "The program could not decide."),
+    "unread": (OPEN, "This L could not be understood."),
 }
 
 

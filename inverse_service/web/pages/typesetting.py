@@ -27,7 +27,7 @@ RELATIONS = {"!=": "≠", ">": ">", "<": "<", ">=": "≥", "<=": "≤", "=": "="
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
 # Brackets, and the relations and commas between the sides of a proposition.
 _SIDES = re.compile(r"[()\[\]]| (?:!=|>=|<=|=|>|<) |, ")
-_SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDT])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
+_SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDTf])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
 _BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
@@ -227,20 +227,27 @@ def _side_mathml(side: str, names: Names) -> str:
 def _theory(text: str) -> str:
     """The notation of the theory; dL/dx' is a fraction."""
     text = _BRACKETED.sub(r"\1", text)
-    found, place = [], 0
+    found: list[str] = []
+    place = 0
     for match in _SLOPE.finditer(text):
-        found.append(_bare(text[place : match.start()]))
+        found.append(_between(found, text[place : match.start()]))
         dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[4])]}</mo>"
         below = f"<mi>{escape(greek_letter(match[2]) or match[2])}</mi>"
         below = f'<mover accent="true">{below}{dots}</mover>' if match[4] else below
         below = f"<msup>{below}<mi>{match[3]}</mi></msup>" if match[3] else below
         found.append(f"<mfrac><mrow><mi>∂</mi><mi>{match[1]}</mi></mrow><mrow><mi>∂</mi>{below}</mrow></mfrac>")
         place = match.end()
-    return f"<mrow>{''.join(found)}{_bare(text[place:])}</mrow>"
+    return f"<mrow>{''.join(found)}{_between(found, text[place:])}</mrow>"
 
 
-def _bare(text: str) -> str:
-    return theory(text).mathml.removeprefix("<mrow>").removesuffix("</mrow>") if text.strip() else ""
+def _between(before: Sequence[str], text: str) -> str:
+    """What is between fractions: after one a minus is a difference, and before one d/dt has a little room."""
+    if not text.strip():
+        return ""
+    found = theory(text).mathml.removeprefix("<mrow>").removesuffix("</mrow>")
+    found = found.replace("<msup><mi>d</mi><mn>2</mn></msup>", "<msup><mi>∂</mi><mn>2</mn></msup>")
+    found = found.replace('<mo form="prefix">', "<mo>", 1) if before and found.startswith("<mo form") else found
+    return found + '<mspace width="0.17em"/>' if found.endswith("</mfrac>") else found
 
 
 def _split(text: str, mark: str) -> list[str]:

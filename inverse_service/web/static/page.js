@@ -43,7 +43,7 @@ function echo(form) {
       else show();
     } catch (error) {
       if (error.name === "AbortError") return;
-      target.textContent = error.message === "not a page" ? "The service failed on this text. That is an error of ours." : "The service does not answer at the moment.";
+      target.textContent = error.message === "not a page" ? "The service failed on this text. This is an error of the program." : "The service does not answer at the moment.";
       answering?.clear();
     }
   };

@@ -43,7 +43,7 @@ def test_a_batch_is_uploaded_and_its_lines_lead_to_results(
     file.write_text("\n".join(json.dumps(line) for line in lines))
     at.go("/batch")
     at.page.get_by_label("A file").set_input_files(file)
-    at.page.get_by_role("button", name="Decide all of them").click()
+    at.page.get_by_role("button", name="Solve all").click()
     # Without a script the page asks again by itself every three seconds.
     expect(at.page.get_by_role("status")).to_contain_text("4 of 4 done, 1 failed")
     expect(at.page.locator("tbody tr")).to_have_count(4)
@@ -55,8 +55,8 @@ def test_a_batch_is_uploaded_and_its_lines_lead_to_results(
 
 def test_a_batch_that_is_no_document_is_refused_with_a_sentence(visit: Visit) -> None:
     visit.go("/batch")
-    visit.page.get_by_label("Or lines typed here").fill("")
-    visit.page.get_by_role("button", name="Decide all of them").click()
+    visit.page.get_by_label("Or type the lines").fill("")
+    visit.page.get_by_role("button", name="Solve all").click()
     expect(visit.page.get_by_role("alert")).to_be_visible()
 
 

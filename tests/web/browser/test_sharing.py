@@ -71,8 +71,8 @@ def test_a_browser_frames_an_answer_on_a_listed_origin_and_on_no_other(
 
 def test_plain_equations_are_a_batch_and_its_table_is_csv(visit: Visit) -> None:
     visit.go("/batch")
-    visit.page.get_by_label("Or lines typed here").fill("x'' = -x - c*x'\nx'' = -y'; y'' = -y\nx'' = @")
-    visit.page.get_by_role("button", name="Decide all of them").click()
+    visit.page.get_by_label("Or type the lines").fill("x'' = -x - c*x'\nx'' = -y'; y'' = -y\nx'' = @")
+    visit.page.get_by_role("button", name="Solve all").click()
     expect(visit.page.locator("main")).to_contain_text("3 of 3")
     table = visit.page.request.get(visit.page.url + "/results.csv").text().splitlines()
     assert table[0] == "line,name,verdict,lagrangian or reason,checked,where"

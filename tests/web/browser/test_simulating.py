@@ -162,7 +162,7 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     page = browser.new_page()
     page.goto(f"{patient}/simulate?system=knife-edge")
     page.get_by_label("Steps").fill("20")
-    page.get_by_role("button", name="Measure error against time").click()
+    page.get_by_role("button", name="Measure error vs. run time").click()
     expect(page.locator("[data-plot=work-precision] .legend span").first).to_be_visible(timeout=60_000)
     assert page.locator("table.prices tbody tr").count() == 4
     assert page.locator("table.prices .best").count() >= 1

@@ -92,7 +92,7 @@ def test_latex_and_documents_can_be_typed_or_uploaded(visit: Visit, tmp_path: Pa
     file = tmp_path / "system.yaml"
     file.write_text("coordinates: [w]\nequations:\n  w: -w^3\n")
     visit.page.get_by_role("button", name="Ask in detail").click()
-    visit.page.get_by_label("Or a document").set_input_files(file)
+    visit.page.get_by_label("Upload a document").set_input_files(file)
     expect(visit.page.locator("#understood")).to_contain_text("w")
     visit.page.get_by_role("button", name="Open the answer").click()
     expect(visit.page.locator("h1 .yes, h2 .yes").first).to_be_visible()
