@@ -21,21 +21,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import pairwise
 from math import inf, lcm
-
-import mpmath
 
 from inverse_service import bounds
 from inverse_service.decision.deciding import Analysis
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.expressions.evaluation import evaluate as real_value
-from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Velocity, is_exponential
+from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, is_exponential
 from inverse_service.field import truncated_series as ps
 from inverse_service.field.elementary import to_kernels
 from inverse_service.field.point import Expansion, Variable, evaluate
-from inverse_service.field.real_point import RealTable
 from inverse_service.field.tower import draw_point
 from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.search.ansatz import Sampler, connection_and_endomorphism, letter_table, make_sampler, tensors_of
@@ -175,34 +169,6 @@ def _constants_of_divergence(
         trace = 2 * sum(connection[i][i] for i in range(material.motion.size))
         rows.append([*along, *(evaluate(to_kernels(c), point) for c in constants), trace % table.prime])
     return small_solution(rows, table.prime)
-
-
-def hidden_damping(analysis: Analysis) -> Fraction | None:
-    """c where f = h - c v + F(q), h of degree 2 in v, as seen at multiples of v at the real point; else None."""
-    system, table = analysis.system, analysis.real_point
-    if table is None or system.depends_on_time:
-        return None
-    try:
-        with mpmath.workdps(bounds.DIGITS):
-            pairs = zip(system.coordinates, system.accelerations, strict=True)
-            found = {_rate_of(f, Velocity(name), table) for name, f in pairs}
-    except (NoRealValue, KeyError):
-        return None
-    return (found.pop() or None) if len(found) == 1 else None
-
-
-def _rate_of(f: Expression, v: Velocity, table: RealTable) -> Fraction | None:
-    """c where f at once, twice, three and four times all velocities fits a square, -c v and a constant."""
-    first, second, third = (b - a for a, b in pairwise([real_value(f, _quicker(table, k)) for k in range(1, 5)]))
-    rate = (3 * (second - first) / 2 - first) / table[v]
-    near = Fraction(mpmath.nstr(rate, bounds.AGREEING)).limit_denominator(bounds.RATIO)
-    defects = (third - 2 * second + first, rate - mpmath.mpf(near.numerator) / near.denominator)
-    return near if max(map(abs, defects)) < mpmath.mpf(10) ** -bounds.AGREEING * (1 + abs(third)) else None
-
-
-def _quicker(table: RealTable, times: int) -> RealTable:
-    """The point with all velocities so many times as large."""
-    return {leaf: value * times if isinstance(leaf, Velocity) else value for leaf, value in table.items()}
 
 
 HALF = Fraction(1, 2)

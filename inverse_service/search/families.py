@@ -80,9 +80,7 @@ from inverse_service.search.terms import (
     tree_of,
 )
 
-_FOUR = Fraction(4)
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
-_CARRIED = tuple(Fraction(e, 2) for e in (0, 2, -2, 1, -1, 4, 3))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
 
 
@@ -120,51 +118,11 @@ def as_in_force(material: Material) -> list[Monomial]:
     return [shape for shape in functions(material) if all(is_held(p, e) for p, e in shape)]
 
 
-def products_and_roots(material: Material) -> list[Monomial]:
-    """Products of up to four velocities, v_i log v_j, v_i v_j v_k / v_l^2 and its like, roots of velocities.
-
-    For one coordinate `functions` has them all.
-    """
-    if material.motion.size == 1:
-        return []
-    higher = [*powers(material, 3), *(powers(material, 4) if material.motion.size < 4 else [])]
-    crossed = [monomial(a, Apply("log", b)) for a, b in itertools.permutations(material.motion.velocities, 2)]
-    double = [*quotients(material, 3), *(quotients(material, 4) if material.motion.size < 3 else [])]
-    below = divisors(material)
-    double += [frozenset([(v, _FOUR), (w, -_FOUR / 2)]) for v in material.motion.velocities for w in below if v != w]
-    return distinct([*functions(material), *higher, *crossed, *double, *roots(material)])
-
-
 def polynomials(material: Material) -> list[Monomial]:
     """Products of two, three and four velocities, of several coordinates."""
     if material.motion.size == 1:
         return []
     return [shape for degree in (2, 3, 4) for shape in powers(material, degree)]
-
-
-def carried(material: Material) -> list[Monomial]:
-    """v_i v_j w^e and functions of w, for the velocity w of a coordinate that f does not hold, roots in f first.
-
-    The momentum of w is constant then, and w is a function of the others, which can enter L in any power.
-    """
-    motion, found = material.motion, list[Monomial]()
-    held = {node for f in material.analysis.system.accelerations for node in walk(f)}
-    cyclic = [v for q, v in zip(motion.coordinates, motion.velocities, strict=True) if q not in held]
-    for w in sorted(cyclic, key=lambda w: (not _is_rooted(material, w), repr(w))):
-        others = [v for v in motion.velocities if v != w]
-        pairs = [monomial(*pair) for pair in itertools.combinations_with_replacement(others, 2)]
-        found += [times(pair, monomial(w), e) for e in _CARRIED for pair in pairs]
-        found += [*single(w), *(monomial(v, w) for v in others)]
-    return list(dict.fromkeys(found)) if len(motion.velocities) > 1 else []
-
-
-def _is_rooted(material: Material, w: Expression) -> bool:
-    """Whether f holds a root of w."""
-    nodes = (node for f in material.analysis.system.accelerations for node in walk(f))
-    return any(
-        isinstance(node, Power) and node.base == w and isinstance(node.exponent, Number) and node.exponent.value % 1
-        for node in nodes
-    )
 
 
 def complex_logarithms(material: Material) -> list[Monomial]:
@@ -208,16 +166,6 @@ def divisors(material: Material) -> list[Expression]:
     motion = material.motion
     constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
     return list(constant or motion.velocities)
-
-
-def roots(material: Material) -> list[Monomial]:
-    """w^(+-1/2) v_i v_j and v_i^a v_j^b with halves a + b = 1 or 2; w is constant along the motion."""
-    motion = material.motion
-    constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
-    found = [times(pair, frozenset([(w, e)])) for w in constant for e in (HALF, -HALF) for pair in quadratic(material)]
-    for a, b in itertools.permutations(motion.velocities, 2):
-        found += [frozenset([(a, HALF), (b, 3 * HALF)]), frozenset([(a, HALF), (b, HALF)])]
-    return found
 
 
 def single(velocity: Expression) -> list[Monomial]:

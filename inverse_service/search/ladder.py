@@ -45,11 +45,11 @@ from inverse_service.search.families import (
 )
 from inverse_service.search.material import Material, gather
 from inverse_service.search.members import Member, best_members, needed_combinations
+from inverse_service.search.plain_forces import plain
 from inverse_service.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
 from inverse_service.search.quadratures import real_form
 from inverse_service.search.terms import Monomial, TooManyTerms, collected, terms_of, tree_of
 from inverse_service.search.tidy import tidied
-from inverse_service.search.views import Lettered, views
 
 _DIGITS = 180
 _STEP_DIGITS = 40
@@ -149,18 +149,14 @@ def search(
     """The first rung that gives a regular Lagrangian, or what was tried; the caller's own terms come first.
 
     Rungs of more than the `highest` cost are left out. A rung counts only if one of its Lagrangians `holds`; those
-    before that one are left out. Long numbers are letters first, and are put back before a Lagrangian is shown.
+    before that one are left out.
     """
     tried: list[tuple[str, int]] = []
-
-    def first(view: Lettered) -> Found | None:
-        candidates = _climb(view.analysis, with_time, seed, progress, own_terms, tried, highest)
-        kept = (_kept(found, view.analysis, lambda tree: holds(view.put_back(tree))) for found in candidates)
-        return view.restored(next((found for found in kept if found is not None), None))
-
     found = None
     with suppress(OutOfTime), until(deadline):
-        found = next((one for view in views(analysis) if (one := first(view)) is not None), None)
+        analysis = plain(analysis)
+        candidates = _climb(analysis, with_time, seed, progress, own_terms, tried, highest)
+        found = next((kept for one in candidates if (kept := _kept(one, analysis, holds)) is not None), None)
     return SearchOutcome(found, tuple(tried))
 
 

@@ -70,7 +70,6 @@ from inverse_service.expressions.tree import (
     powers_of,
     square_root,
     substitute,
-    walk,
 )
 from inverse_service.field.point import number_value
 from inverse_service.field.real_point import RealTable, real_sign
@@ -689,12 +688,6 @@ def _of_symbolic_power(material: Material) -> Expression | None:
 
 
 def propose_function_of_velocity(material: Material, seed: int) -> list[Expression]:
-    """As `propose_with_integrals`, where all integrals are elementary."""
-    found = propose_with_integrals(material, seed)
-    return [tree for tree in found if not any(isinstance(node, Integral) for node in walk(tree))]
-
-
-def propose_with_integrals(material: Material, seed: int) -> list[Expression]:
     """L with g = phi(t, x)/F(v), for the first F that will do; phi, the two integrals of g and the potential by
     quadratures."""
     for function in _functions_of_velocity(material):

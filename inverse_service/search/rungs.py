@@ -5,7 +5,6 @@ from __future__ import annotations
 from inverse_service import bounds
 from inverse_service.search import (
     families,
-    holomorphic,
     linear_systems,
     one_coordinate,
     one_matrix,
@@ -65,32 +64,15 @@ LEAVES = (
     ),
     Leaf(
         "one coordinate, a function of the velocity",
-        4.2,
-        scalar_multiplier.is_of_one_coordinate,
-        one_coordinate.propose_function_of_velocity,
-        "With `P' = 1/F` and `Q' = v/F`, `f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where "
-        "`phi_t = A phi` and `phi_x = B phi`; then `L = phi (v P - Q) + int phi G d x`.",
-        exact=True,
-    ),
-    Leaf(
-        "one coordinate, a function of the velocity by quadratures",
         9.5,
         scalar_multiplier.is_of_one_coordinate,
-        one_coordinate.propose_with_integrals,
+        one_coordinate.propose_function_of_velocity,
         "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
         "`phi_t = A phi` and `phi_x = B phi`; what is not elementary stays under integral signs.",
         exact=True,
     ),
 )
 REDUCTIONS = (
-    Reduction(
-        "uniform damping, e^(ct) L_0",
-        1.8,
-        reductions.is_damped,
-        reductions.without_damping,
-        "Without a common damping `-c q'` the system has a Lagrangian `L_0`; the factor `e^(c t)`, for `c(t)` the "
-        "exponential of its integral, brings the damping back.",
-    ),
     Reduction(
         "other coordinates",
         3.5,
@@ -107,13 +89,6 @@ REDUCTIONS = (
         "The system decouples; the Lagrangian is the sum over the blocks.",
         exact=True,
     ),
-    Reduction(
-        "real and imaginary parts of complex Lagrangians",
-        3.6,
-        holomorphic.is_even,
-        holomorphic.real_systems,
-        "The system is one of fewer complex coordinates; part of a Lagrangian of that one is a Lagrangian of this.",
-    ),
 )
 ANSATZ = (
     Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
@@ -124,8 +99,6 @@ ANSATZ = (
     Family("quadratic in the velocities and in a root", 3.9, families.with_roots, bounds.LARGE),
     Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
     Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
-    Family("squares times powers of a velocity", 7.5, families.carried, bounds.LARGE),
-    Family("products, roots and logarithms of velocities", 8, families.products_and_roots, bounds.LARGE),
     Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
 RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)

@@ -1,14 +1,9 @@
-"""A system as the search looks at it: f as plain as it can be made, and letters for long numbers.
-
-398600.4418 is 1993002209/5000, and a coefficient with more than some nine digits cannot be told from its residue modulo
-one prime of 61 bits. A system with a letter instead has coefficients as short as its own.
-"""
+"""f as plain as the search can make it: roots denested, few atoms, few constants."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache, partial
 
@@ -26,7 +21,6 @@ from inverse_service.expressions.tree import (
     Power,
     Product,
     Sum,
-    Symbol,
     add,
     distinct_nodes,
     dot,
@@ -40,42 +34,19 @@ from inverse_service.field.elementary import to_kernels
 from inverse_service.field.real_point import varies
 from inverse_service.field.rules import AngleRule
 from inverse_service.field.tower import Tower
-from inverse_service.search.protocol import Found
 from inverse_service.search.tidy import collected_inside, without_arctangents
 
 
-@dataclass(frozen=True, slots=True)
-class Lettered:
-    """The system with letters, and the positive numbers that they stand for."""
+def plain(analysis: Analysis) -> Analysis:
+    """The system with f as plain as it can be made.
 
-    analysis: Analysis
-    numbers: dict[Expression, Expression]
-
-    def put_back(self, tree: Expression) -> Expression:
-        """A formula with the numbers again."""
-        return substitute(tree, self.numbers) if self.numbers else tree
-
-    def restored(self, found: Found | None) -> Found | None:
-        """What a search found for the letters, with the numbers."""
-        if found is None:
-            return None
-        trees, parts = (tuple(map(self.put_back, each)) for each in (found.lagrangians, found.parts))
-        return replace(found, lagrangians=trees, parts=parts)
-
-
-def views(analysis: Analysis) -> Iterator[Lettered]:
-    """The system with letters for its long numbers, where there are such, and as it is, f as plain as it can be made.
-
-    Lagrangians that hold for the latter are checked with f as it was given.
+    Lagrangians that hold for it are checked with f as it was given.
     """
     forces = with_few_constants(tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations)))
     if forces != analysis.system.accelerations:
         with suppress(IrreducibleAtoms):
-            analysis = analyze(replace(analysis.system, accelerations=forces))
-    lettered = with_letters(analysis)
-    if lettered is not None:
-        yield lettered
-    yield Lettered(analysis, {})
+            return analyze(replace(analysis.system, accelerations=forces))
+    return analysis
 
 
 def _plainer(tower: Tower, force: Expression) -> Expression:
@@ -131,38 +102,3 @@ def with_few_constants(forces: tuple[Expression, ...]) -> tuple[Expression, ...]
                 found = _short_sum(node, add(*roots))
                 table |= {} if found is None else {node: found}
     return tuple(substitute(force, table) for force in forces) if table else forces
-
-
-def with_letters(analysis: Analysis) -> Lettered | None:
-    """The analysis of the system with a letter for each long number; None where there is none, or too many."""
-    system, found = analysis.system, dict[Expression, Symbol]()
-    taken = {*system.coordinates, *system.parameters, *dict(system.functions)}
-    names = (name for k in range(1, 10**6) if (name := f"number_{k}") not in taken)
-
-    def letter(size: Number) -> Symbol:
-        if size not in found:
-            found[size] = Symbol(next(names))
-        return found[size]
-
-    forces = tuple(_rewritten(force, letter) for force in system.accelerations)
-    if not found or len(found) > bounds.CANDIDATES:
-        return None
-    letters = tuple(found.values())
-    branch = system.branch and replace(system.branch, positive=(*system.branch.positive, *letters))
-    parameters = (*system.parameters, *(symbol.name for symbol in letters))
-    try:
-        changed = analyze(replace(system, accelerations=forces, parameters=parameters, branch=branch))
-    except IrreducibleAtoms:
-        return None
-    return Lettered(changed, {symbol: size for size, symbol in found.items()})
-
-
-def _rewritten(tree: Expression, letter: Callable[[Number], Symbol]) -> Expression:
-    """The tree with letters for long numbers that are no exponents."""
-    match tree:
-        case Number(value) if max(abs(value.numerator), value.denominator) > bounds.NUMBER:
-            return (1 if value > 0 else -1) * letter(number(abs(value)))
-        case Power(base, exponent):
-            return _rewritten(base, letter) ** exponent
-        case _:
-            return rebuild(tree, lambda part: _rewritten(part, letter))
