@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *ROOT.glob("docs/**/*.md"),
                 *ROOT.glob("inverse_service/certificate/*.md")])  # fmt: skip
-PROGRAMS = ("sh", "bash", "python")
+PROGRAMS = ("sh", "bash", "python", "javascript", "julia")
 DOCUMENTS = ("json", "yaml")
 # What begins with a brace is for the site alone (`make docs`).
 LANGUAGES = (*PROGRAMS, *DOCUMENTS, "output", "text", "{toctree}", "{eval-rst}")
@@ -68,10 +69,11 @@ def programs(page: Path, with_slow: bool) -> list[tuple[Block, str | None]]:
     """The programs that are run, each with what it is said to print, None where nothing is said."""
     own = blocks(page)
     left_out = {"not-run"} if with_slow else set(MARKS)
+    missing = {"julia", *(() if shutil.which("node") else ("javascript",))}
     return [
         (block, after.text if after is not None and after.language == "output" else None)
         for block, after in zip(own, [*own, None][1:], strict=True)
-        if block.is_program and block.mark not in left_out
+        if block.is_program and block.mark not in left_out and block.language not in missing
     ]
 
 
@@ -118,9 +120,9 @@ def prepare(page: Path, folder: Path) -> None:
 def command(block: Block, folder: Path, address: str) -> str:
     """The block as lines of a shell, ended by a mark in the output."""
     text = block.text.replace(ADDRESS, address).replace(".venv/bin/", "")
-    if block.language == "python":
-        name = f"line{block.line}.py"
+    if interpreter := {"python": ("python", "py"), "javascript": ("node", "mjs")}.get(block.language):
+        name = f"line{block.line}.{interpreter[1]}"
         (folder / name).write_text(text, encoding="utf-8")
-        text = f"python {name}\n"
+        text = f"{interpreter[0]} {name}\n"
     # One shell for all, as the variables of one block are used in the next.
     return f"{text}printf '\\x1e'\n"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,8 @@ from tests.docs.blocks import (
     LANGUAGES,
     MARKS,
     PAGES,
+    PROGRAMS,
+    ROOT,
     Block,
     blocks,
     name,
@@ -39,6 +43,7 @@ NOT_RUN = {
     "docs/records/benchmarks.md": (1, "ten minutes"),
     "docs/records/reliability.md": (1, "these are the tests themselves"),
     "docs/records/scaling.md": (1, "a quarter of an hour"),
+    "docs/tutorials/rest.md": (1, "no Julia where the tests run"),
     "docs/reference/open-questions.md": (2, "the search of the robot and the table take minutes"),
 }
 # Blocks of plain text: pictures, and what other tests compare.
@@ -80,6 +85,22 @@ def test_the_long_programs_too(page: Path, tmp_path: Path, request: pytest.Fixtu
     run(page, tmp_path, request, with_slow=True)
 
 
+@pytest.mark.slow
+def test_python_in_the_pages_has_types(tmp_path: Path) -> None:
+    """mypy --strict accepts each block of Python; one file for each, as each is a program of its own."""
+    written = []
+    for block in ALL:
+        if block.language == "python":
+            written.append(
+                tmp_path / f"{name(block.page).replace('/', '_').removesuffix('.md').replace('-', '_')}_{block.line}.py"
+            )
+            written[-1].write_text(block.text, encoding="utf-8")
+    assert len(written) > 10
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), *map(str, written)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
 def test_the_pages_have_programs() -> None:
     named = {name(page) for page in QUICK}
     assert {
@@ -102,7 +123,7 @@ def test_no_block_is_left_out_in_silence(page: Path) -> None:
 def test_every_output_belongs_to_a_program(page: Path) -> None:
     before = ""
     for block in blocks(page):
-        assert block.language != "output" or before in ("sh", "bash", "python"), block.place
+        assert block.language != "output" or before in PROGRAMS, block.place
         before = block.language
 
 

@@ -1,4 +1,4 @@
-"""The examples and figures of docs/simulation.md are true."""
+"""The examples and figures of the pages about simulation are true."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.simulating import simulate
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "simulation.md").read_text(encoding="utf-8")
+PAGE = "\n".join(
+    (ROOT / "docs" / page).read_text(encoding="utf-8")
+    for page in ("simulation.md", "how-to/simulate.md", "how-to/choose-a-method.md", "reference/documents.md")
+)
 ROUND_OFF = 2e-12
 
 

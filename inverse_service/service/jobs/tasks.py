@@ -38,7 +38,7 @@ ENGINE = (
     "service.documents.translate_cases",
     "service.jobs.batch_files",
     "explanation.negative",
-    "explanation.proofs.identities",
+    "explanation.theorems",
     "search.ladder",
     "mechanics.legendre.linear",
     "mechanics.legendre.radial",
