@@ -2,7 +2,7 @@
 
 `lagrangians` as the first word runs the benchmark of the search for closed forms instead, `collection` the same on a
 list of documents, `ablation` that of its parts, `bounds` that of its bounds, `service` the one of the service under
-load, `simulation` that of the integrators, `hard-cases` their hard cases.
+load, `simulation` that of the integrators, `peers` what an error costs by others, `hard-cases` hard cases.
 """
 
 from __future__ import annotations
@@ -126,6 +126,10 @@ if __name__ == "__main__":
         from benchmarks import simulation
 
         simulation.main(sys.argv[2:])
+    elif sys.argv[1:2] == ["peers"]:
+        from benchmarks import simulation_peers
+
+        simulation_peers.main(sys.argv[2:])
     elif sys.argv[1:2] == ["hard-cases"]:
         from benchmarks import simulation
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from benchmarks import simulation_peers as peers
 from benchmarks import simulation_speed as speed
 from benchmarks.handwritten import handwritten_row
 from benchmarks.hard_cases import Judged, all_cases, judge
@@ -21,7 +20,7 @@ from benchmarks.tables import MISSING, table
 HOW = """Made by `python -m benchmarks simulation`. The routes alternate in short rounds of one run; the
 best round is the one that other work on the machine disturbed least. heyoka and our methods are timed warm,
 the best of twenty in a row. Latencies by the clock suffer most from a busy machine; processor time suffers less."""
-PARTS = ("routes", "latency", "ensembles", "effects", "long", "peers", "handwritten")
+PARTS = ("routes", "latency", "ensembles", "effects", "long", "handwritten")
 
 
 def report(line: str) -> None:
@@ -81,39 +80,6 @@ def long_section(rounds: int) -> str:
     return f"## Long runs, energy and constraints observed at every step\n\n{table(head, cells)}"
 
 
-def peers_section(rounds: int) -> str:
-    rows = sorted(
-        peers.peer_rows(report, max(5, min(rounds, 15))), key=lambda r: (r.problem, r.seconds[0] if r.seconds else 1e9)
-    )
-    cells = [
-        [f"{r.problem}: {r.method}", r.setting, MISSING if r.error is None else f"{r.error:.1e}",
-         *([f"{1e3 * s:.3g}" for s in r.seconds] if r.seconds else ["not reached", MISSING])]
-        for r in rows
-    ]  # fmt: skip
-    head = ["method", "setting", "error", "best, ms", "median, ms"]
-    text = "\n".join(_winners(rows))
-    return f"## Time to a relative error of 1e-9 at T = 100\n\n{table(head, cells)}\n{text}\n"
-
-
-GEOMETRIC = ("variational", "nonholonomic", "Stormer")
-
-
-def _winners(rows: Sequence[peers.PeerRow]) -> list[str]:
-    """One line a problem: which is fastest, and where the geometric methods and SciPy stand."""
-    lines = []
-    for name in dict.fromkeys(row.problem for row in rows):
-        reached = [(row.seconds[0], row.method) for row in rows if row.problem == name and row.seconds]
-        first, winner = min(reached)
-        geometric = min(item for item in reached if item[1].startswith(GEOMETRIC))
-        text = f"- {name}: {winner} is fastest; the best geometric method ({geometric[1]}) takes"
-        text += f" {geometric[0] / first:.1f} times as long"
-        ours, heyoka = (min(s for s, m in reached if m.startswith("heyoka") == its) for its in (False, True))
-        text += f"; our best method takes {ours / heyoka:.2f} times as long as heyoka"
-        scipy = [f"{method} {seconds / first:.0f} times" for seconds, method in reached if method.startswith("SciPy")]
-        lines.append(", ".join([text, *scipy]) + ".")
-    return lines
-
-
 def handwritten_section(rounds: int) -> str:
     row = handwritten_row(rounds)
     other = "there is no gcc here"
@@ -128,7 +94,7 @@ def handwritten_section(rounds: int) -> str:
 
 SECTIONS: dict[str, Callable[[int], str]] = {
     "routes": routes_section, "latency": latency_section, "ensembles": ensembles_section,
-    "effects": effects_section, "long": long_section, "peers": peers_section, "handwritten": handwritten_section,
+    "effects": effects_section, "long": long_section, "handwritten": handwritten_section,
 }  # fmt: skip
 
 

@@ -1,175 +1,119 @@
-"""The time to an error of 1e-9: our methods beside SciPy's DOP853 and LSODA and heyoka, same problem, one run."""
+"""What an error costs by our methods, by heyoka, and by SciPy, as `work-precision` measures it, and a first result.
+
+`python -m benchmarks peers` writes one table. All integrate the equations of the same scene in the same process; "cold"
+is a new process with an empty store of machine code, from its start to the last point of the motion, processor time.
+"""
 
 from __future__ import annotations
 
-import statistics
-import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from benchmarks.tables import MISSING, table
+from inverse_service.service.scenes.work_precision import duration, machine, work_precision
 
-from benchmarks.handwritten import START as HENON_HEILES_START
-from benchmarks.hard_cases import contact_start, disk_start, particle_start
-from benchmarks.problems import CONTACT, DISK, HENON_HEILES, PARTICLE
-from inverse_service.simulation.execution import run
-from inverse_service.simulation.peers import taylor_integrator, used_parameters
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
-
-SPAN, TARGET, ROUNDS = 100.0, 1e-9, 5
-SHORT = 5e-3  # seconds
-BARE = Observation(velocities=False, momenta=False)
-Array = NDArray[np.float64]
-Attempt = Callable[[], tuple[float, Array | None]]  # (seconds, positions at the end)
-
-
-@dataclass(frozen=True, slots=True)
-class PeerRow:
-    """The cheapest setting of a method whose error at T = 100 is at most 1e-9; `seconds` best and median."""
-
-    problem: str
-    method: str
-    setting: str
-    error: float | None
-    seconds: tuple[float, float] | None
+KEPLER = "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"
+PENDULUM = "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)"
+HENON_HEILES = "(x'^2 + y'^2 - x^2 - y^2)/2 - x^2*y + y^3/3"
+SLEIGH = "(x'^2 + y'^2 + f'^2)/2 + f'*(y'*cos(f) - x'*sin(f))/2"
+OSCILLATOR = "x'' = 1000*(1 - x^2)*x' - x"
 
 
-@dataclass(frozen=True, slots=True)
-class _Setting:
-    label: str
-    attempt: Attempt
+def _scene(system: dict[str, Any], positions: dict[str, Any], velocities: dict[str, Any], step: float, time: float,
+           further: Sequence[dict[str, Any]] = (), **others: Any) -> dict[str, Any]:  # fmt: skip
+    explicit = [{"method": "runge-kutta", "order": order} for order in (4, 8)]
+    start = {"positions": positions, "velocities": velocities}
+    methods = [{"method": "adaptive"}, {"method": "reference"}, *explicit, *further]
+    return {"system": system, "initial": start, "step": step, "time": time, "methods": methods, **others}
 
 
-_PROBLEMS: dict[str, tuple[Problem, Start, dict[str, float]]] = {
-    "disk": (DISK, disk_start(), {"c": 1.0}),
-    "particle": (PARTICLE, particle_start(), {"c": 1.0}),
-    "Henon and Heiles": (HENON_HEILES, HENON_HEILES_START, {}),
-    "contact oscillator": (CONTACT, contact_start(), {"k": 0.3}),
-}
+VERLET = [{"method": "stormer-verlet", "order": 8}]
+NONHOLONOMIC = [{"method": "nonholonomic", "order": 8}]
+SCENES = {
+    "Kepler, e = 0.9": _scene(
+        {"coordinates": ["x", "y"], "lagrangian": KEPLER}, {"x": "1/10", "y": 0}, {"x": 0, "y": "sqrt(19)"}, 0.02, 62.8,
+        VERLET,
+    ),
+    "double pendulum": _scene(
+        {"coordinates": ["a", "b"], "lagrangian": PENDULUM}, {"a": 1, "b": 2}, {"a": 0, "b": 0}, 0.05, 20,
+        [{"method": "variational", "order": 8}],
+    ),
+    "Hénon-Heiles": _scene(
+        {"coordinates": ["x", "y"], "lagrangian": HENON_HEILES}, {"x": "1/10", "y": "1/5"}, {"x": 0.3, "y": 0.1}, 0.1,
+        100, VERLET,
+    ),
+    "disk": _scene(
+        {"catalogue": "vertically-rolling-disk"}, {"x": 0, "y": 0, "theta": 0, "phi": 0.3}, {"theta": 0.5, "phi": 1},
+        0.1, 100, NONHOLONOMIC, parameters={"M": 1, "I": 1, "J": 2, "R": 1},
+    ),
+    "sleigh": _scene(
+        {"coordinates": ["x", "y", "f"], "lagrangian": SLEIGH, "constraints": ["y'*cos(f) - x'*sin(f) = 0"]},
+        {"x": 0, "y": 0, "f": 0}, {"x": 1, "f": 0.8}, 0.05, 50, NONHOLONOMIC,
+    ),
+    "van der Pol, mu = 1000": _scene(
+        {"coordinates": ["x"], "equations": [OSCILLATOR]}, {"x": 2}, {"x": 0}, 2, 1000, [{"method": "stiff"}]
+    ),
+}  # fmt: skip
+TARGETS = (1e-6, 1e-9, 1e-12)
+COLD = "import json, sys, inverse_service; inverse_service.simulate(json.load(sys.stdin))"
 
 
-def peer_rows(report: Callable[[str], None], rounds: int = ROUNDS) -> list[PeerRow]:
+def rows_of(name: str, scene: dict[str, Any]) -> list[list[str]]:
+    """One row for each error: our best method, heyoka, SciPy's best, and how long ours takes against the best peer."""
+    found, cold = work_precision(scene, None, 60.0), [_cold(scene, method) for method in ("adaptive", "heyoka")]
     rows = []
-    for name, (problem, start, values) in _PROBLEMS.items():
-        report(f"peers, {name}")
-        truth = run(problem, MethodChoice("reference"), start, Grid(0.02, 5000, 5000), values).positions[-1]
-        chosen = {method: _cheapest(settings, truth) for method, settings in _methods(problem, start, values).items()}
-        times: dict[str, list[float]] = {method: [] for method in chosen}
-        for _ in range(rounds):
-            for method, found in chosen.items():
-                if found:
-                    times[method].append(_warm(found[0].attempt))
-        for method, found in chosen.items():
-            seconds = (min(times[method]), statistics.median(times[method])) if found else None
-            rows.append(PeerRow(name, method, found[0].label if found else "-", found[1] if found else None, seconds))
+    for target in found["targets"]:
+        if target["error"] not in TARGETS:
+            continue
+        reached = [row for row in target["rows"] if row["seconds"] is not None]
+        peers = [row for row in reached if row["method"] == "heyoka" or row["method"].startswith("SciPy")]
+        ours, scipy = (
+            [row for row in reached if row not in peers],
+            [row for row in peers if row["method"] != "heyoka"],
+        )
+        heyoka = [row for row in peers if row["method"] == "heyoka"]
+        ratio = f"{ours[0]['seconds'] / peers[0]['seconds']:.2f}" if ours and peers else MISSING
+        cells = [_cell(ours, True), _cell(heyoka, False), _cell(scipy, True), ratio, *cold]
+        rows.append([name, f"{target['error']:.0e}".replace("e-0", "e-"), *cells])
     return rows
 
 
-def _warm(attempt: Attempt) -> float:
-    """The best of several in a row, where one is short: the caches hold its code then, as in a long computation."""
-    first = attempt()[0]
-    return min([first, *(attempt()[0] for _ in range(20))]) if first < SHORT else first
+def _cell(rows: Sequence[dict[str, Any]], named: bool) -> str:
+    if not rows:
+        return MISSING
+    best = ("\N{LESS-THAN OR EQUAL TO} " if rows[0]["at_most"] else "") + duration(rows[0]["seconds"])
+    return f"{best}, {rows[0]['method'].removeprefix('SciPy ')}" if named else best
 
 
-def _cheapest(settings: Iterator[_Setting], truth: Array) -> tuple[_Setting, float] | None:
-    """The first setting, from coarse to fine, that reaches the target."""
-    size = max(1.0, float(np.abs(truth).max()))
-    for setting in settings:
-        _, end = setting.attempt()
-        if end is not None and (error := float(np.abs(end - truth).max()) / size) <= TARGET:
-            return setting, error
-    return None
+def _cold(scene: dict[str, Any], method: str) -> str:
+    """Processor time of a new process that runs the scene by this method."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(
+            [sys.executable, "-c", COLD], input=json.dumps(scene | {"methods": [{"method": method}]}), text=True,
+            check=True, env=os.environ | {"INVERSE_SERVICE_CACHE": folder},
+        )  # fmt: skip
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return duration(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
 
-def _methods(problem: Problem, start: Start, values: dict[str, float]) -> dict[str, Iterator[_Setting]]:
-    found: dict[str, Iterator[_Setting]] = {}
-    if problem.free_hamiltonian is not None:
-        for constant in (1.0, 1e-8) if values else (1.0,):
-            given = dict.fromkeys(values, constant)
-            for order in (2, 8):
-                choice = MethodChoice("variational", 0.5, order=order)
-                found[f"variational, order {order}, C = {constant:g}"] = _ours(problem, choice, start, given)
-    for order in (2, 8):
-        if problem.constraints:
-            choice = MethodChoice("nonholonomic", 0.5, order=order)
-            found[f"nonholonomic, order {order}"] = _ours(problem, choice, start, values)
-        else:
-            choice = MethodChoice("variational", 0.0, True, order, "verlet")
-            found[f"Stormer and Verlet, order {order}"] = _ours(problem, choice, start, values)
-    found["our Runge-Kutta 8, fixed step"] = _ours(problem, MethodChoice("runge_kutta", order=8), start, values)
-    found["our adaptive DOP853"] = _own_steps(problem, start, values)
-    found["our Gauss-Legendre 12"] = _ours(problem, MethodChoice("reference"), start, values)
-    for method in ("DOP853", "LSODA"):
-        found[f"SciPy {method}"] = _scipy(problem, start, values, method)
-    found["heyoka"] = _heyoka(problem, start, values)
-    return found
-
-
-def _own_steps(problem: Problem, start: Start, values: dict[str, float]) -> Iterator[_Setting]:
-    for power in range(5, 15):
-        choice = MethodChoice("adaptive", tolerance=10.0**-power)
-
-        def attempt(choice: MethodChoice = choice) -> tuple[float, Array | None]:
-            found = run(problem, choice, start, Grid(SPAN, 1), values, Observation(momenta=False, velocities=False))
-            return found.run_seconds, found.positions[-1] if found.outcome.completed else None
-
-        yield _Setting(f"tol = 1e-{power}", attempt)
-
-
-def _ours(problem: Problem, choice: MethodChoice, start: Start, values: dict[str, float]) -> Iterator[_Setting]:
-    for power in range(40):
-        steps = round(50 * 2 ** (power / 2))
-
-        def attempt(steps: int = steps) -> tuple[float, Array | None]:
-            done = run(problem, choice, start, Grid(SPAN / steps, steps, steps), values, BARE)
-            return done.run_seconds, done.positions[-1] if done.outcome.completed else None
-
-        yield _Setting(f"h = {SPAN / steps:.3g}", attempt)
-
-
-def _scipy(problem: Problem, start: Start, values: dict[str, float], method: str) -> Iterator[_Setting]:
-    from scipy.integrate import solve_ivp
-
-    size, rates = len(problem.coordinates), _rates(problem, values)
-    begin = [*start.positions, *(start.velocities or ())]
-    for power in range(12, 28):
-        tolerance = 10 ** (-power / 2)
-
-        def attempt(tolerance: float = tolerance) -> tuple[float, Array | None]:
-            first = time.perf_counter()
-            done = solve_ivp(rates, (0, SPAN), begin, method=method, rtol=tolerance, atol=tolerance)
-            return time.perf_counter() - first, done.y[:size, -1] if done.success else None
-
-        yield _Setting(f"rtol = {tolerance:.1g}", attempt)
-
-
-def _rates(problem: Problem, values: dict[str, float]) -> Callable[[float, Sequence[float]], list[float]]:
-    """The right-hand side as plain Python, compiled once by SymPy's lambdify, as a user would have it."""
-    import sympy
-
-    from inverse_service.kernels.codegen.symengine_trees import symbol
-    from inverse_service.simulation.numeric_formulas import Formulas
-
-    f = Formulas(problem)
-    given = {symbol(f"c{k}"): values[name] for k, name in enumerate(problem.parameters)}
-    names = [sympy.sympify(name) for letter in "qv" for name in f.symbols(letter)]
-    forces = [sympy.sympify(force.subs(given)) for force in f.accelerations]
-    function = sympy.lambdify([names], [*names[f.size :], *forces], "math")
-    return lambda t, y: function(y)
-
-
-def _heyoka(problem: Problem, start: Start, values: dict[str, float]) -> Iterator[_Setting]:
-    size, begin = len(problem.coordinates), [*start.positions, *(start.velocities or ())]
-    for power in range(6, 16):
-        integrator = taylor_integrator(problem, 10.0**-power)
-        integrator.pars[:] = [values[name] for name in used_parameters(problem)]
-
-        def attempt(integrator: object = integrator) -> tuple[float, Array | None]:
-            integrator.time = 0.0  # type: ignore[attr-defined]
-            integrator.state[:] = begin  # type: ignore[attr-defined]
-            first = time.perf_counter()
-            integrator.propagate_until(SPAN)  # type: ignore[attr-defined]
-            return time.perf_counter() - first, np.array(integrator.state[:size])  # type: ignore[attr-defined]
-
-        yield _Setting(f"tol = 1e-{power}", attempt)
+def main(arguments: Sequence[str]) -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks peers", description=__doc__)
+    parser.add_argument("--output", type=Path, help="a Markdown file to write")
+    options = parser.parse_args(arguments)
+    head = ["scene", "error", "ours", "heyoka", "SciPy", "ours : best peer", "cold, ours", "cold, heyoka"]
+    rows = [row for name, scene in SCENES.items() for row in rows_of(name, scene)]
+    here = ", ".join(f"{key} {value}" for key, value in machine().items())
+    text = "\n\n".join(["# Simulation: peers", "Made by `python -m benchmarks peers`.", here, table(head, rows)])
+    if options.output is None:
+        print(text)
+    else:
+        options.output.write_text(text, encoding="utf-8")
