@@ -30,28 +30,9 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
-from inverse_service.kernels.codegen.program import (
-    CLOCK,
-    GUARDED,
-    NO_CONVERGENCE,
-    NO_START,
-    NOT_FINITE,
-    SINGULAR,
-    STATUS,
-    STOPPED_AT,
-    STOPPED_VALUE,
-    TOO_MANY,
-    TOO_SHORT,
-    TRIAL,
-    UNOBSERVABLE,
-    UNRESOLVED,
-    WATCHED,
-    Program,
-    Solve,
-    limit_at_zero_step,
-)
 from inverse_service.kernels.codegen.symengine_trees import STEP, ZERO, Formula, free_names, real_value, symbol
 from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, formulas_of
@@ -255,7 +236,7 @@ def memory_of(card: Card, state: Mapping[str, float], arguments: Mapping[str, fl
             memory[layout.place(name)] = value
     for name in layout.arguments:
         memory[layout.argument_place(name)] = arguments[name]
-    memory[layout.place(STOPPED_AT)] = -1.0
+    memory[layout.place(programs.STOPPED_AT)] = -1.0
     return memory
 
 
@@ -270,7 +251,7 @@ def execute(
     steps_at: list[int] = []
     done = iterations = 0
     seconds, cancelled = 0.0, False
-    least = _FIRST_OWN if TRIAL in kernel.card.layout.persistent else _FIRST_PIECE
+    least = _FIRST_OWN if programs.TRIAL in kernel.card.layout.persistent else _FIRST_PIECE
     piece = least
     until = every
     while done < grid.steps and not cancelled:
@@ -320,26 +301,26 @@ class Stopped:
 def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stopped | None:
     """The meaning of the status in the memory (places,), None where the run went to the end."""
     layout = card.layout
-    code = int(memory[layout.place(STATUS)])
+    code = int(memory[layout.place(programs.STATUS)])
     if code == 0:
         return None
-    step = int(memory[layout.place(STOPPED_AT)])
-    value = float(memory[layout.place(STOPPED_VALUE)])
-    if code >= UNOBSERVABLE:
-        quantity = f"{card.observed[code - UNOBSERVABLE]}, which has no finite value"
+    step = int(memory[layout.place(programs.STOPPED_AT)])
+    value = float(memory[layout.place(programs.STOPPED_VALUE)])
+    if code >= programs.UNOBSERVABLE:
+        quantity = f"{card.observed[code - programs.UNOBSERVABLE]}, which has no finite value"
         return Stopped("off_domain", step, quantity, value, _UNDEFINED)
-    if code >= WATCHED:
-        kind, quantity, remedy = card.watches[code - WATCHED]
+    if code >= programs.WATCHED:
+        kind, quantity, remedy = card.watches[code - programs.WATCHED]
         remedy = _NO_VALUE if kind == "resolution" and math.isnan(value) else remedy
         return Stopped(_KINDS.get(kind, "singular"), step, quantity, value, remedy)
-    if code >= GUARDED:
-        quantity = f"1 - det/det(h -> 0): {_determinant(card, code - GUARDED, unknown_names)}"
+    if code >= programs.GUARDED:
+        quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, unknown_names)}"
         return Stopped("guard", step, quantity, value, _REMEDY)
-    if code >= SINGULAR:
-        place = code - SINGULAR
+    if code >= programs.SINGULAR:
+        place = code - programs.SINGULAR
         return Stopped("singular", step, _determinant(card, place, unknown_names), value, _REMEDY, place)
-    if code >= NO_CONVERGENCE:
-        place = code - NO_CONVERGENCE
+    if code >= programs.NO_CONVERGENCE:
+        place = code - programs.NO_CONVERGENCE
         quantity = _determinant(card, place, unknown_names)
         if place < len(card.solves):
             first, last = (float(memory[layout.place(f"{which}_{place}")]) for which in ("first", "last"))
@@ -347,16 +328,16 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
                 return Stopped("singular", step, quantity, last, _REMEDY, place)
         remedy = _NO_VALUE if math.isnan(value) else _REMEDY
         return Stopped("no_convergence", step, quantity, value if place < len(card.solves) else math.nan, remedy)
-    if code == NO_START:
+    if code == programs.NO_START:
         return Stopped("off_domain", 0, "the state at the start, which has no finite value", value, _UNDEFINED)
-    if code == UNRESOLVED:
+    if code == programs.UNRESOLVED:
         return Stopped("unresolved", step, _BENT, value, f"{_REMEDY}; guard = false continues unchecked")
-    if code == TOO_MANY:
+    if code == programs.TOO_MANY:
         quantity = f"a step of its own: {MOST_TRIES} such steps do not reach the next point"
         return Stopped("unresolved", step, quantity, value, _FASTER)
-    if code == TOO_SHORT:
+    if code == programs.TOO_SHORT:
         return Stopped("singular", step, "the step that the tolerance asks for", value, _ENDS)
-    assert code == NOT_FINITE
+    assert code == programs.NOT_FINITE
     return Stopped("not_finite", step, "a coordinate or momentum", math.nan, _REMEDY)
 
 
@@ -377,15 +358,15 @@ _LONGEST = 160
 _FUNCTIONS = {"sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "asin", "acos", "atan"}
 
 
-def limit_text(f: Formulas, program: Program, block: int) -> tuple[str, int] | None:
+def limit_text(f: Formulas, program: programs.Program, block: int) -> tuple[str, int] | None:
     """The determinant of an implicit block as h -> 0, over q, q' and the momenta, with the sign it was multiplied by.
 
     The sign makes a constant term -1 into 1. None where the limit is not known or too long to be read.
     """
-    solves = [one for one in program.blocks if isinstance(one, Solve)]
+    solves = [one for one in program.blocks if isinstance(one, programs.Solve)]
     if block >= len(solves):
         return None
-    limit = limit_at_zero_step(solves[block].jacobian, [symbol(name) for name in solves[block].unknowns])
+    limit = programs.limit_at_zero_step(solves[block].jacobian, [symbol(name) for name in solves[block].unknowns])
     if limit is None:
         return None
     formula = limit.subs({symbol(f"d{k}"): STEP * symbol(f"v{k}") for k in range(f.size)}).expand()
@@ -646,7 +627,7 @@ def _vanished(ended: Ended) -> tuple[str, float] | None:
 def _way(ended: Ended) -> list[dict[str, float]]:
     """(q, v) a step before the last good point, at it, and where its velocity leads in a step and a half."""
     last, start, step = ended.last, ended.begin.state, ended.grid.step
-    passed = last[CLOCK] * step
+    passed = last[programs.CLOCK] * step
     means = [(last[f"q{k}"] - start[f"q{k}"]) / passed if passed else 0.0 for k in range(ended.f.size)]
     # A rate of 0 is that of the step that failed; the mean one says where the way led.
     rates = [last.get(f"d{k}_rate", 0.0) or mean for k, mean in enumerate(means)]

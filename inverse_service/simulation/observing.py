@@ -35,21 +35,10 @@ from typing import Any
 
 import numpy as np
 
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Expression,
-    Product,
-    Symbol,
-    Velocity,
-    add,
-    holds,
-    substitute,
-    walk,
-)  # fmt: skip
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation import derivation, motions
@@ -73,13 +62,13 @@ def greatest(values: Array) -> float | None:
     return largest if np.isfinite(largest) else None
 
 
-def energy(lagrangian: Expression, coordinates: tuple[str, ...]) -> Expression:
+def energy(lagrangian: ex.Expression, coordinates: tuple[str, ...]) -> ex.Expression:
     """v L_v - L."""
     pairs = zip(coordinates, momenta(lagrangian, coordinates), strict=True)
-    return add(*(Velocity(name) * p for name, p in pairs)) - lagrangian
+    return ex.add(*(ex.Velocity(name) * p for name, p in pairs)) - lagrangian
 
 
-def lagrangian_of_energy(scene: data.Scene) -> Expression | None:
+def lagrangian_of_energy(scene: data.Scene) -> ex.Expression | None:
     """The Lagrangian of the scene; of a system given by its equations the one that was found."""
     return scene.found.lagrangian if scene.lagrangian is None and scene.found is not None else scene.lagrangian
 
@@ -101,7 +90,7 @@ def observables(scene: data.Scene) -> tuple[data.Observable, ...]:
     """The formulas that the kernel evaluates at every step: those of the observed quantities, no others."""
     found = []
     if "energy" in scene.observe and scene.lagrangian is not None:
-        error = energy(scene.lagrangian, scene.coordinates) - Symbol(ENERGY_START)
+        error = energy(scene.lagrangian, scene.coordinates) - ex.Symbol(ENERGY_START)
         found.append(data.Observable("energy_error", error))
     if "constraints" in scene.observe:
         found += [data.Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]
@@ -123,19 +112,19 @@ def conserved_momenta(scene: data.Scene, problem: data.Problem) -> dict[int, str
     return {
         k: name
         for k, name in enumerate(scene.coordinates)
-        if differentiate(lagrangian, Symbol(name)) == ZERO
-        and not (scene.forces and scene.forces[k] != ZERO)
-        and all(differentiate(w, Velocity(name)) == ZERO for w in constrained)
+        if differentiate(lagrangian, ex.Symbol(name)) == ex.ZERO
+        and not (scene.forces and scene.forces[k] != ex.ZERO)
+        and all(differentiate(w, ex.Velocity(name)) == ex.ZERO for w in constrained)
     }
 
 
 def why_energy_varies(scene: data.Scene) -> str | None:
     """A sentence where the energy of the scene is no constant of the motion."""
     lagrangian = lagrangian_of_energy(scene)
-    if lagrangian is not None and holds(lagrangian, TIME):
+    if lagrangian is not None and ex.holds(lagrangian, ex.TIME):
         return WITH_TIME
-    rest: dict[Expression, Expression] = {Velocity(name): ZERO for name in scene.coordinates}
-    if any(collect(substitute(w, rest)) != ZERO for w in scene.constraints):
+    rest: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in scene.coordinates}
+    if any(collect(ex.substitute(w, rest)) != ex.ZERO for w in scene.constraints):
         return MOVING_CONSTRAINTS
     if any(event.acts for event in scene.events):
         return ACTED
@@ -145,13 +134,13 @@ def why_energy_varies(scene: data.Scene) -> str | None:
 def factor_of_time(scene: data.Scene, times: Array) -> Array | None:
     """f(t)/f(t_0), (m,), of an L = f(t) L_0(q, q'), whose energy is f times T + V; None for any other L."""
     lagrangian = lagrangian_of_energy(scene)
-    factors = lagrangian.factors if isinstance(lagrangian, Product) else ()
-    timed = [factor for factor in factors if holds(factor, TIME)]
-    moving: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]
-    if not timed or any(holds(factor, name) for factor in timed for name in moving):
+    factors = lagrangian.factors if isinstance(lagrangian, ex.Product) else ()
+    timed = [factor for factor in factors if ex.holds(factor, ex.TIME)]
+    moving: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
+    if not timed or any(ex.holds(factor, name) for factor in timed for name in moving):
         return None
-    table: dict[Expression, Any] = {Symbol(name): value for name, value in scene.values.items()}
-    table[TIME] = np.concatenate([[scene.grid.begin], times])
+    table: dict[ex.Expression, Any] = {ex.Symbol(name): value for name, value in scene.values.items()}
+    table[ex.TIME] = np.concatenate([[scene.grid.begin], times])
     found = np.prod([nf.array_value(factor, table) for factor in timed], axis=0)
     return np.asarray(found[1:] / found[0])
 
@@ -190,7 +179,7 @@ def end_of_energy(scene: data.Scene, positions: Array, velocities: Array, times:
     if scene.found is None:
         return None
     table = nf.table_of(scene.coordinates, positions, velocities, scene.values, times)
-    own = nf.walls(scene.found.lagrangian, set(map(Symbol, scene.coordinates)))
+    own = nf.walls(scene.found.lagrangian, set(map(ex.Symbol, scene.coordinates)))
     for wall in dict.fromkeys((*own, *scene.found.domain)):
         values = nf.array_value(wall, table)
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
@@ -332,22 +321,22 @@ def _velocities_of_method(
 
 
 def _from_hamiltonian(
-    scene: data.Scene, hamiltonian: Expression, trajectory: Trajectory, values: dict[str, float]
+    scene: data.Scene, hamiltonian: ex.Expression, trajectory: Trajectory, values: dict[str, float]
 ) -> Array:
     assert trajectory.momenta is not None
     table = nf.table_of(scene.coordinates, trajectory.positions, None, values, trajectory.times)
-    names = [Symbol(f"p_{name}") for name in scene.coordinates]
+    names = [ex.Symbol(f"p_{name}") for name in scene.coordinates]
     table |= {name: trajectory.momenta[:, k] for k, name in enumerate(names)}
     return np.column_stack([nf.array_value(differentiate(hamiltonian, name), table) for name in names])
 
 
 def _from_lagrangian(
-    scene: data.Scene, lagrangian: Expression, trajectory: Trajectory, values: dict[str, float]
+    scene: data.Scene, lagrangian: ex.Expression, trajectory: Trajectory, values: dict[str, float]
 ) -> Array | None:
     assert trajectory.momenta is not None
-    rates = [Velocity(name) for name in scene.coordinates]
+    rates = [ex.Velocity(name) for name in scene.coordinates]
     matrix = hessian(lagrangian, scene.coordinates)
-    if any(isinstance(node, Velocity) for row in matrix for entry in row for node in walk(entry)):
+    if any(isinstance(node, ex.Velocity) for row in matrix for entry in row for node in ex.walk(entry)):
         return None
     rest = np.zeros_like(trajectory.positions)
     table = nf.table_of(scene.coordinates, trajectory.positions, rest, values, trajectory.times)
@@ -502,7 +491,7 @@ def _constraint_forces(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]
     columns = {f"lambda_{a}": nf.array_value(one, table) for a, one in enumerate(found[1], 1)}
     for name in scene.coordinates:
         pairs = zip(scene.constraints, columns.copy().items(), strict=False)
-        forces = [nf.array_value(differentiate(w, Velocity(name)), table) * column for w, (key, column) in pairs]
+        forces = [nf.array_value(differentiate(w, ex.Velocity(name)), table) * column for w, (key, column) in pairs]
         columns[f"force_{name}"] = sum(forces, np.zeros(len(run.trajectory.times)))
     formulas = {f"lambda_{a}": to_text(one) for a, one in enumerate(found[1], 1)}
     largest = {name: greatest(column) for name, column in columns.items()}
@@ -549,7 +538,7 @@ def _conserved(run: Observed, velocities: Array) -> tuple[dict[str, Any], dict[s
     table = nf.table_of(scene.coordinates, at.positions, velocities, dict(run.values), at.times)
     for k, one in enumerate(scene.conserved, 1):
         values = nf.array_value(one.expression, table)
-        ends = nf.walls(one.expression, set(map(Symbol, scene.coordinates)))
+        ends = nf.walls(one.expression, set(map(ex.Symbol, scene.coordinates)))
         turned = [np.diff(np.sign(nf.array_value(wall, table))) != 0 for wall in ends]
         cuts = np.flatnonzero(np.any([*turned, np.zeros(len(values) - 1, dtype=bool)], axis=0)) + 1
         pieces = np.split(values, cuts)

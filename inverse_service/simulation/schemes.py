@@ -26,17 +26,7 @@ from inverse_service.integrators.variational import (
     raw_step,
     symmetrised_hamiltonian_step,
 )
-from inverse_service.kernels.codegen.program import (
-    Assign,
-    Iterate,
-    Program,
-    Solve,
-    Statement,
-    Watch,
-    determinant,
-    plan,
-    used_only,
-)
+from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.symengine_trees import (
     ALPHA,
     HALF,
@@ -70,9 +60,9 @@ def parts_of(choice: MethodChoice) -> tuple[Formula, ...]:
     return (alpha, 1 - alpha) if choice.symmetrised and alpha != HALF else (alpha,)
 
 
-def program_of(formulas: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def program_of(formulas: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """The step of the method; only what is asked is in it."""
-    builders: dict[str, Callable[[Formulas, MethodChoice, Observation], Program]] = {
+    builders: dict[str, Callable[[Formulas, MethodChoice, Observation], programs.Program]] = {
         "variational": variational,
         "nonholonomic": nonholonomic,
         "modified": modified,
@@ -84,12 +74,12 @@ def program_of(formulas: Formulas, choice: MethodChoice, observation: Observatio
     return builders[choice.method](formulas, choice, observation)
 
 
-def variational(formulas: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def variational(formulas: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     forms = {"raw": _raw, "verlet": _verlet, "hamiltonian": _hamiltonian}
     return forms[choice.form](formulas, choice, observation)
 
 
-def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """Stormer and Verlet: half a drift, a kick, half a drift; one evaluation of the force, nothing implicit."""
     q, p = f.symbols("q"), f.symbols("p")
     if f.forces or any(f.hamiltonian.diff(x).diff(y).expand() != number(0) for x in q for y in p):
@@ -104,14 +94,14 @@ def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> Prog
     # Written as h T_p(p) + (h/2)(T_p(p') - T_p(p)): what does not need the force can be computed before it.
     gains = [(b - a).expand() for a, b in zip(before, slope_p(q, between(p, kicked, 1)), strict=True)]
     moves = [STEP * a + STEP / 2 * gain for a, gain in zip(before, gains, strict=True)]
-    statements = [Assign(str(name), force) for name, force in zip(forces, found, strict=True)]
-    statements += [Assign(str(name), move) for name, move in zip(f.symbols("d"), moves, strict=True)]
+    statements = [programs.Assign(str(name), force) for name, force in zip(forces, found, strict=True)]
+    statements += [programs.Assign(str(name), move) for name, move in zip(f.symbols("d"), moves, strict=True)]
     point = dict(zip([*q, *p, MOMENT], [*half, *p, middle], strict=True))
     watches = [*domain_watches(f, point), *range_watches(f, HALF)]
     return _program(f, choice, observation, tuple(statements), [*f.symbols("d"), *kicked], watches)
 
 
-def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
     alpha = alpha_of(choice)
     slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "q", "p", moment_at(alpha)) for letter in "qp")
@@ -132,7 +122,7 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
-def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
     parts = parts_of(choice)
     slope_q, slope_v = (f.gradient(f.free_lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
@@ -147,7 +137,7 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> Program
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
-def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     q, p, d = f.symbols("q"), f.symbols("p"), f.symbols("d")
     m = [symbol(f"m{a}") for a in range(len(f.forms))]
     slope_q, slope_v = (f.gradient(f.lagrangian, letter, moment=moment_at(parts_of(choice)[0])) for letter in "qv")
@@ -161,7 +151,7 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
 
-def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """L~ for the base coordinates with the discrete constraints put in, so that factors A_alpha cancel."""
     if not f.forms:
         raise InputError("The modified method needs constraints.")
@@ -184,7 +174,7 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> Pro
     return _program(f, choice, observation, statements, [*d, *pushes], watches, base)
 
 
-def _modified_in_full(f: Formulas, choice: MethodChoice, observation: Observation, base: list[int]) -> Program:
+def _modified_in_full(f: Formulas, choice: MethodChoice, observation: Observation, base: list[int]) -> programs.Program:
     """Symmetrised: the constraints hold in the mean only, so nothing cancels."""
     q, p, d, parts = f.symbols("q"), f.symbols("p"), f.symbols("d"), parts_of(choice)
     slope_q, slope_v = (f.gradient(f.free_lagrangian, letter) for letter in "qv")
@@ -203,10 +193,10 @@ def _modified_in_full(f: Formulas, choice: MethodChoice, observation: Observatio
 
 def _solved(
     f: Formulas, equations: Sequence[Formula], unknowns: Sequence[Formula], guarded: bool = False, poles: bool = False
-) -> tuple[Statement, ...]:
+) -> tuple[programs.Statement, ...]:
     """The statements of an implicit step, d being increments of q, e and g of p."""
     scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
-    return plan(equations, [str(name) for name in unknowns], scales, guarded, poles)
+    return programs.plan(equations, [str(name) for name in unknowns], scales, guarded, poles)
 
 
 def _on_constraints(f: Formulas, formula: Formula) -> Formula:
@@ -222,11 +212,11 @@ def _program(
     f: Formulas,
     choice: MethodChoice,
     observation: Observation,
-    statements: tuple[Statement, ...],
+    statements: tuple[programs.Statement, ...],
     changes: Sequence[Formula],
-    watches: Sequence[Watch],
+    watches: Sequence[programs.Watch],
     momenta: Sequence[int] | None = None,
-) -> Program:
+) -> programs.Program:
     """The program of a method on (q, p); `momenta` are the coordinates whose momentum is carried."""
     known = _assigned(statements)
     watches = [*watches, *rank_watches(f, between(f.symbols("q"), f.symbols("d"), 1))]
@@ -240,21 +230,21 @@ def _program(
     way = tuple(d) if choice.guard else ()
     needed = [*(u for u in updates if u is not None), *displacement, *way]
     needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
-    return Program(
+    return programs.Program(
         state=state,
         arguments=("h", "a", *f.parameters),
-        statements=used_only(statements, needed),
+        statements=programs.used_only(statements, needed),
         updates=updates,
         watches=tuple(watches),
         displacement=displacement,
         way=way,
         observed=observed,
-        forces=0 if any(not isinstance(statement, Assign) for statement in statements) else 1,
+        forces=0 if any(not isinstance(statement, programs.Assign) for statement in statements) else 1,
     )
 
 
-def _assigned(statements: Sequence[Statement]) -> dict[Formula, Formula]:
-    return {symbol(s.name): s.formula for s in statements if isinstance(s, Assign)}
+def _assigned(statements: Sequence[programs.Statement]) -> dict[Formula, Formula]:
+    return {symbol(s.name): s.formula for s in statements if isinstance(s, programs.Assign)}
 
 
 def _observed(
@@ -272,7 +262,7 @@ FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from
 Stages = list[tuple[list[Formula], list[Formula]]]
 
 
-def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """Explicit steps of one length."""
     if choice.order not in TABLEAUX:
         known = ", ".join(map(str, TABLEAUX))
@@ -286,7 +276,7 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
     return _point_program(f, observation, statements, changes, watches, len(stages))
 
 
-def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """DOP853 with the lengths of its steps chosen by its estimate of the error; the tolerance is the argument `a`."""
     statements, stages, changes = _explicit(f, 8)
     origin = [number(0)] * f.size
@@ -319,10 +309,10 @@ def _squared_norm(f: Formulas, changes: list[Formula], first: list[Formula], err
     return total / (2 * f.size * ALPHA**2)
 
 
-def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """RODAS: six linear systems with one matrix in each step, n by n once the velocities are eliminated."""
     q, v = f.symbols("q"), f.symbols("v")
-    statements: list[Statement] = []
+    statements: list[programs.Statement] = []
     slopes = {(k, x): slope(f.accelerations[k], x) for k in range(f.size) for x in (*q, *v)}
     jacobian = {place: _named(statements, [entry], f"j{place[0]}_{place[1]}_")[0]
                 for place, entry in slopes.items() if entry != number(0)}  # fmt: skip
@@ -330,8 +320,8 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> Progra
     for stage in range(len(RODAS.nodes)):
         names = [[symbol(f"{letter}{stage}_{k}") for k in range(f.size)] for letter in "gw"]
         equations = _linear_stage(f, stage, (names[0], names[1]), done, jacobian)
-        blocks = plan(equations, [str(name) for part in names for name in part], {})
-        statements += [replace(one, tested=False) if isinstance(one, Solve) else one for one in blocks]
+        blocks = programs.plan(equations, [str(name) for part in names for name in part], {})
+        statements += [replace(one, tested=False) if isinstance(one, programs.Solve) else one for one in blocks]
         done.append((names[0], names[1]))
     last = len(done) - 1
     ends = [[sum((number(a) * done[j][which][k] for j, a in enumerate(RODAS.rows[last])), done[last][which][k])
@@ -368,11 +358,11 @@ def _linear_stage(
     return equations
 
 
-def _explicit(f: Formulas, order: int) -> tuple[tuple[Statement, ...], Stages, list[Formula]]:
+def _explicit(f: Formulas, order: int) -> tuple[tuple[programs.Statement, ...], Stages, list[Formula]]:
     """Statements, (velocity, force) of each stage, and the increments of q and v."""
     tableau = TABLEAUX[order]
     q, v = f.symbols("q"), f.symbols("v")
-    statements: list[Statement] = []
+    statements: list[programs.Statement] = []
     stages: Stages = []
     for stage, row in enumerate(tableau.rows):
         place, velocity = (_stage_point(start, stages, which, row) for which, start in enumerate((q, v)))
@@ -393,13 +383,13 @@ def _stage_point(start: list[Formula], stages: Stages, which: int, row: Sequence
     ]
 
 
-def _named(statements: list[Statement], formulas: Sequence[Formula], prefix: str) -> list[Formula]:
+def _named(statements: list[programs.Statement], formulas: Sequence[Formula], prefix: str) -> list[Formula]:
     """Each formula computed once, under a name."""
-    statements += [Assign(f"{prefix}{k}", formula) for k, formula in enumerate(formulas)]
+    statements += [programs.Assign(f"{prefix}{k}", formula) for k, formula in enumerate(formulas)]
     return [symbol(f"{prefix}{k}") for k in range(len(formulas))]
 
 
-def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) -> Program:
+def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """Unknowns u = h q'' at the stages, by fixed-point iteration."""
     matrix, squared, weights, position_weights, nodes = collocation()
     q, v = f.symbols("q"), f.symbols("v")
@@ -415,7 +405,7 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
         table = dict(zip([*q, *v, MOMENT], [*place, *speed, moment_at(number(nodes[j]))], strict=True))
         values += [STEP * a.subs(table) for a in f.accelerations]
     names = tuple(str(name) for row in u for name in row)
-    block = Iterate(names, tuple(values), tuple(f"v{k}" for _ in stages for k in range(f.size)))
+    block = programs.Iterate(names, tuple(values), tuple(f"v{k}" for _ in stages for k in range(f.size)))
     changes = [
         STEP * (v[k] + sum((number(position_weights[i]) * u[i][k] for i in stages), number(0))) for k in range(f.size)
     ] + [sum((number(weights[i]) * u[i][k] for i in stages), number(0)) for k in range(f.size)]
@@ -424,17 +414,17 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
 
 
 def _point_program(
-    f: Formulas, observation: Observation, statements: tuple[Statement, ...], changes: list[Formula],
-    watches: Sequence[Watch], forces: int, further: Sequence[Formula] = (),
-) -> Program:  # fmt: skip
+    f: Formulas, observation: Observation, statements: tuple[programs.Statement, ...], changes: list[Formula],
+    watches: Sequence[programs.Watch], forces: int, further: Sequence[Formula] = (),
+) -> programs.Program:  # fmt: skip
     carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
     ends = [q + d for q, d in zip(f.symbols("q"), changes, strict=False)]
     watches = [*watches, *rank_watches(f, ends, bool(further))]
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
     state, updates = with_clock(f, carried, changes, observed)
     needed = [*updates, *further, *(watch.formula for watch in watches), *(formula for _, formula in observed)]
-    return Program(
-        state=state, arguments=("h", "a", *f.parameters), statements=used_only(statements, needed),
+    return programs.Program(
+        state=state, arguments=("h", "a", *f.parameters), statements=programs.used_only(statements, needed),
         updates=tuple(updates), watches=tuple(watches), observed=observed, forces=forces,
     )  # fmt: skip
 
@@ -481,55 +471,61 @@ def discrete_point(f: Formulas, q: Sequence[Formula], d: Sequence[Formula], alph
     return table
 
 
-def sign_watches(walls: Iterable[Denominator], point: Mapping[Formula, Formula], remedy: str) -> list[Watch]:
+def sign_watches(walls: Iterable[Denominator], point: Mapping[Formula, Formula], remedy: str) -> list[programs.Watch]:
     """The walls at a point of every step: none may pass 0."""
-    return [Watch("sign", wall.formula.subs(point), wall.text, remedy) for wall in walls]
+    return [programs.Watch("sign", wall.formula.subs(point), wall.text, remedy) for wall in walls]
 
 
-def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: Formula) -> list[Watch]:
+def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: Formula) -> list[programs.Watch]:
     """Velocities that L~ divides by must not pass 0; where L~ divides by positions only, H~ is smooth."""
     moving = (denominator for denominator in f.denominators if denominator.moves)
     return sign_watches(moving, discrete_point(f, q, d, alpha), where_it_ends(f))
 
 
-def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
+def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
     """H~ must stay where it is the Hamiltonian of L~: poles and ends of its own, and p = dL~/dv(q, H_p)."""
     watches = sign_watches(f.walls_of([f.problem.free_hamiltonian]), point, where_it_ends(f))
     if f.momenta_may_fail:
         size = sum((p**2 for p in f.symbols("p")), ONE)
         defect = sum((one**2 for one in f.momenta_may_fail), number(0)) / size
         text = "p - dL/dv at the velocities that the Hamiltonian gives"
-        watches.append(Watch("map", defect.subs(point), text, OTHER_LAGRANGIAN, MAP_LIMIT))
+        watches.append(programs.Watch("map", defect.subs(point), text, OTHER_LAGRANGIAN, MAP_LIMIT))
     return watches
 
 
-def range_watches(f: Formulas, alpha: Formula) -> list[Watch]:
+def range_watches(f: Formulas, alpha: Formula) -> list[programs.Watch]:
     """L~ must stay where it has the motion: at the end of the step, and at its own place where velocities count."""
     q, d = f.symbols("q"), f.symbols("d")
     return [
-        Watch("domain", end.formula.subs(discrete_point(f, q, d, alpha if end.moves else ONE)), end.text, OTHER_MOTION)
+        programs.Watch(
+            "domain", end.formula.subs(discrete_point(f, q, d, alpha if end.moves else ONE)), end.text, OTHER_MOTION
+        )
         for end in f.domain
     ]
 
 
-def rank_watches(f: Formulas, place: Sequence[Formula], own_steps: bool = False) -> list[Watch]:
+def rank_watches(f: Formulas, place: Sequence[Formula], own_steps: bool = False) -> list[programs.Watch]:
     """det(w w_next^T) > 0, w = omega(q_k): at a loss of rank in between the span of the constraints turns round. Steps
     that a method chooses itself may turn with it: there det(w w^T) must not sink to LOST of its first size either."""
     if not f.forms:
         return []
     before, after = f.forms_at(f.symbols("q")), f.forms_at(place)
     turned, size = (
-        determinant([[sum((a * b for a, b in zip(row, other, strict=True)), number(0)) for other in rows]
+        programs.determinant([[sum((a * b for a, b in zip(row, other, strict=True)), number(0)) for other in rows]
                      for row in before])
         for rows in (after, before)
     )  # fmt: skip
     if not turned.free_symbols:
         return []
-    found = [Watch("positive", turned, RANK, RANK_REMEDY)]
-    return [*found, Watch("rank", size, RANK_LOST, RANK_REMEDY, LOST)] if own_steps and size.free_symbols else found
+    found = [programs.Watch("positive", turned, RANK, RANK_REMEDY)]
+    return (
+        [*found, programs.Watch("rank", size, RANK_LOST, RANK_REMEDY, LOST)]
+        if own_steps and size.free_symbols
+        else found
+    )
 
 
-def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
+def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
     """h |d2H/dq_i dp_i| < 1 where it is not constant: for the class of the paper this is h |G'(r1)| < 1."""
     names = {*f.symbols("q"), *f.symbols("p")}
     watches = []
@@ -537,13 +533,13 @@ def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
         mixed = f.hamiltonian.diff(symbol(f"q{k}")).diff(symbol(f"p{k}"))
         if mixed.free_symbols & names:
             text = f"h*|d2H/d{coordinate} dp_{coordinate}|"
-            watches.append(Watch("bound", STEP * mixed.subs(point), text, GUARD_REMEDY))
+            watches.append(programs.Watch("bound", STEP * mixed.subs(point), text, GUARD_REMEDY))
     return watches
 
 
 def resolution_watches(
     f: Formulas, changes: Sequence[Formula], first: Sequence[Formula], last: Sequence[Formula]
-) -> list[Watch]:
+) -> list[programs.Watch]:
     """The increments of v against the rule of the two ends: far apart where a step jumps over what the force does.
 
     For an oscillation they differ by (h omega)^2/12 of themselves. Walls of the accelerations end the run too: behind
@@ -560,10 +556,10 @@ def resolution_watches(
     ratio = difference / (size + noise + number(SMALLEST))
     after = [x + d for x, d in zip((*f.symbols("q"), *f.symbols("v")), changes, strict=True)]
     point = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*after, moment_at(ONE)], strict=True))
-    return [*motion_walls(f, point), Watch("resolution", ratio, RESOLUTION, RESOLVE, RESOLVED)]
+    return [*motion_walls(f, point), programs.Watch("resolution", ratio, RESOLUTION, RESOLVE, RESOLVED)]
 
 
-def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[Watch]:
+def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
     """Poles, ends and kinks of the accelerations, watched at a point of q, v and t."""
     return sign_watches(f.walls_of(f.problem.accelerations or ()), point, REGULAR_MOTION)
 
@@ -578,7 +574,7 @@ class Sign(NamedTuple):
     strict: bool
 
 
-def has_unique_roots(program: Program, known: Mapping[str, float]) -> bool:
+def has_unique_roots(program: programs.Program, known: Mapping[str, float]) -> bool:
     """True where every implicit block is one monotone equation or linear; `known` gives h, a and the parameters.
 
     Names of `known` that are missing count as of any sign.
@@ -586,7 +582,7 @@ def has_unique_roots(program: Program, known: Mapping[str, float]) -> bool:
     if any(watch.kind == "bound" for watch in program.watches):
         return False
     for block in program.blocks:
-        if isinstance(block, Iterate):
+        if isinstance(block, programs.Iterate):
             return False
         if block.affine:
             continue
