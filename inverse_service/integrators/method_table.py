@@ -1,10 +1,7 @@
 """The table of methods: what each needs, its order, whether its steps are implicit, and what a step costs.
 
 A further explicit Runge-Kutta method is a file of the folder `explicit`: its order is then one of `runge-kutta`.
-
-Coefficients of one-step methods: explicit and implicit Runge-Kutta, Rosenbrock, and compositions.
-
-Explicit methods with a fixed step are the files of the folder `explicit`, one each, with their sources.
+Its coefficients are those of one-step methods: explicit and implicit Runge-Kutta, Rosenbrock, and compositions.
 
 Gauss-Legendre collocation, the implicit methods of order 2 s, our own reference: J. C. Butcher, Math. Comp. 18 (1964)
 50. Nodes and weights are computed to forty digits and rounded once.

@@ -6,10 +6,9 @@ between them at its turning point, so that two zeros within a step are found. Of
 by regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
 continued by DOP853 from the point before.
 
-Motions in pieces: events that act on the state, and switches of sign, abs and pieces.
-
-Between two switches every sqrt(u^2) is s u with s = 1 or -1, so that a piece of the motion is smooth, and is run by the
-method itself to the event, which is located to round-off. With f+ and f- on both sides of u = 0 and u' along each:
+Motions with events that act on the state, or with switches of sign, abs and pieces, are run in pieces. Between two
+switches every sqrt(u^2) is s u with s = 1 or -1, so that a piece of the motion is smooth, and is run by the method
+itself to the event, which is located to round-off. With f+ and f- on both sides of u = 0 and u' along each:
 
     u'+ and u'- of one sign     the motion passes to that side
     u'+ < 0 < u'-               it sticks: f = ((1 + s) f+ + (1 - s) f-)/2 with u' = 0, until |s| = 1

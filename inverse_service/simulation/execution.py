@@ -1,14 +1,11 @@
-"""What every run needs: the choice checked, numbers of the parameters, the compiled step.
+"""One trajectory of a problem by a method: `run` is the one door to the integrators.
 
-Runs of a problem by a method: the one door to the integrators.
-
-Kernels run piece by piece: bounded memory, a way to stop, and status codes turned into outcomes.
-
-What a kernel left, as a trajectory with a typed outcome: what vanished is said as a formula in the user's names.
+    check, `initial`      the choice, and the state to begin with: from velocities or momenta, at a point or on the
+                          discrete constraint
+    kernel_of, execute    the compiled step, run piece by piece: bounded memory, and a way to stop
+    trajectory_of         what the kernel left, with a typed outcome: what vanished is a formula in the user's names
 
 Zeros of the denominators of L~ just ahead of where a run stopped are its cause where the formulas have a pole there.
-
-Initial states of the methods: from velocities or momenta, at a point or on the discrete constraint.
 """
 
 from __future__ import annotations

@@ -10,10 +10,9 @@ That holds for the class of the paper with V = 0 (disk, knife edge: circles) and
 Without constraints, or with constant ones, the motion is straight. Source: own computation; for the
 class Mestdag, Bloch, Fernandez (2009), section 2.
 
-The free Lagrangian L~ and Hamiltonian H~ of the second associated system, for motions with known directions.
-
-Where the exact motion is q_i' = c d_i(r)/n(r), n = sqrt(d M d), r'' = 0 (as above), the second
-associated system r'' = 0, q_i'' = (d_i/n)' (n/d_i) r' q_i' is variational for every d:
+`class_lagrangian` is the free Lagrangian L~ of the second associated system, with H~. Where the exact motion is q_i' =
+c d_i(r)/n(r), n = sqrt(d M d), r'' = 0 (as above), the second associated system r'' = 0, q_i'' = (d_i/n)' (n/d_i) r'
+q_i' is variational for every d:
 
     L~ = r'^2/2 + (n/2r') sum C_i q_i'^2/d_i,        H~ = (p_r + (1/2n) sum d_i p_i^2/C_i)^2/2
 
@@ -21,14 +20,12 @@ and where n is constant, coordinates with constant d_i may have q_i'^2/2 instead
 Constant factors and signs of d_i are left to the free constants C_i; H~ is smooth through d_i = 0.
 Source: Mestdag, Bloch, Fernandez (2009), proposition 1.2, for d = (1, -A_a); the general d by own computation.
 
-Whether a Lagrangian has the true motion among its solutions, tested at points on the constraints.
-
-The Euler-Lagrange residual L_vv f + L_vq v - L_q is computed with the accelerations f of the true motion. It need
+`keeps_motion` tests at points on the constraints whether a Lagrangian has the true motion among its solutions. The
+Euler-Lagrange residual L_vv f + L_vq v - L_q is computed with the accelerations f of the true motion. It need
 only vanish on the constraints: the free system may differ from the true one elsewhere.
 
-Accelerations of a constrained motion in a form that is regular wherever the constraints are independent.
-
-With g = L_vv, F = L_q - L_vq v - L_vt + Q and constraints w v = 0:
+`accelerations_and_multipliers` is in a form that is regular wherever the constraints are independent. With g = L_vv, F
+= L_q - L_vq v - L_vt + Q and constraints w v = 0:
 
     a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
 

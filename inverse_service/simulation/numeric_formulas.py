@@ -3,7 +3,7 @@
 A wall is a formula whose zeros are poles, ends or kinks of another: u of 1/u, log(u), sqrt(u), and u of sqrt(u^2);
 cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the domain that it began in.
 
-The values of formulas along a trajectory: one numpy operation for each node of the tree.
+`array_value` is the value of a formula along a trajectory: one numpy operation for each node of the tree.
 """
 
 from __future__ import annotations

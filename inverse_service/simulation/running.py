@@ -1,4 +1,7 @@
-"""A scene run: every method, with the observed quantities, each with what it cost.
+"""A scene run: every method, with the observed quantities, each with what it cost, and the true motion beside them.
+
+The true motion is exact where that is known. Else it is heyoka's Taylor series where that is installed, checked by
+DOP853, or DOP853, checked by Gauss-Legendre of order 12; four times the distance of the two bounds its error.
 
 The largest Lyapunov exponent of a motion is found from its variational equations
 
@@ -6,11 +9,6 @@ The largest Lyapunov exponent of a motion is found from its variational equation
 
 integrated with q'' = f by DOP853; w is brought back to length 1 after each of PARTS parts of the run. The mean
 of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9.
-
-The true motion that methods are compared with: exact where it is known, else a reference and its check.
-
-The reference is heyoka's Taylor series where it is installed, checked by DOP853; else DOP853, checked by Gauss-Legendre
-of order 12. Four times the distance of the two bounds the error of the reference.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Methods as programs: the discrete equations of integrators/ with the formulas of a problem in them.
 
-Methods on positions and velocities as programs: Runge-Kutta, Gauss-Legendre, and those that choose their steps.
-
-What is watched at every step, so that a run ends where its formulas end, and whether a step has one root only.
+First the methods on (q, p), then those on (q, v): Runge-Kutta, Gauss-Legendre, and those that choose their steps. Last
+what is watched at every step, so that a run ends where its formulas end, and whether a step has one root only.
 
 One equation F(d) = 0 whose derivative has one sign for all real values has at most one root: so for a convex potential
 at any step, 1 + h^2 V''/4 > 0. Signs are read off the formula: even powers, exponentials and hyperbolic cosines,

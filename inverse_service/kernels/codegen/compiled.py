@@ -1,8 +1,6 @@
-"""Programs compiled once: found by digest in memory, then on disk, else written and compiled.
+"""Programs compiled once: found by digest in memory, then on disk, else written as LLVM IR, compiled and kept.
 
-LLVM IR to machine code, and machine code kept: in memory, and on disk between processes.
-
-Digests of what a kernel is made from, so that a cached one is never the wrong one.
+The digest is of all that a kernel is made from, so that a cached one is never the wrong one.
 """
 
 from __future__ import annotations

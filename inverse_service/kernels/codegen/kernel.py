@@ -1,17 +1,15 @@
-"""Implicit blocks of a step as code: Newton with a dense solve, one linear solve, or a fixed-point iteration.
+"""A program as a whole compiled run: steps, substeps of a composition, Newton, compensated sums, records.
 
-Small dense linear systems, written out: Gaussian elimination with row pivoting by selection, no branch.
+Implicit blocks are Newton's method with a dense solve, one linear solve, or a fixed-point iteration; small linear
+systems are written out: Gaussian elimination with row pivoting by selection, no branch.
 
-A program as a whole compiled run: steps, substeps of a composition, Newton, compensated sums, records.
+`memory` holds what `Layout` lists and is handed in and out, `weights` the substeps of the composition, `control` =
+[steps to do, substeps, record every, steps to the next record, steps done, rows written, Newton iterations], `record`
+one row of `Layout.columns` for each recorded step.
 
-`memory` holds what `Layout` lists and is handed in and out, `weights` the
-substeps of the composition, `control` = [steps to do, substeps, record every, steps to the next record, steps done,
-rows written, Newton iterations], `record` one row of `Layout.columns` for each recorded step.
-
-Kernels that choose their own steps: between the points of the grid as many as their error estimate asks for.
-
-A trial step is accepted where the squared norm of its error is at most 1; the next one is longer or shorter by
-0.9 error^(-1/k), within a factor of 5. The last step before a point of the grid ends on it. Source: E. Hairer, S. P.
+Kernels that choose their own steps make as many between the points of the grid as their error estimate asks for. A
+trial step is accepted where the squared norm of its error is at most 1; the next one is longer or shorter by 0.9
+error^(-1/k), within a factor of 5. The last step before a point of the grid ends on it. Source: E. Hairer, S. P.
 Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.4.
 """
 

@@ -1,12 +1,9 @@
-"""Kernels as LLVM IR, scalar or with SIMD lanes.
+"""Kernels as LLVM IR, scalar or with SIMD lanes, and formulas as straight-line code: every subexpression once,
+divisions gathered, powers by products.
 
-sin and cos as LLVM IR, the same for one number and for SIMD lanes.
-
-Reduction by multiples of pi/2 in three parts with fused multiply-add (Cody and Waite), then the minimax polynomials
-of fdlibm on [-pi/4, pi/4]; beyond |x| = 2^26 and where a lane is not finite, the C library's functions. Error below
-1.5 units in the last place.
-
-Formulas as straight-line code: every subexpression once, divisions gathered, powers by products.
+sin and cos are the same for one number and for SIMD lanes. Reduction by multiples of pi/2 in three parts with fused
+multiply-add (Cody and Waite), then the minimax polynomials of fdlibm on [-pi/4, pi/4]; beyond |x| = 2^26 and where a
+lane is not finite, the C library's functions. Error below 1.5 units in the last place.
 """
 
 from __future__ import annotations

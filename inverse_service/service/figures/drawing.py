@@ -1,8 +1,7 @@
-"""All figures of a simulation: coordinates against time, ensembles, paths and observed quantities.
+"""All figures of a simulation: coordinates against time, ensembles, paths, observed quantities, and moving pictures.
 
-The path in a plane of two coordinates, one panel a method, all at one scale with equal axes.
-
-A moving picture of a run: the bodies of a scene with their trails, in real time or as long as SECONDS.
+A path in a plane of two coordinates has one panel a method, all at one scale with equal axes. A moving picture shows
+the bodies of a scene with their trails, in real time or as long as SECONDS.
 """
 
 from __future__ import annotations

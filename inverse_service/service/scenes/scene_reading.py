@@ -1,10 +1,7 @@
-"""From the complaints of the scene's schema to one clear sentence a fault, with its place.
+"""A scene document to the scene: values, effects, forces, observables and events; the grid of times, the methods with
+their settings and labels; initial data on the constraints, and the members of an ensemble.
 
-A scene document to the scene: values, effects, forces, observables and events, initial data, grid and methods.
-
-Numbers of a scene, the grid of times, the methods with their settings and labels, the coordinates for circles.
-
-Initial data of a scene on its constraints, and the members of an ensemble: starts and values of parameters.
+Each fault is one clear sentence with its place.
 """
 
 from __future__ import annotations
