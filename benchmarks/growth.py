@@ -13,7 +13,7 @@ from inverse_service.decision.deciding import Analysis, analyze, equations, loca
 from inverse_service.expressions.tree import Symbol, Velocity
 from inverse_service.field.point import Expansion
 from inverse_service.field.tower import draw_point
-from inverse_service.linear_pde.emission import LocalEquations, advance, start
+from inverse_service.linear_pde.equations import LocalEquations, advance, start
 
 Report = Callable[[str], None]
 

@@ -41,12 +41,9 @@ from inverse_service.explanation.wording import said, separated
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.field.modular import safe_prime
-from inverse_service.field.point import Point, Variable
-from inverse_service.field.truncated_series import SingularPoint
-from inverse_service.linear_pde.emission import advance, start
-from inverse_service.linear_pde.involution import matrix_at
-from inverse_service.linear_pde.involutive_form import Finding
-from inverse_service.linear_pde.unknowns import unknown_names
+from inverse_service.field.point import Point, SingularPoint, Variable
+from inverse_service.linear_pde.equations import advance, start, unknown_names
+from inverse_service.linear_pde.involution import Finding, matrix_at
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, EquationsOfMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -26,18 +26,13 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.point import Point, Variable
+from inverse_service.field.dense_series import SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.point import Point, SingularPoint, Variable
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined, requirements
-from inverse_service.field.reduction import reduce_atoms
-from inverse_service.field.series_program import SeriesProgram, TooLarge, constants_at, run
-from inverse_service.field.sign_cases import signed_factors
-from inverse_service.field.tower import Tower, draw_point
-from inverse_service.field.truncated_series import SingularPoint
-from inverse_service.linear_pde.emission import LocalEquations
-from inverse_service.linear_pde.involution import Matrix
-from inverse_service.linear_pde.involutive_form import Coefficients, Finding, Limits, settle
-from inverse_service.linear_pde.unknowns import Unknowns
+from inverse_service.field.reduction import reduce_atoms, signed_factors
+from inverse_service.field.tower import Tower, draw_point, to_kernels
+from inverse_service.linear_pde.equations import LocalEquations, Unknowns
+from inverse_service.linear_pde.involution import Coefficients, Finding, Limits, Matrix, settle
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 
 Integers = npt.NDArray[np.int64]

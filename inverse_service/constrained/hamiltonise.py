@@ -41,12 +41,10 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.point import Point, Variable, evaluate
+from inverse_service.field.point import Point, SingularPoint, Variable, evaluate
 from inverse_service.field.real_point import find_real_point
 from inverse_service.field.reduction import reduce_atoms
-from inverse_service.field.tower import draw_point
-from inverse_service.field.truncated_series import SingularPoint
+from inverse_service.field.tower import draw_point, to_kernels
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.legendre.on_constraints import constraint_images
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre

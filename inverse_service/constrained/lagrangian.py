@@ -40,13 +40,11 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.exact_ring import factor_trees, quotient_tree
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, exact_ring, factor_trees, quotient_tree
+from inverse_service.field.matrices import solve_square
+from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
-from inverse_service.mechanics.quotient_matrices import solve_square
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.ansatz import make_sampler, solve_ansatz
 from inverse_service.search.factors import position_monomials, products

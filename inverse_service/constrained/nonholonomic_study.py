@@ -16,7 +16,7 @@ from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.explanation.wording import with_conditions
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute
-from inverse_service.field.rational_functions import TooLarge
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics import first_integrals as kept
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.legendre.transform import LegendreTransform

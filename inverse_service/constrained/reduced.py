@@ -40,14 +40,12 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.point import Expansion
-from inverse_service.field.rational_functions import TooLarge
+from inverse_service.field.exact_field import TooLarge
+from inverse_service.field.point import Expansion, SingularPoint, gradient
 from inverse_service.field.real_point import find_real_point
 from inverse_service.field.reduction import reduce_atoms
-from inverse_service.field.tower import draw_point
-from inverse_service.field.truncated_series import SingularPoint, gradient
-from inverse_service.linear_pde.involutive_form import Limits
+from inverse_service.field.tower import draw_point, to_kernels
+from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.mechanics.nonholonomic.geometry import Geometry, frames
 from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity

@@ -12,8 +12,8 @@ from inverse_service.deadline import now
 from inverse_service.decision.deciding import variables_of
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import Expression
-from inverse_service.field.elementary import to_kernels
 from inverse_service.field.real_point import RealTable, find_real_point
+from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.second_order_system import (
     MOST_BRANCHES,
     SecondOrderSystem,

@@ -39,9 +39,7 @@ from inverse_service.expressions.tree import (
     square_root,
     walk,
 )
-from inverse_service.field.elementary import is_even_root, to_kernels
-from inverse_service.field.exact_atoms import factored
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import (
     RealTable,
     are_positive,
@@ -51,8 +49,8 @@ from inverse_service.field.real_point import (
     requirements,
     varies,
 )
-from inverse_service.field.rules import AngleRule
-from inverse_service.field.sign_cases import root_ways, signed_factors
+from inverse_service.field.reduction import root_ways, signed_factors
+from inverse_service.field.tower import AngleRule, is_even_root, to_kernels
 from inverse_service.mechanics.euler_lagrange import hessian
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.reading.names import Names
@@ -61,8 +59,8 @@ from inverse_service.reading.reader import read_formula
 if TYPE_CHECKING:
     from inverse_service.decision.deciding import Decision
     from inverse_service.decision.kinds.helmholtz import LagrangianKind
+    from inverse_service.linear_pde.involution import Finding
     from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
-    from inverse_service.linear_pde.involutive_form import Finding
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 FORMAT = "inverse-service/certificate/2"

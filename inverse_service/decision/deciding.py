@@ -57,30 +57,28 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field import truncated_series as ps
+from inverse_service.field import point as ps
+from inverse_service.field.dense_series import TooLarge
 from inverse_service.field.echelon import Echelon
-from inverse_service.field.elementary import to_kernels
 from inverse_service.field.modular import reconstruct, safe_prime
-from inverse_service.field.point import Expansion, Point, Variable, evaluate
+from inverse_service.field.point import Expansion, Point, Series, SeriesRing, SingularPoint, Variable, evaluate
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.reduction import reduce_atoms
-from inverse_service.field.series_program import TooLarge
-from inverse_service.field.tower import Tower, draw_point
-from inverse_service.field.truncated_series import Series, SeriesRing, SingularPoint
-from inverse_service.linear_pde.emission import (
+from inverse_service.field.tower import Tower, draw_point, to_kernels
+from inverse_service.linear_pde.equations import (
     NO_DERIVATIVE,
     Equations,
     LocalEquations,
     Prolongation,
     Term,
+    Unknowns,
     advance,
     start,
     term_table,
+    unknown_names,
 )
-from inverse_service.linear_pde.involution import Matrix, matrix_at
+from inverse_service.linear_pde.involution import Coefficients, Finding, Limits, Matrix, matrix_at, settle
 from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
-from inverse_service.linear_pde.involutive_form import Coefficients, Finding, Limits, settle
-from inverse_service.linear_pde.unknowns import Unknowns, unknown_names
 from inverse_service.mechanics.conditions import Motion, connection, jacobi_endomorphism
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 

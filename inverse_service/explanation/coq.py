@@ -20,7 +20,7 @@ from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 from inverse_service.explanation import theorems as th
 from inverse_service.explanation.hierarchy import EquationName, equation_terms, hierarchy
 from inverse_service.expressions.tree import TIME, Symbol
-from inverse_service.field.rational_functions import Quotient, TooLarge, as_fraction, factored
+from inverse_service.field.exact_field import Quotient, TooLarge, as_fraction, factor_polynomial
 from inverse_service.mechanics.conditions import Motion
 
 HEAD = """(* What is proven: the theorems at the end, for all real numbers that fulfil their hypotheses. The
@@ -419,7 +419,7 @@ def _of_conditions(system: System) -> str:
 
 def _from_row(system: System, step: th.Identity, given: th.Fact, most: Mapping[int, int]) -> str:
     """The equation of the elimination from the condition as it stands."""
-    letters, (number, powers) = system.names, factored(step.factor)
+    letters, (number, powers) = system.names, factor_polynomial(step.factor)
     factor = th.product_text(letters, powers, str(number))
     scale = next(c for c, fact in step.terms if fact.name == given.name)
     below = th.product_text(letters, [(system.field.denominators[k], m) for k, m in most.items()])
@@ -446,7 +446,7 @@ def _of_lagrangian(system: System, k: int) -> str:
         raise TooLarge("an Euler-Lagrange expression was not recognized as zero")
     step = th.identity(th.Fact("residual", whole), found.multiplier, found.terms)
     letters = system.names
-    number, powers = factored(step.factor)
+    number, powers = factor_polynomial(step.factor)
     factor = th.product_text(
         letters, [*powers, *((system.field.denominators[i], m) for i, m in most.items())], str(number)
     )
@@ -462,7 +462,7 @@ def _of_lagrangian(system: System, k: int) -> str:
 def _nonzero(system: System, theorem: th.Theorem, steps: Sequence[th.Identity]) -> list[fmpq_mpoly]:
     """What must not vanish: the denominators, and the factors by which steps are divided."""
     own = theorem.steps if system.lagrangian is None else ()
-    divisors = [factor for step in (*steps, *own) for factor, _ in factored(step.factor)[1]]
+    divisors = [factor for step in (*steps, *own) for factor, _ in factor_polynomial(step.factor)[1]]
     listed = [*(system.field.denominators[k] for k in system.below), *divisors]
     return list({str(one): one for one in listed if not one.is_constant()}.values())
 

@@ -41,12 +41,10 @@ from inverse_service.decision.deciding import LocalScalar, motion_of_series
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.notation import Formula, partial_derivative, row, theory
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.exact_ring import ExactRing, sum_of
-from inverse_service.field.point import Point, evaluate
-from inverse_service.field.rational_functions import Quotient, TooLarge, common_factor
-from inverse_service.field.tower import draw_point
-from inverse_service.field.truncated_series import SingularPoint
+from inverse_service.field.exact_field import ExactRing, Quotient, TooLarge, common_factor, sum_of
+from inverse_service.field.matrices import determinant, solve_square
+from inverse_service.field.point import Point, SingularPoint, evaluate
+from inverse_service.field.tower import draw_point, to_kernels
 from inverse_service.mechanics.conditions import (
     Motion,
     MotionInRing,
@@ -59,7 +57,6 @@ from inverse_service.mechanics.conditions import (
     nabla,
     nabla_of_curvature,
 )
-from inverse_service.mechanics.quotient_matrices import determinant, solve_square
 
 if TYPE_CHECKING:
     from inverse_service.decision.deciding import Analysis

@@ -88,14 +88,11 @@ from inverse_service.expressions.tree import (
     number,
     walk,
 )
-from inverse_service.field.exact_ring import ExactRing, factor_trees, quotient_tree
+from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, factor_trees, quotient_tree
+from inverse_service.field.matrices import echelon_of
 from inverse_service.field.modular import is_positive, reconstruct, safe_prime
-from inverse_service.field.point import Point, Variable, evaluate, number_value, variables_in
-from inverse_service.field.rational_functions import Budget, Quotient, TooLarge
-from inverse_service.field.rules import AngleRule, ExponentialRule, replay
-from inverse_service.field.semidefinite import echelon_of
-from inverse_service.field.tower import atoms_in_order
-from inverse_service.field.truncated_series import SingularPoint
+from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, number_value, variables_in
+from inverse_service.field.tower import AngleRule, ExponentialRule, atoms_in_order, replay
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

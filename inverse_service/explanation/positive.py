@@ -22,11 +22,10 @@ from inverse_service.expressions.derivative import differentiate, differentiate_
 from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import Formula, listed, matrix, partial_derivative, row, theory
 from inverse_service.expressions.tree import ONE, TIME, Acceleration, Expression, Symbol, Velocity, node_count
-from inverse_service.field.exact_ring import quotient_tree, sum_of
-from inverse_service.field.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.field.exact_field import Budget, Quotient, TooLarge, quotient_tree, sum_of
+from inverse_service.field.matrices import determinant
 from inverse_service.mechanics.conditions import MotionInRing, connection, jacobi_endomorphism, motion_in_ring
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.protocol import SearchOutcome, describe
 

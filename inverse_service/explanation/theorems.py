@@ -32,17 +32,19 @@ from inverse_service.explanation.negative import exact_rows
 from inverse_service.explanation.wording import equation_name
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.field.exact_ring import ExactRing, polynomial_tree, sum_of
-from inverse_service.field.rational_functions import (
+from inverse_service.field.exact_field import (
     Budget,
+    ExactRing,
     Quotient,
     QuotientField,
     TooLarge,
     coefficients_of,
-    factored,
+    factor_polynomial,
+    polynomial_tree,
+    sum_of,
 )
+from inverse_service.field.matrices import determinant, null_space
 from inverse_service.mechanics.conditions import MotionInRing, motion_in_ring
-from inverse_service.mechanics.quotient_matrices import determinant, null_space
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 TEXT, WORD = r"(?s:.*)", r"[A-Za-z_][A-Za-z0-9_]*"
@@ -270,7 +272,7 @@ def _factored(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -
     whole = sum_of(ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]).numerator
     parts = {unknown: coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
     shared = functools.reduce(lambda a, b: a.gcd(b), parts.values())
-    split = {unknown: factored(part / shared) for unknown, part in parts.items()}
+    split = {unknown: factor_polynomial(part / shared) for unknown, part in parts.items()}
     return {unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found) for unknown, (n, found) in split.items()}
 
 
@@ -336,7 +338,7 @@ class Theorem:
     @property
     def nonzero(self) -> tuple[fmpq_mpoly, ...]:
         """What must not vanish: the irreducible factors of all factors and denominators."""
-        divisors = [factor for step in self.steps for factor, _ in factored(step.factor)[1]]
+        divisors = [factor for step in self.steps for factor, _ in factor_polynomial(step.factor)[1]]
         return tuple({str(one): one for one in [*divisors, *(below for below, _ in self.denominators)]}.values())
 
 
@@ -615,7 +617,7 @@ def coq_steps(theorem: Theorem, letters: Letters) -> Iterator[str]:
 
 
 def _coq_step(letters: Letters, step: Identity) -> str:
-    number, powers = factored(step.factor)
+    number, powers = factor_polynomial(step.factor)
     factor, total = product_text(letters, powers, str(number)), combination(letters, step.terms)
     return f"apply (cancel ({factor})); [nonzero |].\n    transitivity ({total}); [ring | zero]."
 

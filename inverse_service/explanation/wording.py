@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, cast
 from inverse_service.decision.solutions import Answer, Conditions, Part, Solution, Step
 from inverse_service.expressions.notation import Formula, formula_of, matrix, row, theory
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
-from inverse_service.field.exact_ring import ExactRing, quotient_tree
+from inverse_service.field.exact_field import ExactRing, quotient_tree
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
 
 if TYPE_CHECKING:
     from inverse_service.explanation.hierarchy import ConditionName, Contradiction, EquationName, SufficientSet, Unknown
-    from inverse_service.field.rational_functions import Quotient
+    from inverse_service.field.exact_field import Quotient
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Piece = str | Formula | Expression

@@ -33,7 +33,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.field.point import Variable
-from inverse_service.field.rules import RADIAN, Combination
+from inverse_service.field.tower import RADIAN, Combination
 
 _DIGITS = 40
 _TRIES_PER_SCALE = 60

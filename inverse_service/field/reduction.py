@@ -1,52 +1,350 @@
-"""Branches of even roots: which residues must be "positive" for a point to stand for the real domain.
+"""All atoms of expressions reduced to independent generators on the branch of one real point.
 
-Every irreducible factor of a radicand gets the sign it has at the real point. A factor that itself
-contains roots may be a square in disguise (5 + 2 sqrt(6)); it shows by having a constant residue
-symbol. Then sqrt(A + B r), r^2 = c, is sqrt((A + e)/2) +- sqrt((A - e)/2) with e^2 = A^2 - B^2 c
-where e exists (Landau, SIAM J. Comput. 21 (1992), section 2), and the sign of that sum is fixed too.
+Trees become fractions of polynomials over Q, so that radicands can be factored. Generators are the variables, e^(u/m)
+for free exponentials, tan(phi/2m) for free angles (sin and cos are rational in it), the other free atoms, and roots of
+irreducible factors. Without roots the generators are algebraically independent and the ring is factorial, which is
+what the factors are used for.
 
-All atoms of expressions reduced to independent generators on the branch of one real point.
+Branches of even roots say which residues must be "positive" for a point to represent the real domain. Every
+irreducible factor of a radicand gets the sign it has at the real point. A factor that itself contains roots may be a
+square in disguise (5 + 2 sqrt(6)); it shows by having a constant residue symbol. Then sqrt(A + B r), r^2 = c, is
+sqrt((A + e)/2) +- sqrt((A - e)/2) with e^2 = A^2 - B^2 c where e exists (Landau, SIAM J. Comput. 21 (1992), section
+2), and the sign of that sum is fixed too.
+
+Roots of squares (`sign_cases`) are different formulas on the two sides of a zero: sqrt(u^2) is u where u > 0 and -u
+where u < 0.
+
+|u| is written sqrt(u^2) and sign(u) is u/sqrt(u^2). A root of T^2 O is |T| sqrt(O); its sides are those of the part
+of T with odd exponents. Roots whose product is a root of a square (sqrt(xy) and sqrt(x/y)) are taken apart in the same
+way: the signs of their factors are cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
+from itertools import combinations
 
-from flint import fmpq_mpoly
+from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz_mat
 
 from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.inequalities import is_plainly_positive
+from inverse_service.expressions.pieces import STEP
 from inverse_service.expressions.tree import (
+    HALF,
+    ONE,
+    PI,
+    ZERO,
     Apply,
+    Arbitrary,
     Expression,
     Number,
+    Power,
+    Product,
+    Sum,
     Symbol,
     Velocity,
+    add,
+    apply,
     distinct_nodes,
+    factors_of,
     multiply,
     number,
     square_root,
+    substitute,
 )
-from inverse_service.field.elementary import is_even_root, is_root
-from inverse_service.field.generators import (
-    Generators,
-    Quotient,
-    factors,
-    positive_factors,
-    reduce_roots,
-    split_square,
-    to_quotient,
-    used_generators,
-)
-from inverse_service.field.modular import is_positive
+from inverse_service.field.exact_field import TooLarge, factor_polynomial
+from inverse_service.field.modular import is_positive, prime_factors
 from inverse_service.field.point import Variable, evaluate
-from inverse_service.field.real_point import RealTable, real_sign, turns
-from inverse_service.field.relations import build_tower
-from inverse_service.field.tower import Tower, draw_point
+from inverse_service.field.real_point import RealTable, real_sign, turns, varies
+from inverse_service.field.tower import (
+    RADIAN,
+    AngleRule,
+    ArctangentRule,
+    ExponentialRule,
+    LogarithmRule,
+    Tower,
+    atoms_in_order,
+    build_tower,
+    draw_point,
+    half_angle,
+    is_even_root,
+    is_root,
+)
+
+_MOST_TERMS = 3_000
+# Of an angle under a root: its sine has twice this degree in the tangent of the half angle.
+_LARGEST_MULTIPLE = 24
 
 _SAMPLES = 24
 _DEEPEST = 6
+
+Factors = dict[Expression, int]
+# Numbers under roots are factored up to here.
+_LARGEST_NUMBER = 10**40
+
+
+Way = tuple[Expression, tuple[Expression, ...]]
+
+
+_INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
+
+
+@dataclass(frozen=True, slots=True)
+class Quotient:
+    """numerator / denominator, not reduced."""
+
+    numerator: fmpq_mpoly
+    denominator: fmpq_mpoly
+
+
+@dataclass(slots=True)
+class Generators:
+    """A growing list of generators (as trees) and the polynomial ring over them.
+
+    Where `opaque`, functions and roots are generators as they stand, whatever relations they have.
+    """
+
+    tower: Tower
+    trees: list[Expression] = field(default_factory=list)
+    squares: dict[Expression, Expression] = field(default_factory=dict)
+    capacity: int = 48
+    opaque: bool = False
+
+    @property
+    def context(self) -> fmpq_mpoly_ctx:
+        return fmpq_mpoly_ctx.get(tuple(f"g{k}" for k in range(self.capacity)), Ordering.degrevlex)
+
+    def generator(self, tree: Expression) -> fmpq_mpoly:
+        if tree not in self.trees:
+            if len(self.trees) == self.capacity:
+                raise IrreducibleAtoms("too many different atoms stand under roots")
+            self.trees.append(tree)
+        return self.context.gen(self.trees.index(tree))
+
+    def constant(self, value: Fraction) -> fmpq_mpoly:
+        return self.context.constant(fmpq(value.numerator, value.denominator))
+
+    def tree_of(self, polynomial: fmpq_mpoly) -> Expression:
+        """The polynomial as a tree."""
+        parts = []
+        for exponents, coefficient in polynomial.to_dict().items():
+            factors = [self.trees[k] ** int(e) for k, e in enumerate(exponents) if e]
+            parts.append(multiply(number(Fraction(int(coefficient.p), int(coefficient.q))), *factors))
+        return add(*parts)
+
+    def sign(self, factor: Expression) -> int:
+        """The sign of an irreducible factor at the real point, as far as branches are fixed by now."""
+        if isinstance(factor, Symbol | Velocity):
+            return self.tower.real_signs.get(factor, 1)
+        return next((sign for known, sign in self.tower.signs if known == factor), 1)
+
+    def has_roots(self, polynomial: fmpq_mpoly) -> bool:
+        return any(self.trees[k] in self.squares for k in used_generators(polynomial))
+
+
+def used_generators(polynomial: fmpq_mpoly) -> list[int]:
+    return [k for k, degree in enumerate(polynomial.degrees()) if degree > 0]
+
+
+def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
+    """(rational content, [(irreducible factor, multiplicity)]); IrreducibleAtoms where it grows out of bounds."""
+    try:
+        return factor_polynomial(polynomial)
+    except TooLarge as error:
+        raise IrreducibleAtoms(str(error)) from error
+
+
+def to_quotient(ring: Generators, expression: Expression) -> Quotient:
+    """The tree (in kernels) over the generators; IrreducibleAtoms where it grows out of bounds."""
+    result = _to_quotient(ring, expression)
+    if max(len(result.numerator), len(result.denominator)) > _MOST_TERMS:
+        raise IrreducibleAtoms("an expression under a root is too large to be factored")
+    return result
+
+
+def _to_quotient(ring: Generators, expression: Expression) -> Quotient:
+    one = ring.constant(Fraction(1))
+    match expression:
+        case Number(value):
+            return Quotient(ring.constant(value), one)
+        case Symbol() | Velocity() | Arbitrary():
+            return Quotient(ring.generator(expression), one)
+        case Sum(terms):
+            return _sum(ring, [to_quotient(ring, term) for term in terms])
+        case Product(parts):
+            return _product_of_quotients(ring, [to_quotient(ring, part) for part in parts])
+        case Power(base, Number(exponent)) if exponent.denominator == 1:
+            return _integer_power(to_quotient(ring, base), int(exponent))
+        case _ if ring.opaque:
+            return Quotient(ring.generator(expression), one)
+        case Power(base, Number(exponent)):
+            return _root(ring, base, exponent)
+        case Apply():
+            return _atom(ring, expression)
+    raise TypeError(f"{type(expression).__name__} is not a kernel")
+
+
+def _sum(ring: Generators, parts: list[Quotient]) -> Quotient:
+    total = parts[0]
+    for part in parts[1:]:
+        if total.denominator == part.denominator:
+            total = Quotient(total.numerator + part.numerator, total.denominator)
+        else:
+            total = Quotient(
+                total.numerator * part.denominator + part.numerator * total.denominator,
+                total.denominator * part.denominator,
+            )
+    return Quotient(reduce_roots(ring, total.numerator), total.denominator)
+
+
+def _product_of_quotients(ring: Generators, parts: list[Quotient]) -> Quotient:
+    numerator = denominator = ring.constant(Fraction(1))
+    for part in parts:
+        numerator, denominator = numerator * part.numerator, denominator * part.denominator
+    return Quotient(reduce_roots(ring, numerator), reduce_roots(ring, denominator))
+
+
+def _integer_power(base: Quotient, exponent: int) -> Quotient:
+    if exponent < 0:
+        return Quotient(base.denominator ** (-exponent), base.numerator ** (-exponent))
+    return Quotient(base.numerator**exponent, base.denominator**exponent)
+
+
+def _root(ring: Generators, base: Expression, exponent: Fraction) -> Quotient:
+    """prod p_i^(k_i exponent) over the irreducible factors of the base; under even roots all |p_i|."""
+    quotient = to_quotient(ring, base)
+    even = exponent.denominator % 2 == 0
+    sign = 1 if even else _content_sign(quotient) ** exponent.numerator
+    result = Quotient(ring.constant(Fraction(sign)), ring.constant(Fraction(1)))
+    for tree, multiplicity in positive_factors(ring, quotient):
+        positive = -tree if even and ring.sign(tree) < 0 else tree
+        result = _product_of_quotients(ring, [result, _root_power(ring, positive, exponent * multiplicity)])
+    return result
+
+
+def _content_sign(quotient: Quotient) -> int:
+    contents = [factors(polynomial)[0] for polynomial in (quotient.numerator, quotient.denominator)]
+    return -1 if (contents[0] < 0) != (contents[1] < 0) else 1
+
+
+def positive_factors(ring: Generators, quotient: Quotient) -> Iterator[tuple[Expression, int]]:
+    """Irreducible factors (primes of the content first) of numerator and denominator, as trees."""
+    for polynomial, side in ((quotient.numerator, 1), (quotient.denominator, -1)):
+        content, found = factors(polynomial)
+        for value, way in ((abs(content.numerator), 1), (content.denominator, -1)):
+            yield from ((number(ell), side * way * k) for ell, k in prime_factors(value))
+        yield from ((ring.tree_of(factor), side * k) for factor, k in found)
+
+
+def _root_power(ring: Generators, base: Expression, exponent: Fraction) -> Quotient:
+    """base^exponent with a generator for the root of smallest denominator."""
+    whole = math.floor(exponent)
+    part = exponent - whole
+    result = _integer_power(_to_quotient(ring, base), whole)
+    if part:
+        root = base ** Fraction(1, part.denominator)
+        if part.denominator == 2:
+            ring.squares[root] = base
+        else:
+            ring.squares.setdefault(root, root)
+        generator = ring.generator(root) ** part.numerator
+        result = Quotient(result.numerator * generator, result.denominator)
+    return result
+
+
+def reduce_roots(ring: Generators, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+    """r^2 replaced by its radicand for generators r that are square roots of polynomials."""
+    for k in used_generators(polynomial):
+        tree = ring.trees[k]
+        square = ring.squares.get(tree)
+        if square is None or square == tree or polynomial.degrees()[k] < 2:
+            continue
+        radicand = _to_quotient(ring, square)
+        low, high = split_square(ring, polynomial, k)
+        while high:
+            polynomial = low + reduce_roots(ring, high * radicand.numerator)
+            low, high = split_square(ring, polynomial, k)
+    return polynomial
+
+
+def split_square(ring: Generators, polynomial: fmpq_mpoly, k: int) -> tuple[fmpq_mpoly, fmpq_mpoly]:
+    """(low, high) with polynomial = low + r^2 high, low of degree <= 1 in generator k."""
+    low: dict[tuple[int, ...], fmpq] = {}
+    high: dict[tuple[int, ...], fmpq] = {}
+    for exponents, coefficient in polynomial.to_dict().items():
+        if exponents[k] < 2:
+            low[exponents] = coefficient
+        else:
+            high[(*exponents[:k], exponents[k] - 2, *exponents[k + 1 :])] = coefficient
+    return ring.context.from_dict(low), ring.context.from_dict(high)
+
+
+def _atom(ring: Generators, atom: Apply) -> Quotient:
+    one = ring.constant(Fraction(1))
+    for rule in ring.tower.rules:
+        if isinstance(rule, AngleRule):
+            if rule.angle == atom.argument and atom.function in ("sin", "cos"):
+                cosine, sine = _sine_cosine(ring, rule)
+                return sine if atom.function == "sin" else cosine
+        elif rule.atom == atom:
+            if isinstance(rule, ExponentialRule) and not rule.free:
+                return _dependent_exponential(ring, rule)
+            if isinstance(rule, LogarithmRule | ArctangentRule) and not rule.free:
+                return _linear(ring, rule)
+    return Quotient(ring.generator(atom), one)
+
+
+def _dependent_exponential(ring: Generators, rule: ExponentialRule) -> Quotient:
+    parts = [_root_power(ring, atom, a) for atom, a in rule.exponentials]
+    parts += [_root(ring, argument, a) for argument, a in rule.arguments_of_logarithms]
+    parts += [_root_power(ring, number(ell), a) for ell, a in rule.prime_powers]
+    if rule.constant:
+        parts.append(Quotient(ring.generator(apply("exp", number(rule.constant))), ring.constant(Fraction(1))))
+    return _product_of_quotients(ring, parts)
+
+
+def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> Quotient:
+    parts = [to_quotient(ring, a * u) for u, a in rule.linear]
+    if isinstance(rule, ArctangentRule):
+        parts.append(to_quotient(ring, rule.turns * PI))
+    else:
+        parts.append(_constant_logarithm(ring, rule))
+    return _sum(ring, parts)
+
+
+def _constant_logarithm(ring: Generators, rule: LogarithmRule) -> Quotient:
+    total = ring.constant(Fraction(0))
+    for value, way in ((rule.constant.numerator, 1), (rule.constant.denominator, -1)):
+        for ell, k in prime_factors(value):
+            total += ring.generator(apply("log", number(ell))) * ring.constant(Fraction(way * k, rule.root))
+    return Quotient(total, ring.constant(Fraction(1)))
+
+
+def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]:
+    """(cos, sin) as fractions in tan(half angle)."""
+    if rule.turns or rule.arctangents:
+        raise IrreducibleAtoms("an angle with pi or an arctangent stands under a root")
+    one = ring.constant(Fraction(1))
+    real, imaginary, denominator = one, one * 0, one
+    steps: Mapping[Expression, Fraction] = {rule.angle: Fraction(1)} if rule.free else dict(rule.angles)
+    if rule.radians:
+        steps = {**steps, RADIAN: rule.radians}
+    for angle, factor in steps.items():
+        scale = ring.tower.scale(angle)
+        t = ring.generator(half_angle(angle, scale))
+        count = int(factor * scale)
+        if abs(count) > _LARGEST_MULTIPLE:
+            raise IrreducibleAtoms("an angle under a root is too large a multiple of another to be reduced")
+        c, s = one - t * t, t * (2 if count > 0 else -2)
+        for _ in range(abs(count)):
+            real, imaginary = real * c - imaginary * s, real * s + imaginary * c
+        denominator *= (one + t * t) ** abs(count)
+    return Quotient(real, denominator), Quotient(imaginary, denominator)
 
 
 def fix_branches(tower: Tower, table: RealTable | None) -> None:
@@ -164,3 +462,243 @@ def _have_root_inside(expressions: Sequence[Expression]) -> bool:
     """Whether a transcendental function has an even root in its argument."""
     arguments = (node.argument for node in distinct_nodes(expressions) if isinstance(node, Apply))
     return any(is_even_root(node) for node in distinct_nodes(arguments))
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Formulas where every tree of `positive` is > 0; `roots` says what each rewritten root is there."""
+
+    formulas: tuple[Expression, ...]
+    positive: tuple[Expression, ...] = ()
+    roots: tuple[tuple[Expression, Expression], ...] = ()
+
+    def rewritten(self, node: Expression, value: Expression, positive: Iterable[Expression]) -> Case:
+        """The formulas with `value` in the place of `node`, where these trees are positive too."""
+        formulas = tuple(substitute(formula, {node: value}) for formula in self.formulas)
+        return Case(formulas, tuple(dict.fromkeys((*self.positive, *positive))), (*self.roots, (node, value)))
+
+    def assuming(self, tree: Expression) -> Case:
+        """The same where this tree is positive too."""
+        return replace(self, positive=(*self.positive, tree))
+
+
+def sign_cases(formulas: Sequence[Expression]) -> Iterator[Case]:
+    """The cases in order, that of positive signs first; some may have no point all the same."""
+    yield from _split(Case(tuple(formulas)))
+
+
+def _split(case: Case) -> Iterator[Case]:
+    """One step at a time: an innermost root is rewritten in each of its ways."""
+    ways = _ways(case)
+    if ways is None:
+        yield case
+        return
+    for way in ways:
+        if not is_empty(way.positive):
+            yield from _split(way)
+
+
+def is_empty(positive: Sequence[Expression]) -> bool:
+    """Whether these are seen not to be positive at once: one is negative, or two have a sum that is not positive."""
+    if any(is_plainly_positive(collect(-tree)) for tree in positive):
+        return True
+    sums = (collect(one + other) for one, other in combinations(positive, 2))
+    return any(isinstance(each, Number) and each.value <= 0 for each in sums)
+
+
+def _ways(case: Case) -> list[Case] | None:
+    """The cases that follow from the next root which can be rewritten, None where there is none."""
+    atoms = atoms_in_order(case.formulas)
+    for node in atoms:
+        found = _inverse_ways(node) if isinstance(node, Apply) else _root_ways(node, case.positive)
+        if found:
+            return [case.rewritten(node, value, positive) for value, positive in found]
+    return _dependent_ways(case, [node for node in atoms if is_root(node) and isinstance(node, Power)])
+
+
+def _inverse_ways(node: Apply) -> list[Way]:
+    """Heaviside(u) on both sides; asin(sin u), acos(cos u), atan(tan u) on the two intervals next to 0."""
+    inner = node.argument
+    if node.function == STEP:
+        return [(ONE, (inner,)), (ZERO, (-inner,))]
+    if not isinstance(inner, Apply) or (node.function, inner.function) not in _INVERSE_PAIRS:
+        return []
+    u, quarter = inner.argument, HALF * PI
+    before, after = u + quarter, quarter - u
+    beyond = (u - quarter, Fraction(3, 2) * PI - u)
+    match node.function:
+        case "asin":
+            return [(u, (before, after)), (PI - u, beyond)]
+        case "acos":
+            return [(u, (u, PI - u)), (-u, (-u, u + PI))]
+        case _:
+            return [(u, (before, after)), (u - PI, beyond)]
+
+
+def root_ways(node: Expression) -> list[tuple[tuple[Expression, ...], Expression]]:
+    """(what is positive, what the root is there) for each way to write a root of a square without it."""
+    return [(side, value) for value, side in _root_ways(node, ())]
+
+
+def _root_ways(node: Expression, positive: Sequence[Expression]) -> list[Way]:
+    """|T|^(2e) (c O)^e for (c T^2 O)^e, on both sides of the zeros of T; [] where T is 1."""
+    if not isinstance(node, Power) or not isinstance(node.exponent, Number) or node.exponent.value.denominator == 1:
+        return []
+    exponent = node.exponent.value
+    content, found = root_factors(node.base)
+    if exponent.denominator % 2:
+        return _odd_root(content, found, exponent)
+    square, rest = _square_parts(found)
+    number_square, number_rest = _number_parts(content)
+    if not square and number_square == 1:
+        return []
+    left = (number_rest * _product(rest)) ** exponent
+    odd = [factor for factor, k in square.items() if k % 2 and factor not in positive]
+    if (2 * exponent).numerator % 2 == 0 or not odd:
+        return [(_power(number_square, square, 2 * exponent) * left, ())]
+    side = _product(dict.fromkeys(odd, 1))
+    return [(_power(sign * number_square, square, 2 * exponent) * left, (sign * side,)) for sign in (1, -1)]
+
+
+def _power(content: Fraction, found: Factors, exponent: Fraction) -> Expression:
+    """(content prod p^k)^exponent."""
+    if exponent.denominator > 1:
+        return (content * _product(found)) ** exponent
+    return content**exponent.numerator * _product(found) ** exponent
+
+
+def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way]:
+    """Odd roots of perfect powers; bases of roots are positive."""
+    degree = exponent.denominator
+    if not found or any(k % degree for k in found.values()):
+        return []
+    root = _product({factor: k // degree for factor, k in found.items()})
+    value = ((1 if content > 0 else -1) * root) ** int(exponent.numerator)
+    return [(number(abs(content)) ** exponent * value, ())]
+
+
+def root_factors(tree: Expression) -> tuple[Fraction, Factors]:
+    """(rational content, {factor: multiplicity}) of a tree; what cannot be factored is one factor."""
+    content, found = Fraction(1), Factors()
+    for part in factors_of(tree):
+        k = 1
+        match part:
+            case Power(base, Number(exponent)) if exponent.denominator == 1:
+                part, k = base, int(exponent)
+        inner, pieces = _factored(part)
+        content *= inner**k
+        for piece, times in pieces.items():
+            found[piece] = found.get(piece, 0) + k * times
+    return content, {factor: k for factor, k in found.items() if k}
+
+
+def signed_factors(trees: Iterable[Expression], table: RealTable) -> list[Expression]:
+    """The factors of trees, or their negatives: as they are positive at the point."""
+    found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if varies(factor))
+    signed = (factor if real_sign(factor, table) > 0 else -factor for factor in found)
+    return [factor for factor in signed if not is_plainly_positive(factor)]
+
+
+def _factored(tree: Expression) -> tuple[Fraction, Factors]:
+    """The irreducible factors over Q, functions and roots taken as letters."""
+    if isinstance(tree, Number):
+        return (tree.value, {}) if tree.value else (Fraction(1), {tree: 1})
+    ring = Generators(Tower(()), opaque=True)
+    try:
+        quotient = to_quotient(ring, tree)
+        parts = [
+            (*factors(polynomial), side) for polynomial, side in ((quotient.numerator, 1), (quotient.denominator, -1))
+        ]
+    except IrreducibleAtoms:
+        return Fraction(1), {tree: 1}
+    content, found = Fraction(1), Factors()
+    for value, pieces, side in parts:
+        if not value:
+            return Fraction(1), {tree: 1}
+        content *= value**side
+        for piece, times in pieces:
+            found[ring.tree_of(piece)] = side * times
+    if len(found) == 1 and content == 1 and next(iter(found.values())) == 1:
+        return content, {tree: 1}
+    return content, found
+
+
+def _square_parts(found: Factors) -> tuple[Factors, Factors]:
+    """T and O of T^2 O; factors of odd multiplicity stand in O once, below the line where they did."""
+    square = {factor: (abs(k) // 2) * (1 if k > 0 else -1) for factor, k in found.items()}
+    rest = {factor: 1 if k > 0 else -1 for factor, k in found.items() if k % 2}
+    return {factor: k for factor, k in square.items() if k}, rest
+
+
+def _number_parts(content: Fraction) -> tuple[Fraction, Fraction]:
+    """(t, c) with content = t^2 c, c free of squares."""
+    square = Fraction(1)
+    for value, side in ((abs(content.numerator), 1), (content.denominator, -1)):
+        if 0 < value <= _LARGEST_NUMBER:
+            for ell, k in prime_factors(value):
+                square *= Fraction(ell) ** (side * (k // 2))
+    return square, content / square**2
+
+
+def _product(found: Factors) -> Expression:
+    return multiply(*(factor**k for factor, k in found.items())) if found else ONE
+
+
+def _dependent_ways(case: Case, roots: Sequence[Power]) -> list[Case] | None:
+    """Roots that depend on each other as products, taken apart for each choice of the signs of their factors."""
+    for node in _dependent(roots):
+        content, found = root_factors(node.base)
+        for factor in found:
+            if factor not in case.positive and -factor not in case.positive:
+                return [case.assuming(factor), case.assuming(-factor)]
+        signs = {factor: 1 if factor in case.positive else -1 for factor in found}
+        if (content < 0) != (math.prod(signs[factor] ** abs(k) for factor, k in found.items()) < 0):
+            return []  # the base would be negative
+        assert isinstance(node.exponent, Number)
+        exponent = node.exponent.value
+        parts = [(signs[factor] * factor) ** (k * exponent) for factor, k in found.items()]
+        numbers = [number(ell) ** (k * exponent) for ell, k in _primes(content).items()]
+        return [case.rewritten(node, multiply(*numbers, *parts), ())]
+    return None
+
+
+def _dependent(roots: Sequence[Power]) -> list[Power]:
+    """The roots of several factors that are, up to rational factors, products of powers of the others."""
+    degrees: dict[Expression, int] = {}
+    for node in roots:
+        assert isinstance(node.exponent, Number)
+        degrees[node.base] = math.lcm(degrees.get(node.base, 1), node.exponent.value.denominator)
+    vectors = {base: _vector(base) for base in degrees}
+    whole = _order(vectors, degrees)
+    involved = [
+        base
+        for base, degree in degrees.items()
+        if len(vectors[base]) > 1
+        and whole != degree * _order({key: vectors[key] for key in vectors if key != base}, degrees)
+    ]
+    return [node for node in roots if node.base in involved]
+
+
+def _vector(base: Expression) -> Factors:
+    """The exponents of prime numbers and factors in a base."""
+    content, found = root_factors(base)
+    return {number(ell): k for ell, k in _primes(content).items()} | found
+
+
+def _primes(content: Fraction) -> dict[int, int]:
+    sides = ((abs(content.numerator), 1), (content.denominator, -1))
+    small = [(value, side) for value, side in sides if 1 < value <= _LARGEST_NUMBER]
+    return {ell: side * k for value, side in small for ell, k in prime_factors(value)}
+
+
+def _order(vectors: Mapping[Expression, Factors], degrees: Mapping[Expression, int]) -> int:
+    """The order of the group that the vectors over their degrees generate modulo integers."""
+    columns = list(dict.fromkeys(key for vector in vectors.values() for key in vector))
+    if not columns:
+        return 1
+    common = math.lcm(*(degrees[base] for base in vectors))
+    rows = [[common * (row == column) for column in range(len(columns))] for row in range(len(columns))]
+    rows += [[vector.get(key, 0) * common // degrees[base] for key in columns] for base, vector in vectors.items()]
+    echelon = fmpz_mat(rows).hnf()
+    volume = math.prod(int(echelon[k, k]) for k in range(len(columns)))
+    return int(common ** len(columns)) // volume

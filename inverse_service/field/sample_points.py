@@ -18,13 +18,11 @@ from inverse_service.deadline import STEP, check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, node_count
 from inverse_service.field import modular
+from inverse_service.field.dense_series import Machine, SeriesProgram, TooLarge, constants_at, run
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
-from inverse_service.field.point import Point, Variable, evaluate, variables_in
+from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, variables_in
 from inverse_service.field.real_point import RealTable
-from inverse_service.field.series_kernels import Machine
-from inverse_service.field.series_program import SeriesProgram, TooLarge, constants_at, run
 from inverse_service.field.tower import Tower, draw_point, moved_point
-from inverse_service.field.truncated_series import SingularPoint
 
 Integers = npt.NDArray[np.int64]
 Words = npt.NDArray[np.uint64]

@@ -1,14 +1,28 @@
 """Independent generators of all atoms of a system, and points at which all atoms have values.
 
-A tower lists, innermost first, how the value of each transcendental atom follows from free
-generators (`rules.py`; `relations.py` finds them). Roots need no rule (`modular.py`) but for the
+`to_kernels` writes elementary functions by exp, log, sin, cos, atan and rational powers (real domain): tan u = sin u /
+cos u and similar; cosh u = (e^u + e^-u)/2 and similar; asin u = atan(u / sqrt(1 - u^2)), acos u = pi/2 - asin u, asinh
+u = log(u + sqrt(u^2 + 1)), acosh u = log(u + sqrt(u^2 - 1)), atanh u = log((1 + u)/(1 - u))/2; b^e = exp(e log b) for
+an exponent that is no rational number; (e^u)^r = e^(r u). Each holds where the left side is real.
+
+A rule says how the value of a transcendental atom follows from free generators. By the structure theorem (Risch 1979;
+Ax 1971) exponentials and logarithms are algebraically independent over the functions below them unless their
+arguments, or logarithms, are linearly dependent over Q; angles and arctangents likewise (they are the imaginary part).
+A rule states the dependence found, or that there is none: then the atom is a free generator.
+
+A tower lists these rules, innermost first. Roots need no rule (`modular.py`) but for the
 branch: `signs` lists the quantities that must have the residue symbol that is their sign at a real
 point of the domain (`reduction.py` finds them).
+
+`build_tower` finds the rules. Atoms are taken innermost first. For each transcendental one the linear dependence over
+Q of its argument (exp, angles) or its logarithmic differential (log, atan) on those before it is computed at random
+points modulo a prime; rational coefficients are reconstructed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -17,35 +31,377 @@ from flint import nmod_mat
 
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
+    HALF,
+    PI,
+    ZERO,
     Apply,
     Expression,
     Number,
+    Power,
+    Product,
+    Symbol,
+    add,
+    apply,
     children,
+    distinct_nodes,
+    multiply,
+    number,
+    rebuild,
+    square_root,
     walk,
 )
-from inverse_service.field.elementary import is_root
-from inverse_service.field.modular import is_positive, reconstruct, safe_prime
+from inverse_service.field.modular import is_positive, positive_power, prime_factors, reconstruct, safe_prime
 from inverse_service.field.point import (
     Expansion,
     Point,
+    SingularPoint,
     Variable,
+    constant_value,
     evaluate,
+    gradient,
+    number_value,
     variables_in,
 )
-from inverse_service.field.rules import (
-    RADIAN,
-    AngleRule,
-    Rule,
-    half_angle,
-    replay,
-)
-from inverse_service.field.truncated_series import SingularPoint, gradient
+
+# The angle of one radian, when constants such as cos(1) occur.
+RADIAN = Symbol("radian")
+Combination = tuple[tuple[Expression, Fraction], ...]
+# The free generator of an angle is that angle divided by its scale.
+Scale = Callable[[Expression], int]
 
 # In the search for relations an angle may be any of these fractions of a free one.
 _SEARCH_SCALE = 2520
 _DRAWS = 4_000
 # A quantity and the sign of its residue symbol.
 Requirement = tuple[Expression, int]
+
+
+# A residue of 61 bits is a fraction below the bound by chance with probability 10^-6.
+_COEFFICIENT_BOUND = 10**6
+
+_CONSTANT_BOUND = 10**8
+_MOST_PARTS = 5040
+# (atom, sum a_j u_j, constants) -> atom - sum at a real point, in pi and the constants.
+Turns = Callable[[Expression, Combination, Sequence[Expression]], Combination | None]
+
+
+@lru_cache(maxsize=8192)
+def to_kernels(expression: Expression) -> Expression:
+    """The same function of the same variables, written with the six kernels only."""
+    inner = rebuild(expression, to_kernels)
+    if isinstance(inner, Apply) and inner.function in _REWRITE:
+        return _REWRITE[inner.function](inner.argument)
+    if isinstance(inner, Power):
+        return _rational_power(inner)
+    return inner
+
+
+def _rational_power(node: Power) -> Expression:
+    if not isinstance(node.exponent, Number):
+        return _exp(node.exponent * Apply("log", node.base))
+    if isinstance(node.base, Apply) and node.base.function == "exp":
+        return _exp(node.exponent * node.base.argument)
+    return node
+
+
+def _exp(u: Expression) -> Expression:
+    return Apply("exp", u)
+
+
+def _sin(u: Expression) -> Expression:
+    return Apply("sin", u)
+
+
+def _cos(u: Expression) -> Expression:
+    return Apply("cos", u)
+
+
+def _cosh(u: Expression) -> Expression:
+    return HALF * (_exp(u) + _exp(-u))
+
+
+def _sinh(u: Expression) -> Expression:
+    return HALF * (_exp(u) - _exp(-u))
+
+
+def _asin(u: Expression) -> Expression:
+    return Apply("atan", u / square_root(1 - u**2))
+
+
+def _log_with_root(u: Expression, sign: int) -> Expression:
+    return Apply("log", u + square_root(u**2 + sign))
+
+
+_REWRITE: dict[str, Callable[[Expression], Expression]] = {
+    "tan": lambda u: _sin(u) / _cos(u),
+    "cot": lambda u: _cos(u) / _sin(u),
+    "sec": lambda u: _cos(u) ** -1,
+    "csc": lambda u: _sin(u) ** -1,
+    "cosh": _cosh,
+    "sinh": _sinh,
+    "tanh": lambda u: _sinh(u) / _cosh(u),
+    "coth": lambda u: _cosh(u) / _sinh(u),
+    "sech": lambda u: _cosh(u) ** -1,
+    "csch": lambda u: _sinh(u) ** -1,
+    "asin": _asin,
+    "Heaviside": lambda u: HALF * (1 + u / square_root(u**2)),
+    "acos": lambda u: HALF * PI - _asin(u),
+    "asinh": lambda u: _log_with_root(u, 1),
+    "acosh": lambda u: _log_with_root(u, -1),
+    "atanh": lambda u: HALF * Apply("log", (1 + u) / (1 - u)),
+}
+
+
+def is_even_root(node: Expression) -> bool:
+    """Whether the node is a power with an even denominator."""
+    return isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator % 2 == 0
+
+
+def is_root(node: Expression) -> bool:
+    """Whether the node is a power with a fractional exponent."""
+    return (
+        isinstance(node, Power)
+        and isinstance(node.exponent, Number)
+        and node.exponent.value != Fraction(node.exponent.value.numerator)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ExponentialRule:
+    """exp(u) = e^constant prod exp_j^a_j prod w_k^c_k, or free (a random positive value)."""
+
+    atom: Apply
+    free: bool
+    exponentials: Combination = ()
+    arguments_of_logarithms: Combination = ()
+    prime_powers: tuple[tuple[int, Fraction], ...] = ()
+    constant: Fraction = Fraction(0)
+
+    def value(self, point: Point, scale: Scale) -> int:
+        if self.free:
+            return pow(point.draw_free(self.atom), 2, point.prime)
+        result = constant_value("exp", self.constant, point)
+        for atom, exponent in self.exponentials:
+            result *= positive_power(point.atoms[atom], exponent, point.prime)
+        for argument, exponent in self.arguments_of_logarithms:
+            result *= positive_power(evaluate(argument, point), exponent, point.prime)
+        for ell, exponent in self.prime_powers:
+            result *= positive_power(ell, exponent, point.prime)
+        return result % point.prime
+
+    @property
+    def tree(self) -> Expression:
+        """The product, where it is not free."""
+        primes = (number(ell) ** exponent for ell, exponent in self.prime_powers)
+        atoms = (tree**exponent for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms))
+        constant = [apply("exp", number(self.constant))] if self.constant else []
+        return multiply(*constant, *primes, *atoms)
+
+
+@dataclass(frozen=True, slots=True)
+class LogarithmRule:
+    """log(w) = sum a_j u_j + sum c_k log(w_k) + log(constant), or free."""
+
+    atom: Apply
+    free: bool
+    linear: Combination = ()
+    constant: Fraction = Fraction(1)
+    root: int = 1
+
+    def value(self, point: Point, scale: Scale) -> int:
+        if self.free:
+            return point.draw_free(self.atom)
+        result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
+        logarithm = constant_value("log", self.constant, point) * pow(self.root, -1, point.prime)
+        return (result + logarithm) % point.prime
+
+    @property
+    def tree(self) -> Expression:
+        """The sum, where it is not free."""
+        logarithm = ZERO if self.constant == 1 else apply("log", number(self.constant))
+        return _sum_tree(self.linear) + Fraction(1, self.root) * logarithm
+
+
+@dataclass(frozen=True, slots=True)
+class AngleRule:
+    """phi = sum b_k phi_k + sum d_j atan(w_j) + radians + pi turns, or free."""
+
+    angle: Expression
+    free: bool
+    angles: Combination = ()
+    arctangents: Combination = ()
+    radians: Fraction = Fraction(0)
+    turns: Fraction = Fraction(0)
+
+    def value(self, point: Point, scale: Scale) -> tuple[int, int]:
+        """(cos phi, sin phi)."""
+        prime = point.prime
+        if self.free:
+            return circle_power(_random_turn(point, self.angle), scale(self.angle), prime)
+        total = circle_turn(self.turns, prime)
+        for angle, factor in self.angles:
+            total = circle_product(total, self._scaled(point, angle, factor, scale), prime)
+        if self.radians:
+            total = circle_product(total, self._scaled(point, RADIAN, self.radians, scale), prime)
+        for atom, factor in self.arctangents:
+            part = _circle_part(_arctangent_turn(atom, point), factor.denominator, prime)
+            total = circle_product(total, circle_power(part, factor.numerator, prime), prime)
+        return total
+
+    @staticmethod
+    def _scaled(point: Point, angle: Expression, factor: Fraction, scale: Scale) -> tuple[int, int]:
+        steps = factor * scale(angle)
+        if steps.denominator != 1:
+            raise IrreducibleAtoms(f"two angles have the ratio {factor}, which is finer than can be reduced")
+        return circle_power(_random_turn(point, angle), steps.numerator, point.prime)
+
+
+@dataclass(frozen=True, slots=True)
+class ArctangentRule:
+    """atan(w) = sum b_k phi_k + sum d_j atan(w_j) + pi turns, or free."""
+
+    atom: Apply
+    free: bool
+    linear: Combination = ()
+    turns: Fraction = Fraction(0)
+
+    def value(self, point: Point, scale: Scale) -> int:
+        if self.free:
+            return point.draw_free(self.atom)
+        result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
+        return (result + point.variable(PI) * number_value(self.turns, point.prime)) % point.prime
+
+    @property
+    def tree(self) -> Expression:
+        """The sum, where it is not free."""
+        return _sum_tree(self.linear) + self.turns * PI
+
+
+def _sum_tree(linear: Combination) -> Expression:
+    return add(*(a * u for u, a in linear))
+
+
+Rule = ExponentialRule | LogarithmRule | AngleRule | ArctangentRule
+
+
+def replay(rule: Rule, point: Point, scale: Scale) -> None:
+    """Give the rule's atom its value at the point."""
+    if isinstance(rule, AngleRule):
+        cosine, sine = rule.value(point, scale)
+        point.atoms[Apply("cos", rule.angle)] = cosine
+        point.atoms[Apply("sin", rule.angle)] = sine
+        if rule.free:
+            point.atoms[half_angle(rule.angle, scale(rule.angle))] = _random_tangent(point, rule.angle)
+        if rule.radians:
+            point.atoms[half_angle(RADIAN, scale(RADIAN))] = _random_tangent(point, RADIAN)
+    else:
+        point.atoms[rule.atom] = rule.value(point, scale)
+
+
+@lru_cache(maxsize=256)
+def half_angle(angle: Expression, scale: int) -> Expression:
+    """tan(angle / (2 scale)), in which cos and sin of angle/scale are rational."""
+    return Apply("tan", Fraction(1, 2 * scale) * angle)
+
+
+def circle_product(left: tuple[int, int], right: tuple[int, int], prime: int) -> tuple[int, int]:
+    return (left[0] * right[0] - left[1] * right[1]) % prime, (left[0] * right[1] + left[1] * right[0]) % prime
+
+
+def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int, int]:
+    """(cos k phi, sin k phi)."""
+    if exponent < 0:
+        return circle_power((turn[0], -turn[1] % prime), -exponent, prime)
+    result = (1, 0)
+    for digit in bin(exponent)[2:]:
+        result = circle_product(result, result, prime)
+        if digit == "1":
+            result = circle_product(result, turn, prime)
+    return result
+
+
+def _random_turn(point: Point, angle: Expression) -> tuple[int, int]:
+    """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is no square."""
+    return _circle_point(_random_tangent(point, angle), point.prime)
+
+
+def _random_tangent(point: Point, angle: Expression) -> int:
+    """That of half the angle, in its scale: never the number that is drawn for an angle such as e^x or log x itself."""
+    return point.draw_free(Apply("tan", angle))
+
+
+def _circle_point(t: int, prime: int) -> tuple[int, int]:
+    factor = pow(1 + t * t, -1, prime)
+    return (1 - t * t) * factor % prime, 2 * t * factor % prime
+
+
+def _arctangent_turn(atom: Expression, point: Point) -> tuple[int, int]:
+    """(cos, sin) of atan(w) = (1, w)/sqrt(1 + w^2)."""
+    assert isinstance(atom, Apply)
+    w = evaluate(atom.argument, point)
+    factor = positive_power((1 + w * w) % point.prime, Fraction(-1, 2), point.prime)
+    return factor, w * factor % point.prime
+
+
+def _circle_part(turn: tuple[int, int], number: int, prime: int) -> tuple[int, int]:
+    """(cos, sin) of phi/number, |phi| < pi/2: halves by cos(phi/2) = sqrt((1 + cos phi)/2).
+
+    Odd parts are in the group of the circle's elements of an order prime to the number, where they exist once.
+    Raises ValueError where there is none.
+    """
+    while number % 2 == 0:
+        square = (1 + turn[0]) * pow(2, -1, prime) % prime
+        if not is_positive(square, prime):
+            return 1, 0  # the point is refused for what is under its roots
+        cosine = positive_power(square, Fraction(1, 2), prime)
+        turn, number = (cosine, turn[1] * pow(2 * cosine, -1, prime) % prime), number // 2
+    order = prime + 1
+    while (common := math.gcd(order, number)) > 1:
+        order //= common
+    if number > 1 and circle_power(turn, order, prime) != (1, 0):
+        raise ValueError("no part of this angle")
+    return circle_power(turn, pow(number, -1, order), prime)
+
+
+@lru_cache(maxsize=1024)
+def circle_turn(turns: Fraction, prime: int) -> tuple[int, int]:
+    """(cos, sin) of pi turns, where twice the denominator divides prime + 1, the order of the circle."""
+    whole, total = 2 * turns.denominator, (1, 0)
+    if (prime + 1) % whole:
+        raise IrreducibleAtoms(f"the angle {turns} pi is too fine a part of pi: write a letter for its sine and cosine")
+    for ell, k in prime_factors(whole):
+        rest = whole // ell**k
+        total = circle_product(
+            total, circle_power(_unit(ell, k, prime), turns.numerator * pow(rest, -1, ell**k), prime), prime
+        )
+    return total
+
+
+@lru_cache(maxsize=1024)
+def _unit(ell: int, k: int, prime: int) -> tuple[int, int]:
+    """(cos, sin) of 2 pi/ell^k, the ones for which the roots of 2, 3, 5, … that they give are the positive ones."""
+    most = next(m for m in range(k, 64) if (prime + 1) % ell ** (m + 1))
+    order = ell**most
+    t = next(t for t in range(2, 999) if _order_is_multiple(t, ell, prime))
+    start = circle_power(_circle_point(t, prime), (prime + 1) // order, prime)
+    found = next(
+        z for a in range(1, order) if a % ell and _is_principal(z := circle_power(start, a, prime), ell, order, prime)
+    )
+    return circle_power(found, ell ** (most - k), prime)
+
+
+def _order_is_multiple(t: int, ell: int, prime: int) -> bool:
+    return circle_power(_circle_point(t, prime), (prime + 1) // ell, prime) != (1, 0)
+
+
+def _is_principal(turn: tuple[int, int], ell: int, order: int, prime: int) -> bool:
+    """Whether sqrt(2)/2, sqrt(3)/2, or by Gauss the root of a larger prime, follows from a turn by 2 pi/order."""
+    if ell == 2:
+        half = positive_power(2, Fraction(-1, 2), prime)
+        return circle_power(turn, order // 8, prime) == (half, half)
+    powers = [circle_power(turn, order // ell * a, prime)[ell // 2 % 2] for a in range(1, ell)]
+    total = sum(value * (1 if is_positive(a, ell) else -1) for a, value in enumerate(powers, 1))
+    return total % prime == positive_power(ell, Fraction(1, 2), prime)
 
 
 @dataclass(slots=True)
@@ -222,10 +578,6 @@ def _hold(requirements: Iterable[Requirement], point: Point, known: dict[Express
         return False
 
 
-# A residue of 61 bits is a fraction below the bound by chance with probability 10^-6.
-_COEFFICIENT_BOUND = 10**6
-
-
 class IrrationalRatio(IrreducibleAtoms):
     """Some arguments have constant ratios modulo the prime."""
 
@@ -296,3 +648,290 @@ class Samples:
         if radicand not in self.tower.radicands:
             self.tower.radicands.append(radicand)
             self.points[:] = [p for p in self.points if is_positive(evaluate(radicand, p), p.prime)]
+
+
+def build_tower(
+    expressions: Sequence[Expression],
+    variables: Sequence[Variable],
+    real_signs: Mapping[Variable, int],
+    turns: Turns,
+    known: Tower | None = None,
+) -> Tower:
+    """The tower of all atoms in `expressions` (in kernels); IrreducibleAtoms where it can't be settled.
+
+    `known` is an earlier tower of the same expressions whose branches are fixed: its signs hold
+    from the first point on at which they have a meaning.
+    """
+    names = (*variables, PI) if _needs_pi(expressions) else tuple(variables)
+    tower = Tower(names, real_signs, residues=_root_primes(expressions), parts_of_pi=_parts_of_pi(expressions))
+    samples = Samples(tower)
+    if known is not None:
+        tower.scales, tower.default_scale = dict(known.scales), 1
+        samples.pending = [*known.signs, *((radicand, 1) for radicand in known.radicands)]
+    try:
+        for atom in atoms_in_order(expressions):
+            samples.admit_pending()
+            if is_root(atom):
+                _admit_root(atom, tower, samples)
+            else:
+                _admit(atom, tower, samples, turns)
+    except SingularPoint as problem:
+        raise IrreducibleAtoms("a denominator inside a function vanishes at the points tried") from problem
+    _finish_scales(tower)
+    samples.admit_pending()
+    if samples.pending or not all(tower.values_all(p) for p, _ in tower.signs):
+        raise IrreducibleAtoms("the branches of roots and the relations among angles could not be settled together")
+    return tower
+
+
+def _needs_pi(expressions: Sequence[Expression]) -> bool:
+    """Whether pi occurs, or may: two arctangents often differ by a part of pi."""
+    nodes = distinct_nodes(expressions)
+    return any(node == PI or (isinstance(node, Apply) and node.function == "atan") for node in nodes)
+
+
+def _parts_of_pi(expressions: Sequence[Expression]) -> int:
+    """The common denominator of the fractions of pi that are written."""
+    found = [f.value.denominator for node in distinct_nodes(expressions) if isinstance(node, Product)
+             and PI in node.factors for f in node.factors if isinstance(f, Number)]  # fmt: skip
+    whole = math.lcm(*found)
+    return whole if whole <= _MOST_PARTS else 1
+
+
+def _root_primes(expressions: Sequence[Expression]) -> frozenset[int]:
+    """The primes that occur in numbers under even roots."""
+    found: set[int] = set()
+    for node in distinct_nodes(expressions):
+        if is_even_root(node) and isinstance(node, Power) and isinstance(node.base, Number):
+            value = node.base.value
+            if value > 0:
+                found.update(ell for k in (value.numerator, value.denominator) for ell, _ in prime_factors(k))
+    return frozenset(ell for ell in found if ell > 13)
+
+
+def _admit_root(atom: Expression, tower: Tower, samples: Samples) -> None:
+    assert isinstance(atom, Power)
+    if not is_even_root(atom):
+        return
+    if isinstance(atom.base, Number) and atom.base.value <= 0:
+        raise IrreducibleAtoms("an even root of a negative number is not real")
+    if atom.base not in tower.radicands and not isinstance(atom.base, Number):
+        tower.radicands.append(atom.base)
+        samples.points.clear()
+
+
+def _admit(atom: Expression, tower: Tower, samples: Samples, turns: Turns) -> None:
+    assert isinstance(atom, Apply)
+    if atom.function in ("sin", "cos") and any(
+        isinstance(rule, AngleRule) and rule.angle == atom.argument for rule in tower.rules
+    ):
+        return
+    samples.ensure(len(tower.rules) + 4)
+    work = {"exp": _exponential_rule, "log": _logarithm_rule, "atan": _arctangent_rule}.get(atom.function, _angle_rule)
+    try:
+        rule = work(atom, tower, samples, turns)
+    except IrrationalRatio:
+        samples.flips = _square_roots(atom.argument, *(u for kind in _KINDS for u in _free(tower, kind)))
+        if not samples.flips:
+            raise
+        samples.points.clear()
+        samples.ensure(len(tower.rules) + 4)
+        rule = work(atom, tower, samples, turns)
+        samples.flips = ()
+        samples.points.clear()
+    samples.ensure(len(tower.rules) + 4)
+    tower.rules.append(rule)
+    if isinstance(rule, AngleRule) and any(a.denominator > 1 for _, a in rule.arctangents):
+        samples.points.clear()  # not every angle has such a part
+    for point in samples.points:
+        replay(rule, point, tower.scale)
+
+
+_KINDS: tuple[type[Rule], ...] = (ExponentialRule, LogarithmRule, AngleRule, ArctangentRule)
+
+
+def _square_roots(*trees: Expression) -> tuple[int, ...]:
+    """The primes under square roots of numbers, where no other roots of constants occur."""
+    found: dict[int, None] = {}
+    for node in distinct_nodes(trees):
+        if not is_root(node) or not isinstance(node, Power) or variables_in(node):
+            continue
+        base, exponent = node.base, node.exponent
+        if not (isinstance(base, Number) and isinstance(exponent, Number) and exponent.value.denominator == 2):
+            return ()
+        found |= {ell: None for k in base.value.as_integer_ratio() for ell, _ in prime_factors(k)}
+    return tuple(found)[:3]
+
+
+def _free(tower: Tower, kind: type[Rule]) -> list[Expression]:
+    """The free atoms (for angles: the angles) of a kind."""
+    return [
+        rule.angle if isinstance(rule, AngleRule) else rule.atom
+        for rule in tower.rules
+        if isinstance(rule, kind) and rule.free
+    ]
+
+
+def _logarithm_primes(tower: Tower) -> list[int]:
+    constants = [rule.constant for rule in tower.rules if isinstance(rule, LogarithmRule)]
+    return sorted({ell for c in constants for k in (c.numerator, c.denominator) for ell, _ in prime_factors(k)})
+
+
+def _exponential_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
+    exponentials = _free(tower, ExponentialRule)
+    logarithms = _free(tower, LogarithmRule)
+    primes = _logarithm_primes(tower)
+    samples.ensure(len(exponentials) + len(logarithms) + len(primes) + 1)
+    columns = [samples.values(_argument(e)) for e in exponentials]
+    columns += [samples.values(log) for log in logarithms]
+    columns += [[point.draw(("log", ell)) for point in samples.points] for ell in primes]
+    columns.append([1] * len(samples.points))
+    solution = samples.solve(columns, samples.values(atom.argument))
+    if solution is None:
+        return ExponentialRule(atom, True)
+    first, second = len(exponentials), len(exponentials) + len(logarithms)
+    of_logs = tuple((_argument(log), c) for log, c in zip(logarithms, solution[first:second], strict=True) if c)
+    for argument, c in of_logs:
+        if c.denominator % 2 == 0:
+            samples.require_positive(argument)
+    return ExponentialRule(
+        atom,
+        False,
+        tuple((e, a) for e, a in zip(exponentials, solution, strict=False) if a),
+        of_logs,
+        tuple((ell, a) for ell, a in zip(primes, solution[second:], strict=False) if a),
+        solution[-1],
+    )
+
+
+def _logarithm_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
+    if isinstance(atom.argument, Number):
+        if atom.argument.value <= 0:
+            raise IrreducibleAtoms("the logarithm of a number that is not positive is not real")
+        return LogarithmRule(atom, False, (), atom.argument.value)
+    basis = [_argument(e) for e in _free(tower, ExponentialRule)] + _free(tower, LogarithmRule)
+    columns = [_flat(samples.gradients(u)) for u in basis]
+    if not all(samples.values(atom.argument)):
+        raise IrreducibleAtoms("the argument of a logarithm vanishes at the points tried")
+    inverse = [pow(w, -1, samples.prime) for w in samples.values(atom.argument)]
+    gradient = samples.gradients(atom.argument)
+    target = [x * w % samples.prime for row, w in zip(gradient, inverse, strict=True) for x in row]
+    solution = samples.solve(columns, target) if any(target) else [Fraction(0)] * len(columns)
+    if solution is None:
+        return LogarithmRule(atom, True)
+    linear = tuple((u, a) for u, a in zip(basis, solution, strict=True) if a)
+    constant, root = _constant_factor(atom, linear, samples)
+    return LogarithmRule(atom, False, linear, constant, root)
+
+
+def _constant_factor(
+    atom: Apply, linear: Sequence[tuple[Expression, Fraction]], samples: Samples
+) -> tuple[Fraction, int]:
+    """kappa^root = w^root / prod (e^u_j)^(a_j root), a positive rational; else IrreducibleAtoms."""
+    root = 2
+    for _, a in linear:
+        root *= a.denominator
+    found = {
+        reconstruct(_constant_power(atom, linear, root, point), point.prime, _CONSTANT_BOUND)
+        for point in samples.points
+    }
+    constant = found.pop()
+    # A second prime tells a rational number from another one that looks like it modulo the first.
+    other = draw_point(samples.tower, 11)
+    if found or constant is None or constant <= 0 or other.prime == samples.prime:
+        raise IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
+    if number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
+        raise IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
+    return constant, root
+
+
+def _constant_power(atom: Apply, linear: Sequence[tuple[Expression, Fraction]], root: int, point: Point) -> int:
+    """w^root / prod (e^u_j)^(a_j root) at a point."""
+    value = pow(evaluate(atom.argument, point), root, point.prime)
+    for u, a in linear:
+        base = point.atoms[Apply("exp", u)] if Apply("exp", u) in point.atoms else evaluate(_argument(u), point)
+        value = value * pow(base, -int(a * root), point.prime) % point.prime
+    return value
+
+
+def _angle_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
+    angles, arctangents = _free(tower, AngleRule), _free(tower, ArctangentRule)
+    columns = [samples.values(u) for u in (*angles, *arctangents)]
+    columns.append([1] * len(samples.points))
+    if PI in tower.variables:
+        columns.append(samples.values(PI))
+    solution = samples.solve(columns, samples.values(atom.argument))
+    if solution is None:
+        return AngleRule(atom.argument, True)
+    by_angle = tuple((u, a) for u, a in zip(angles, solution, strict=False) if a)
+    rest = solution[len(angles) :]
+    by_atan = tuple((u, a) for u, a in zip(arctangents, rest, strict=False) if a)
+    for u, a in by_atan:
+        for radicand in _radicands(_argument(u), a.denominator):
+            samples.require_positive(radicand)
+    turns_of_pi = rest[-1] if PI in tower.variables else Fraction(0)
+    _refine_scales(tower, samples, (*by_angle, (RADIAN, rest[len(arctangents)])))
+    return AngleRule(atom.argument, False, by_angle, by_atan, rest[len(arctangents)], turns_of_pi)
+
+
+def _radicands(w: Expression, number: int) -> Iterator[Expression]:
+    """What has a root where the number-th part of atan w is an angle: 1 + w^2, and for each half 1 + cos."""
+    yield (square := 1 + w**2)
+    cosine = square ** Fraction(-1, 2)
+    while number % 2 == 0:
+        yield (half := HALF * (1 + cosine))
+        cosine, number = half ** Fraction(1, 2), number // 2
+
+
+def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[Expression, Fraction]]) -> None:
+    """Free angles become fine enough to have these multiples; points with coarser ones are dropped."""
+    for angle, factor in parts:
+        scale = tower.scale(angle)
+        if scale % factor.denominator:
+            tower.scales[angle] = math.lcm(scale, factor.denominator)
+            samples.points.clear()
+
+
+def _arctangent_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
+    columns = {u: _flat(samples.gradients(u)) for u in _free(tower, AngleRule) + _free(tower, ArctangentRule)}
+    basis = [u for u, column in columns.items() if any(column)]
+    constants = [u for u in _free(tower, ArctangentRule) if u not in basis]
+    w = samples.values(atom.argument)
+    factor = [pow(1 + x * x, -1, samples.prime) for x in w]
+    gradient = samples.gradients(atom.argument)
+    target = [x * k % samples.prime for row, k in zip(gradient, factor, strict=True) for x in row]
+    solution = samples.solve([columns[u] for u in basis], target) if any(target) else [Fraction(0)] * len(basis)
+    if solution is None:
+        return ArctangentRule(atom, True)
+    linear = tuple((u, a) for u, a in zip(basis, solution, strict=True) if a)
+    rest = turns(atom, linear, constants)
+    if rest is None and linear:
+        raise IrreducibleAtoms(
+            "an arctangent differs from others by a constant that is not known: write a letter for it"
+        )
+    if rest is None:
+        return ArctangentRule(atom, True)  # a constant that no other one gives
+    found = dict(rest)
+    return ArctangentRule(atom, False, linear + tuple(p for p in rest if p[0] != PI), found.get(PI, Fraction(0)))
+
+
+def _finish_scales(tower: Tower) -> None:
+    """The coarsest free angles of which all others are whole multiples."""
+    if tower.default_scale > 1:
+        tower.scales.clear()
+    for rule in tower.rules:
+        if isinstance(rule, AngleRule):
+            for angle, factor in rule.angles:
+                tower.scales[angle] = math.lcm(tower.scales.get(angle, 1), factor.denominator)
+            if rule.radians:
+                tower.scales[RADIAN] = math.lcm(tower.scales.get(RADIAN, 1), rule.radians.denominator)
+    tower.default_scale = 1
+
+
+def _argument(atom: Expression) -> Expression:
+    assert isinstance(atom, Apply)
+    return atom.argument
+
+
+def _flat(rows: Sequence[Sequence[int]]) -> list[int]:
+    return [x for row in rows for x in row]

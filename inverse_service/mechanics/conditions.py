@@ -23,9 +23,7 @@ from typing import Generic, Protocol, Self, TypeVar
 from inverse_service import bounds
 from inverse_service.deadline import now
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.exact_ring import ExactRing, quotient_tree
-from inverse_service.field.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, exact_ring, quotient_tree
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 

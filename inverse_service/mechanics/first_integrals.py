@@ -27,19 +27,24 @@ from inverse_service.expressions import tree as ex
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.field import truncated_series as ps
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.exact_ring import Derivation, ExactRing, quotient_tree
+from inverse_service.field import point as ps
+from inverse_service.field.exact_field import (
+    Budget,
+    Derivation,
+    ExactRing,
+    Quotient,
+    TooLarge,
+    as_fraction,
+    exact_ring,
+    quotient_tree,
+)
+from inverse_service.field.matrices import null_vectors
 from inverse_service.field.point import Expansion, Point, Variable
 from inverse_service.field.point import evaluate as value_at
-from inverse_service.field.rational_functions import Budget, Quotient, TooLarge, as_fraction
 from inverse_service.field.real_point import find_real_point
 from inverse_service.field.reduction import reduce_atoms
-from inverse_service.field.rules import AngleRule
-from inverse_service.field.tower import Tower, draw_point, moved_point
+from inverse_service.field.tower import AngleRule, Tower, draw_point, moved_point, to_kernels
 from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
-from inverse_service.mechanics.quotient_matrices import null_vectors
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Expression = ex.Expression

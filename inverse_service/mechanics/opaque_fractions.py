@@ -28,7 +28,7 @@ from inverse_service.expressions.tree import (
     multiply,
     number,
 )
-from inverse_service.field.rational_functions import TooLarge, factored
+from inverse_service.field.exact_field import TooLarge, factor_polynomial
 
 Polynomial = Any  # python-flint has no types
 Rows = list[list[Polynomial]]
@@ -131,7 +131,7 @@ class OpaqueRing:
         total, factors = Fraction(1), [(polynomial, 1)]
         if len(polynomial) <= _FACTORED_TERMS:
             try:
-                total, factors = factored(polynomial)
+                total, factors = factor_polynomial(polynomial)
             except TooLarge:
                 factors = self._monomial_apart(polynomial)
         result = []

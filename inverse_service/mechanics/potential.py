@@ -13,11 +13,9 @@ from inverse_service import bounds
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.tree import Apply, Arbitrary, Expression, Number, Product, Sum, add, multiply, negated
-from inverse_service.field.exact_ring import ExactRing
-from inverse_service.field.rational_functions import Exponents, Quotient, as_fraction
+from inverse_service.field.exact_field import ExactRing, Exponents, Quotient, as_fraction
+from inverse_service.field.matrices import kernel, numerators, solution
 from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.field.semidefinite import kernel
-from inverse_service.mechanics.quotient_matrices import numerators, solution
 from inverse_service.mechanics.writing import joined, readable
 
 Partial = Callable[[Quotient], Quotient]
@@ -160,9 +158,9 @@ def _changes(ring: ExactRing, base: list[int], own: int, functions: Sequence[int
 def _is_related(primitive: Expression, slope: Expression) -> bool:
     """Whether the one may be, up to a factor, a derivative of the other: sin and cos of one angle, A and A'."""
     match primitive, slope:
-        case Apply(_, inner), Apply(_, outer):
+        case [Apply(_, inner), Apply(_, outer)]:
             return inner == outer
-        case Arbitrary(name, arguments, low), Arbitrary(other, others, high):
+        case [Arbitrary(name, arguments, low), Arbitrary(other, others, high)]:
             return name == other and arguments == others and sum(low) + 1 == sum(high)
         case _:
             return False

@@ -10,10 +10,10 @@ from typing import TypeVar
 
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, distinct_nodes, substitute, walk
-from inverse_service.field.elementary import to_kernels
 from inverse_service.field.point import Variable
 from inverse_service.field.real_point import are_positive, find_real_point, own_requirements
-from inverse_service.field.sign_cases import Case, is_empty, sign_cases
+from inverse_service.field.reduction import Case, is_empty, sign_cases
+from inverse_service.field.tower import to_kernels
 from inverse_service.reading.names import Names
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.

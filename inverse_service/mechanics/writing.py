@@ -26,9 +26,7 @@ from inverse_service.expressions.tree import (
     rebuild,
     walk,
 )
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.exact_ring import ExactRing, quotient_tree
-from inverse_service.field.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, exact_ring, quotient_tree
 
 _MOST_PRODUCTS = 64
 _QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}
@@ -79,10 +77,10 @@ def _replacements(table: Mapping[Expression, Fraction]) -> Iterator[tuple[Expres
 def _both(table: Mapping[Expression, Fraction], one: Expression, other: Expression) -> Expression | None:
     """What stands for both bases with the exponent of the first; None where nothing shorter does."""
     match one, other:
-        case Apply(above, argument), Apply(below, same) if argument == same and (above, below) in _QUOTIENTS:
+        case [Apply(above, argument), Apply(below, same)] if argument == same and (above, below) in _QUOTIENTS:
             fits = table[one] == -table[other] and table[one] > 0
             found: Expression = Apply(_QUOTIENTS[above, below], argument)
-        case Sum(left), Sum(right) if table[one] == table[other] and len(left) * len(right) <= _MOST_PRODUCTS:
+        case [Sum(left), Sum(right)] if table[one] == table[other] and len(left) * len(right) <= _MOST_PRODUCTS:
             found = terms_tree(sorted(expand(one * other), key=lambda term: -sum(exponent for _, exponent in term[0])))
             is_shorter = isinstance(found, Sum) and len(found.terms) < len(left) + len(right) - 1
             fits = is_shorter and (table[one].denominator == 1 or all(map(is_positive_polynomial, (one, other))))

@@ -31,15 +31,14 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
 from inverse_service.field import modular
-from inverse_service.field.echelon_kernels import Words
-from inverse_service.field.elementary import to_kernels
+from inverse_service.field.dense_series import SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
 from inverse_service.field.point import Point, evaluate, number_value
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined
 from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Matrix, SamplePoints
-from inverse_service.field.series_program import SeriesProgram, TooLarge, constants_at, run
-from inverse_service.field.tower import Tower, atoms_in_order, draw_point
+from inverse_service.field.tower import Tower, atoms_in_order, draw_point, to_kernels
 from inverse_service.search.null_vectors import (
     SPARE,
     SampledRows,

@@ -27,11 +27,9 @@ from inverse_service import bounds
 from inverse_service.decision.deciding import Analysis
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, is_exponential
-from inverse_service.field import truncated_series as ps
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.point import Expansion, Variable, evaluate
-from inverse_service.field.tower import draw_point
-from inverse_service.field.truncated_series import SingularPoint
+from inverse_service.field import point as ps
+from inverse_service.field.point import Expansion, SingularPoint, Variable, evaluate
+from inverse_service.field.tower import draw_point, to_kernels
 from inverse_service.search.ansatz import Sampler, connection_and_endomorphism, letter_table, make_sampler, tensors_of
 from inverse_service.search.material import (
     Material,

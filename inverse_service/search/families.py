@@ -52,14 +52,12 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.field import modular
-from inverse_service.field import truncated_series as ps
-from inverse_service.field.echelon_kernels import Words
-from inverse_service.field.exact_atoms import factored
+from inverse_service.field import point as ps
+from inverse_service.field.echelon import Words
+from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Field, compiled, multiply, reconstruct
-from inverse_service.field.point import Expansion, Variable, variables_in
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.point import Expansion, SingularPoint, Variable, variables_in
 from inverse_service.field.sample_points import SamplePoints
-from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import HALF, Factors, position_monomials, products

@@ -41,8 +41,8 @@ from flint import nmod_mat
 
 from inverse_service.deadline import check
 from inverse_service.expressions import tree as ex
-from inverse_service.field.elementary import to_kernels
 from inverse_service.field.modular import reconstruct
+from inverse_service.field.tower import to_kernels
 from inverse_service.search.terms import Monomial, Terms, add_terms, monomial_tree, terms_of, times
 
 Numbers = npt.NDArray[np.int64]

@@ -21,8 +21,7 @@ from itertools import combinations
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.field.exact_atoms import factored
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable, real_sign
 from inverse_service.mechanics.implicit_equations import vanishes
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -18,8 +18,8 @@ from inverse_service.decision.deciding import Analysis, analyze, variables_of
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Symbol, Velocity
+from inverse_service.field.point import SingularPoint
 from inverse_service.field.real_point import RealTable, find_real_point
-from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import rungs
 from inverse_service.search.ansatz import (

@@ -47,20 +47,22 @@ from inverse_service.expressions.tree import (
     number,
     square_root,
 )
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.exact_ring import ExactRing, quotient_tree, sum_of
-from inverse_service.field.rational_functions import (
+from inverse_service.field.exact_field import (
     Budget,
+    ExactRing,
     Quotient,
     QuotientField,
     TooLarge,
     as_fraction,
     coefficients_of,
     common_factor,
-    factored,
+    exact_ring,
+    factor_polynomial,
+    quotient_tree,
+    sum_of,
 )
+from inverse_service.field.matrices import dot, null_space, reduced_rows
 from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.mechanics.quotient_matrices import dot, null_space, reduced_rows
 from inverse_service.search.material import Material
 from inverse_service.search.members import definite_weights
 from inverse_service.search.quadratures import even_root
@@ -250,7 +252,7 @@ def factors_of(ring: ExactRing, matrix: Matrix) -> list[tuple[list[Quotient], in
         return []
     variable = ring.atoms[EIGENVALUE]
     terms = [c * variable**k for k, c in enumerate(characteristic_polynomial(matrix)) if not c.is_zero]
-    _, factors = factored(sum_of(ring.constant(0), terms).numerator)
+    _, factors = factor_polynomial(sum_of(ring.constant(0), terms).numerator)
     found = [(_by_power(factor, variable), multiplicity) for factor, multiplicity in factors]
     return sorted((item for item in found if len(item[0]) > 1), key=lambda item: len(item[0]))
 

@@ -44,10 +44,8 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.exact_atoms import factored
-from inverse_service.field.exact_ring import quotient_tree
+from inverse_service.field.exact_field import Budget, TooLarge, factored, quotient_tree
 from inverse_service.field.point import Variable
-from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.field.real_point import RealTable, real_sign
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.search.terms import (

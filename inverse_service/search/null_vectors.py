@@ -17,7 +17,7 @@ from flint import nmod_mat
 
 from inverse_service import bounds
 from inverse_service.deadline import check
-from inverse_service.field.echelon_kernels import Words
+from inverse_service.field.echelon import Words
 from inverse_service.field.modular import reconstruct
 
 # So many equations more than unknowns: a random one holds by accident with the probability 1/P, P the prime.

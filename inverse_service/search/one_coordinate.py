@@ -71,9 +71,8 @@ from inverse_service.expressions.tree import (
     square_root,
     substitute,
 )
-from inverse_service.field.point import number_value
+from inverse_service.field.point import SingularPoint, number_value
 from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.field.truncated_series import SingularPoint
 from inverse_service.search.ansatz import (
     LetterTable,
     letter_table,

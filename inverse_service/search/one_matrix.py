@@ -39,10 +39,9 @@ from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.exact_atoms import exact_ring, factored
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, exact_ring, factored
 from inverse_service.field.real_point import real_sign
+from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles

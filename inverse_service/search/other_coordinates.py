@@ -42,9 +42,8 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.exact_atoms import factored
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, factored
+from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.material import Material
 from inverse_service.search.protocol import Smaller

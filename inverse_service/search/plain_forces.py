@@ -30,10 +30,8 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.elementary import to_kernels
 from inverse_service.field.real_point import varies
-from inverse_service.field.rules import AngleRule
-from inverse_service.field.tower import Tower
+from inverse_service.field.tower import AngleRule, Tower, to_kernels
 from inverse_service.search.tidy import collected_inside, without_arctangents
 
 

@@ -38,8 +38,7 @@ from inverse_service.expressions.tree import (
     powers_of,
     walk,
 )
-from inverse_service.field.exact_atoms import factored
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable, known_positive
 from inverse_service.mechanics.euler_lagrange import hessian
 from inverse_service.search.terms import TooManyTerms, reading_class, terms_of, tree_of

@@ -58,16 +58,13 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field import exact_atoms
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.exact_ring import ExactRing, quotient_tree
+from inverse_service.field import exact_field
+from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, exact_ring, quotient_tree
+from inverse_service.field.matrices import echelon_of, reduced_rows
 from inverse_service.field.modular import prime_factors
-from inverse_service.field.rational_functions import Budget, Quotient, TooLarge
 from inverse_service.field.real_point import RealTable, is_defined, real_sign
-from inverse_service.field.semidefinite import echelon_of
 from inverse_service.mechanics.implicit_equations import vanishes
 from inverse_service.mechanics.potential import Potential
-from inverse_service.mechanics.quotient_matrices import reduced_rows
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import joined, readable
 from inverse_service.search.material import antiderivatives
@@ -93,7 +90,7 @@ _LARGEST_FACTORED = 10**15
 def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
     """The tree over its common denominator as a product of factors; TooManyTerms where that is large."""
     try:
-        return exact_atoms.factored([tree], [TIME, *variables], Budget.long())[0]
+        return exact_field.factored([tree], [TIME, *variables], Budget.long())[0]
     except (TooLarge, ZeroDivisionError, KeyError) as problem:
         raise TooManyTerms from problem
 
@@ -259,7 +256,7 @@ def _less(names: Sequence[str], wanted: Sequence[Terms], known: Terms) -> list[T
     own = expressions_without_acceleration(names, known)
     trees = [tree_of(add_terms(dict(terms), part, -1)) for terms, part in zip(wanted, own, strict=True)]
     symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
-    return [terms_of(tree) for tree in exact_atoms.factored(trees, symbols, Budget.short())]
+    return [terms_of(tree) for tree in exact_field.factored(trees, symbols, Budget.short())]
 
 
 def round_potential(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> Expression | None:

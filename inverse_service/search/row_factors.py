@@ -27,8 +27,7 @@ from inverse_service import bounds
 from inverse_service.deadline import check
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions import tree as ex
-from inverse_service.field.exact_atoms import factored
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected

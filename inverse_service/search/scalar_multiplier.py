@@ -23,8 +23,8 @@ from inverse_service import bounds
 from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Integral, Velocity, add, walk
-from inverse_service.field.exact_ring import ExactRing, quotient_tree, sum_of
-from inverse_service.field.rational_functions import Budget, Quotient, TooLarge
+from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, quotient_tree, sum_of
+from inverse_service.field.matrices import null_vectors, numerators, reduced_rows
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics.conditions import (
     MotionInRing,
@@ -34,7 +34,6 @@ from inverse_service.mechanics.conditions import (
     velocity_slopes,
 )
 from inverse_service.mechanics.potential import potential
-from inverse_service.mechanics.quotient_matrices import null_vectors, numerators, reduced_rows
 from inverse_service.search.material import Material
 from inverse_service.search.members import Matrix as RealMatrix
 from inverse_service.search.members import definite_weights

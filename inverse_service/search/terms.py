@@ -40,7 +40,7 @@ from inverse_service.expressions.tree import (
     split_exponent,
     walk,
 )
-from inverse_service.field.rational_functions import factored
+from inverse_service.field.exact_field import factor_polynomial
 
 Monomial = frozenset[tuple[Expression, Fraction]]
 Terms = dict[Monomial, Fraction]
@@ -478,7 +478,7 @@ def irreducible_factors(tree: Expression) -> tuple[Expression, ...]:
     lowest = frozenset((letter, min(found)) for letter, found in exponents.items())
     whole = {frozenset((p, e * root[p]) for p, e in times(key, lowest, -1)): value for key, value in terms.items()}
     polynomial, letters = polynomial_of(whole)
-    found = [terms_of_polynomial(factor, letters) for factor, _ in factored(polynomial)[1]]
+    found = [terms_of_polynomial(factor, letters) for factor, _ in factor_polynomial(polynomial)[1]]
     sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
     return tuple(split_content(one)[2] for one in sums)
 

@@ -43,9 +43,8 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.exact_atoms import factored
+from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.point import variables_in
-from inverse_service.field.rational_functions import Budget, TooLarge
 from inverse_service.mechanics.quadratic_forms import short_forms
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import joined

@@ -19,7 +19,7 @@ import numpy as np
 from inverse_service.errors import InputError
 from inverse_service.expressions import functions, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_atoms, rational_functions
+from inverse_service.field import exact_field
 from inverse_service.integrators.trajectory import Array
 from inverse_service.kernels.codegen import symengine_trees as se
 from inverse_service.simulation.scene_data import Problem
@@ -42,8 +42,8 @@ def _without_squares(wall: ex.Expression) -> tuple[ex.Expression, ...]:
     names = [node for node in dict.fromkeys(ex.walk(wall)) if isinstance(node, ex.Symbol | ex.Velocity)]
     tree = wall
     if isinstance(wall, ex.Sum):
-        with suppress(rational_functions.TooLarge, ZeroDivisionError, KeyError):
-            (tree,) = exact_atoms.factored([wall], names, rational_functions.Budget(MOST_TERMS))
+        with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):
+            (tree,) = exact_field.factored([wall], names, exact_field.Budget(MOST_TERMS))
     parts = ex.factors_of(tree)
     squared = any(isinstance(part, ex.Power) and isinstance(part.base, ex.Sum) for part in parts)
     return tuple(_factors(tree)) if squared else (wall,)

@@ -30,7 +30,7 @@ from inverse_service.expressions.notation import multiplier_beside
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, holds, node_count, walk
 from inverse_service.field.real_point import are_positive
-from inverse_service.linear_pde.involutive_form import MOST_UNKNOWNS, OUT_OF_TIME, Limits
+from inverse_service.linear_pde.involution import MOST_UNKNOWNS, OUT_OF_TIME, Limits
 from inverse_service.mechanics.second_order_system import (
     MOST_BRANCHES,
     MOST_COUNTED,

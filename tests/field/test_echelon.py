@@ -10,8 +10,7 @@ import pytest
 from flint import nmod_mat
 
 from inverse_service.field import echelon as room
-from inverse_service.field.echelon import Echelon, Flags
-from inverse_service.field.echelon_kernels import SparseRows
+from inverse_service.field.echelon import Echelon, Flags, SparseRows
 from inverse_service.field.modular import safe_prime
 
 P = safe_prime(4)

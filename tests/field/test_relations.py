@@ -8,13 +8,19 @@ import pytest
 
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Symbol
-from inverse_service.field.elementary import to_kernels
 from inverse_service.field.modular import is_positive, positive_power, safe_prime
 from inverse_service.field.point import evaluate
 from inverse_service.field.real_point import find_real_point
 from inverse_service.field.reduction import reduce_atoms
-from inverse_service.field.rules import circle_power, circle_product, circle_turn
-from inverse_service.field.tower import Tower, atoms_in_order, draw_point
+from inverse_service.field.tower import (
+    Tower,
+    atoms_in_order,
+    circle_power,
+    circle_product,
+    circle_turn,
+    draw_point,
+    to_kernels,
+)
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula as parse
 

@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from inverse_service.field.semidefinite import Matrix, definite_or_orthogonal, kernel, rank_if_semidefinite
+from inverse_service.field.matrices import Matrix, definite_or_orthogonal, kernel, rank_if_semidefinite
 
 
 def symmetric(entries: list[int] | list[Fraction], n: int) -> Matrix:

@@ -8,9 +8,9 @@ from fractions import Fraction
 
 import pytest
 
-from inverse_service.field import truncated_series as ps
+from inverse_service.field import point as ps
 from inverse_service.field.modular import positive_power, safe_prime
-from inverse_service.field.truncated_series import Series, SeriesRing, SingularPoint
+from inverse_service.field.point import Series, SeriesRing, SingularPoint
 
 P = safe_prime(2)
 SHAPES = [(1, 0), (1, 1), (1, 7), (2, 0), (2, 4), (3, 3), (5, 2)]

@@ -21,7 +21,7 @@ from inverse_service.expressions.tree import (
     number,
     substitute,
 )
-from inverse_service.linear_pde.involutive_form import Limits, settle
+from inverse_service.linear_pde.involution import Limits, settle
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

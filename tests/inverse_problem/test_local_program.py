@@ -11,14 +11,14 @@ from inverse_service.decision import deciding
 from inverse_service.decision.deciding import Decision, analyze, decide, equations, local_system
 from inverse_service.decision.kinds import helmholtz
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
+from inverse_service.field.dense_series import TooLarge
 from inverse_service.field.modular import safe_prime
 from inverse_service.field.point import Variable
-from inverse_service.field.series_program import TooLarge
 from inverse_service.field.tower import draw_point
-from inverse_service.linear_pde import emission
-from inverse_service.linear_pde import involutive_form as settling
-from inverse_service.linear_pde.emission import Equations, rows_of_degree
-from inverse_service.linear_pde.involutive_form import Coefficients
+from inverse_service.linear_pde import equations as emission
+from inverse_service.linear_pde import involution as settling
+from inverse_service.linear_pde.equations import Equations, rows_of_degree
+from inverse_service.linear_pde.involution import Coefficients
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

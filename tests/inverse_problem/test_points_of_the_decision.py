@@ -11,10 +11,10 @@ import pytest
 
 from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
 from inverse_service.field.echelon import Echelon
-from inverse_service.field.truncated_series import SingularPoint
-from inverse_service.linear_pde import involutive_form as settling
-from inverse_service.linear_pde.emission import LocalEquations
-from inverse_service.linear_pde.involutive_form import Limits
+from inverse_service.field.point import SingularPoint
+from inverse_service.linear_pde import involution as settling
+from inverse_service.linear_pde.equations import LocalEquations
+from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.reading import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})

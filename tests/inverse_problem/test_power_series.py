@@ -21,7 +21,7 @@ from inverse_service.decision.deciding import (
 )
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.field.tower import draw_point
-from inverse_service.linear_pde.unknowns import unknown_names
+from inverse_service.linear_pde.equations import unknown_names
 from inverse_service.mechanics.reading import read_system
 from inverse_service.solving.solving import solve
 

@@ -14,15 +14,12 @@ from flint import nmod_mat
 
 from inverse_service.decision.deciding import LocalSystem, RowName, equations, local_system
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.field import truncated_series as ps
-from inverse_service.field.echelon import Echelon, Flags
-from inverse_service.field.echelon_kernels import SparseRows
+from inverse_service.field import point as ps
+from inverse_service.field.echelon import Echelon, Flags, SparseRows
 from inverse_service.field.modular import safe_prime
-from inverse_service.field.point import Expansion, Point
-from inverse_service.field.truncated_series import Series, SeriesRing
-from inverse_service.linear_pde import emission as room
-from inverse_service.linear_pde.emission import Prolongation, advance, start
-from inverse_service.linear_pde.unknowns import count_of_degree, unknown_names
+from inverse_service.field.point import Expansion, Point, Series, SeriesRing
+from inverse_service.linear_pde import equations as room
+from inverse_service.linear_pde.equations import Prolongation, advance, count_of_degree, start, unknown_names
 from inverse_service.mechanics.reading import read_system
 
 P = safe_prime(6)

@@ -10,8 +10,8 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.decision import certify
 from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
 from inverse_service.linear_pde import involution
-from inverse_service.linear_pde import involutive_form as settling
-from inverse_service.linear_pde.involutive_form import Finding, Limits
+from inverse_service.linear_pde import involution as settling
+from inverse_service.linear_pde.involution import Finding, Limits
 from inverse_service.mechanics.reading import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
@@ -20,7 +20,7 @@ ROTATION = read_system(["x", "y"], {"x": "x*y'", "y": "y*x'^2"})
 
 def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert decide(OSCILLATORS, False).verdict == "variational"
-    monkeypatch.setattr(involution, "symbol", lambda *_: involution.Symbol(2, 1, (2, 0, 0, 0)))
+    monkeypatch.setattr(involution, "symbol_of", lambda *_: involution.Symbol(2, 1, (2, 0, 0, 0)))
     found = decide(OSCILLATORS, False, limits=Limits(order=4))
     assert (found.verdict, found.reason) == ("undetermined", "not settled by order 4 of prolongation")
 

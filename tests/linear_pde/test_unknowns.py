@@ -8,8 +8,8 @@ import math
 import pytest
 
 from inverse_service.decision.kinds.helmholtz import unknowns_of
-from inverse_service.field.monomials import exponents_of_degree, products_of_degree
-from inverse_service.linear_pde.unknowns import (
+from inverse_service.field.dense_series import exponents_of_degree, products_of_degree
+from inverse_service.linear_pde.equations import (
     Function,
     Unknowns,
     column_of,

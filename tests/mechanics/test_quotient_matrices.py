@@ -7,9 +7,8 @@ import random
 import pytest
 from flint import fmpq_mat
 
-from inverse_service.field.exact_ring import ExactRing
-from inverse_service.field.rational_functions import Budget, QuotientField
-from inverse_service.mechanics.quotient_matrices import determinant
+from inverse_service.field.exact_field import Budget, ExactRing, QuotientField
+from inverse_service.field.matrices import determinant
 
 FIELD = QuotientField.with_generators(1, Budget(10_000, float("inf"), 10**9))
 RING = ExactRing(FIELD, (), 0, slopes=False)

@@ -40,9 +40,8 @@ TESTS: dict[str, tuple[str, ...]] = {
         f"inverse_service.certificate.{name}": ("tests/certificate",)
         for name in ("checker", "formulas", "numbers", "plan", "series")
     },
-    "inverse_service.linear_pde.involutive_form": DECISION_TESTS,
     "inverse_service.linear_pde.involution": DECISION_TESTS,
-    "inverse_service.linear_pde.emission": DECISION_TESTS,
+    "inverse_service.linear_pde.equations": DECISION_TESTS,
 }
 
 

@@ -118,7 +118,7 @@ from tests.mutation.mutants import mutants, mutated
 from tests.mutation.trial import anew, path_of, prepare
 from tests.mutation.warm import Ready, run
 prepare()
-module, test = "inverse_service.field.monomials", sys.argv[1]
+module, test = "inverse_service.field.dense_series", sys.argv[1]
 source = path_of(module).read_text()
 wanted = [one for one in mutants(source) if one.function == "MonomialKeys.bits"]
 unmet = [one for one in mutants(source) if one.function == "keys_of"][:1]
@@ -135,7 +135,7 @@ def test_a_trial_tells_what_was_noticed_and_by_which_test(tmp_path: Path) -> Non
     """First with the package loaded anew, then with one function changed in a session that is collected already."""
     test = tmp_path / "test_keys.py"
     test.write_text(
-        "from inverse_service.field.monomials import MonomialKeys, keys_of\n"
+        "from inverse_service.field.dense_series import MonomialKeys, keys_of\n"
         "def test_key(): assert MonomialKeys(3).key((1, 0, 0)) == 1\n"
         "def test_bits(): assert MonomialKeys(3).bits == 21\n"
     )

@@ -34,13 +34,11 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.field import series_kernels as machine
-from inverse_service.field.monomials import products
+from inverse_service.field import dense_series as machine
+from inverse_service.field.dense_series import Registers, SeriesProgram, products, run_again
 from inverse_service.field.point import Variable
-from inverse_service.field.series_program import Registers, SeriesProgram, run_again
-from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, LocalEquations, TermTable
+from inverse_service.linear_pde.equations import NO_DERIVATIVE, Equations, Function, LocalEquations, TermTable, Unknowns
 from inverse_service.linear_pde.involution import Matrix
-from inverse_service.linear_pde.unknowns import Function, Unknowns
 
 Integers = npt.NDArray[np.int64]
 # Of the tables of series: there are no sparse ones to fall back on, and positive answers take orders up to 12.

@@ -49,15 +49,22 @@ import numpy.typing as npt
 
 from inverse_service.expressions.derivative import differentiate_in_time
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, number
-from inverse_service.field import series_kernels as machine
-from inverse_service.field import truncated_series as ps
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.point import Expansion, Variable
-from inverse_service.field.series_program import Registers, SeriesProgram
-from inverse_service.field.truncated_series import Series
-from inverse_service.linear_pde.emission import NO_DERIVATIVE, Equations, LocalEquations, Term, TermTable, term_table
+from inverse_service.field import dense_series as machine
+from inverse_service.field import point as ps
+from inverse_service.field.dense_series import Registers, SeriesProgram
+from inverse_service.field.point import Expansion, Series, Variable
+from inverse_service.field.tower import to_kernels
+from inverse_service.linear_pde.equations import (
+    NO_DERIVATIVE,
+    Equations,
+    Function,
+    LocalEquations,
+    Term,
+    TermTable,
+    Unknowns,
+    term_table,
+)
 from inverse_service.linear_pde.involution import Matrix
-from inverse_service.linear_pde.unknowns import Function, Unknowns
 
 Integers = npt.NDArray[np.int64]
 Kind = Literal["H2", "H3"]

@@ -35,8 +35,7 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.exact_atoms import factored
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
 
 # Terms met on the way (`Budget`) in exact work on one tree.

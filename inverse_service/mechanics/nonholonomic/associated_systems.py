@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from inverse_service.expressions.tree import Expression, Number
-from inverse_service.field.exact_ring import sum_of
-from inverse_service.field.rational_functions import Quotient
+from inverse_service.field.exact_field import Quotient, sum_of
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

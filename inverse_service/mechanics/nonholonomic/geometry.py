@@ -19,10 +19,17 @@ from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, walk
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.exact_ring import Derivation, ExactRing, quotient_tree, sum_of
-from inverse_service.field.rational_functions import Budget, Quotient, TooLarge
-from inverse_service.mechanics.quotient_matrices import determinant, reduced_rows, weight
+from inverse_service.field.exact_field import (
+    Budget,
+    Derivation,
+    ExactRing,
+    Quotient,
+    TooLarge,
+    exact_ring,
+    quotient_tree,
+    sum_of,
+)
+from inverse_service.field.matrices import determinant, reduced_rows, weight
 from inverse_service.mechanics.second_order_system import Functions
 from inverse_service.mechanics.writing import readable
 

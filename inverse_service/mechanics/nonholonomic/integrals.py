@@ -21,14 +21,13 @@ from typing import Literal
 
 from inverse_service import bounds
 from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity
-from inverse_service.field.exact_ring import sum_of
-from inverse_service.field.rational_functions import Quotient
+from inverse_service.field.exact_field import Quotient, sum_of
+from inverse_service.field.matrices import determinant, dot, reduced_rows
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.potential import Potential, factors_of, potential
-from inverse_service.mechanics.quotient_matrices import determinant, dot, reduced_rows
 
 Partial = Callable[[Quotient], Quotient]
 Field = tuple[Quotient, ...]

@@ -17,8 +17,8 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, add, holds, substitute
-from inverse_service.field.exact_ring import sum_of
-from inverse_service.field.rational_functions import Quotient, TooLarge
+from inverse_service.field.exact_field import Quotient, TooLarge, sum_of
+from inverse_service.field.matrices import dot, solve_square
 from inverse_service.mechanics.nonholonomic.geometry import (
     Frame,
     Geometry,
@@ -27,7 +27,6 @@ from inverse_service.mechanics.nonholonomic.geometry import (
     geometry,
     too_large,
 )
-from inverse_service.mechanics.quotient_matrices import dot, solve_square
 from inverse_service.mechanics.second_order_system import Functions
 
 

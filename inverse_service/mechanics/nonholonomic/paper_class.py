@@ -31,8 +31,7 @@ from fractions import Fraction
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, add, square_root
-from inverse_service.field.exact_ring import sum_of
-from inverse_service.field.rational_functions import Quotient
+from inverse_service.field.exact_field import Quotient, sum_of
 from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry, frames
 from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.writing import tidied

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from inverse_service.expressions.tree import HALF, ZERO, Expression, Velocity, add, number
-from inverse_service.field.rational_functions import TooLarge
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import LegendreTransform, momentum_symbols
 from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, rotation

@@ -13,7 +13,7 @@ from api_schemas.base import Document
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
 from inverse_service.errors import DocumentRefused, LimitError, Place
 from inverse_service.expressions.tree import Acceleration, Expression, node_count, walk
-from inverse_service.field.sign_cases import sign_cases
+from inverse_service.field.reduction import sign_cases
 from inverse_service.mechanics.reading import GivenEquations, read_given, read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, unsolved_system
 from inverse_service.reading.document_names import Declared, parameter_values, with_values

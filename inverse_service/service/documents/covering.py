@@ -14,8 +14,8 @@ from inverse_service.certificate.formulas import Ended
 from inverse_service.decision.deciding import variables_of
 from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Arbitrary, Expression, walk
-from inverse_service.field.elementary import to_kernels
 from inverse_service.field.real_point import RealTable, are_positive, find_real_point
+from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula

@@ -17,9 +17,9 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Power, Symbol, walk
-from inverse_service.field.elementary import to_kernels
 from inverse_service.field.real_point import RealTable, requirements, strongest
-from inverse_service.field.sign_cases import signed_factors
+from inverse_service.field.reduction import signed_factors
+from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of

@@ -13,7 +13,7 @@ from inverse_service.explanation.coq import coq
 from inverse_service.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.explanation.negative import LARGEST_N
 from inverse_service.explanation.theorems import Theorem, determinant_vanishes, euler_lagrange_hold, identities
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.names import Names

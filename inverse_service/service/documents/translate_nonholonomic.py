@@ -17,7 +17,7 @@ from inverse_service.explanation.wording import Piece, said
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
-from inverse_service.field.rational_functions import TooLarge
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
 from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem

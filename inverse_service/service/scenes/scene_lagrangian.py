@@ -19,7 +19,7 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions import derivative, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.field.rational_functions import TooLarge
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated

@@ -25,11 +25,10 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.expressions.tree import subtract as less
-from inverse_service.field.elementary import to_kernels
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.rational_functions import Budget, TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, exact_ring
 from inverse_service.field.real_point import find_real_point, requirements
-from inverse_service.linear_pde.involutive_form import Limits
+from inverse_service.field.tower import to_kernels
+from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.nonholonomic.geometry import ORDERS, TERM_LIMIT, Frame, Geometry, NonholonomicSystem
 from inverse_service.mechanics.nonholonomic.integrals import measure_density
 from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion

@@ -36,14 +36,12 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.tree import PI, Symbol, Velocity, add
+from inverse_service.field.matrices import MOST, Matrix, definite_or_orthogonal, kernel
 from inverse_service.field.modular import safe_prime
-from inverse_service.field.point import Point, number_value
+from inverse_service.field.point import Point, SingularPoint, number_value
 from inverse_service.field.real_point import RealTable, are_positive, is_defined
-from inverse_service.field.semidefinite import MOST, Matrix, definite_or_orthogonal, kernel
-from inverse_service.field.truncated_series import SingularPoint
-from inverse_service.linear_pde.involution import consequences
-from inverse_service.linear_pde.involutive_form import Limits
-from inverse_service.linear_pde.unknowns import column_of
+from inverse_service.linear_pde.equations import column_of
+from inverse_service.linear_pde.involution import Limits, consequences
 from inverse_service.mechanics.euler_lagrange import hessian
 from inverse_service.search.members import definite_weights
 from inverse_service.search.protocol import describe

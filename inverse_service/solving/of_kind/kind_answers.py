@@ -14,7 +14,7 @@ from inverse_service.decision.kinds.helmholtz import LagrangianKind
 from inverse_service.decision.solutions import Answer, Lagrangian, Solution, SolveOptions, Verdict
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
-from inverse_service.linear_pde.involutive_form import Limits
+from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 _NO_TIME = "the time limit came before this question"

@@ -19,7 +19,7 @@ from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKin
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, number, substitute
-from inverse_service.field.semidefinite import kernel
+from inverse_service.field.matrices import kernel
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.protocol import describe

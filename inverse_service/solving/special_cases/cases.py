@@ -30,8 +30,8 @@ from inverse_service.expressions.tree import (
     substitute,
     walk,
 )
-from inverse_service.field.rational_functions import Budget, TooLarge, as_fraction, factored
-from inverse_service.linear_pde.involutive_form import Limits
+from inverse_service.field.exact_field import Budget, TooLarge, as_fraction, factor_polynomial
+from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving.special_cases.side_conditions import (
@@ -277,7 +277,7 @@ def equation_texts(stratum: Stratum, equations: Sequence[fmpq_mpoly]) -> list[st
 
 def sides(stratum: Stratum, equation: fmpq_mpoly) -> Equation:
     """The equation with positive terms on both sides; integers without a common factor."""
-    content = fmpq(*factored(equation)[0].as_integer_ratio()) if not equation.is_zero() else 1
+    content = fmpq(*factor_polynomial(equation)[0].as_integer_ratio()) if not equation.is_zero() else 1
     terms = {exponents: value / content for exponents, value in (equation).terms()}
     owner = equation.context()
     left = owner.from_dict({e: v for e, v in terms.items() if as_fraction(v) > 0})

@@ -35,12 +35,10 @@ from inverse_service.expressions.tree import (
     children,
     walk,
 )
-from inverse_service.field.exact_atoms import exact_ring
-from inverse_service.field.exact_ring import ExactRing, polynomial_tree
-from inverse_service.field.rational_functions import Budget, Quotient, coefficients_of
+from inverse_service.field.exact_field import Budget, ExactRing, Quotient, coefficients_of, exact_ring, polynomial_tree
+from inverse_service.field.matrices import determinant
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.euler_lagrange import hessian
-from inverse_service.mechanics.quotient_matrices import determinant
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.reductions import decoupled_blocks
 from inverse_service.solving.special_cases.strata import ParameterSpace, factors

@@ -12,7 +12,7 @@ from functools import cached_property
 from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service.expressions.tree import Expression, Symbol, add, multiply, number, square_root, substitute
-from inverse_service.field.rational_functions import as_fraction, coefficients_of, factored
+from inverse_service.field.exact_field import as_fraction, coefficients_of, factor_polynomial
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Stratum:
 
     def _root(self, radicand: fmpq_mpoly) -> Expression:
         """The square root, squares taken out (the other sign is the conjugate, with the same verdict)."""
-        content, parts = factored(radicand)
+        content, parts = factor_polynomial(radicand)
         outside = [self.space.tree(base) ** (exponent // 2) for base, exponent in parts]
         inside = [self.space.tree(base) for base, exponent in parts if exponent % 2]
         return multiply(*outside, square_root(multiply(number(content), *inside)))
@@ -144,5 +144,5 @@ def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
     """The distinct irreducible factors over Q that are not numbers."""
     if polynomial.is_constant():
         return []
-    found = [factor for factor, _ in factored(polynomial)[1] if not factor.is_constant()]
+    found = [factor for factor, _ in factor_polynomial(polynomial)[1] if not factor.is_constant()]
     return [factor / factor.leading_coefficient() for factor in found]

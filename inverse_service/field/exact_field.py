@@ -1,0 +1,1171 @@
+"""The exact field over Q with its atoms: quotients, derivations, formulas in, trees out.
+
+Quotients are N / (D_1^e_1 ... D_m^e_m) over Q in generators with simple algebraic relations.
+
+A `QuotientField` holds a fixed supply of generators (lexicographic order, the first one greatest)
+and two growing lists: monic relations g^q = P, P in smaller generators (a root, sin^2 = 1 - cos^2),
+and denominators. Denominators are never multiplied out: a derivation only raises exponents of known
+ones, so trial division replaces the gcd, which dominates for n = 4 systems when fractions are kept
+expanded (Phi, nabla Phi and R of a rational n = 4 system: about 20 ms).
+
+The relations have coprime leading terms g^q, so they are a Groebner basis and the remainder decides
+zero whenever the ideal is prime; where atoms have relations that were not found, zero may go
+unrecognised but every identity stays true.
+
+An `ExactRing` is the field in which a system is differentiated: its generators, what they print as, and their
+derivatives. `quotient_tree` writes an element for people: factored, roots and exponentials merged.
+
+`exact_ring` takes formulas into the field. Their functions become generators, level by level of nesting. Within a
+level the arguments of exp, log and the trigonometric functions are first written in a basis over Q, so that exp(x +
+y), exp(x) and exp(y) or sin(2x) and cos(x) share generators.
+
+Each partial derivative of an arbitrary function is a generator of its own.
+
+sin and cos, and sinh and cosh, are one pair of generators for each basis argument. With sign = -1 for the
+trigonometric and +1 for the hyperbolic pair (s, c): ds = c du, dc = sign s du and c^2 - sign s^2 = 1. Where only the
+tangent of an argument occurs it is the generator itself: dT = (1 - sign T^2) du.
+
+exp(2x) and exp(x), sin(a - b) and sin a, sin b are dependent because their arguments are. A basis of
+the arguments, scaled so that every argument is an integer combination, gives independent generators.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
+from flint.utils.flint_exceptions import DomainError
+
+from inverse_service.deadline import end, now
+from inverse_service.expressions.tree import (
+    PI,
+    Apply,
+    Arbitrary,
+    Expression,
+    Integral,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+    add,
+    children,
+    distinct_nodes,
+    multiply,
+    number,
+    powers_of,
+    split_exponent,
+)
+
+Exponents = tuple[tuple[int, int], ...]
+
+
+# What a step costs besides its terms.
+_WORK_OF_A_STEP = 20
+# In one variable, of a polynomial that is factored: at 400 that takes 0.2 s at most, at 800 half a minute.
+LARGEST_DEGREE = 500
+
+
+# Integer powers beyond this are refused: their expansion would be useless to a reader.
+LARGEST_EXPONENT = 64
+
+
+# Factoring costs more than it helps the reader beyond this many terms, or this degree.
+FACTORED_TERMS = 120
+FACTORED_DEGREE = 60
+
+Family = tuple[str, tuple[Expression, ...]]
+
+
+# The derivative of each inverse function is sign / (constant + quadratic u^2)^exponent.
+INVERSE: dict[str, tuple[int, int, int, Fraction]] = {
+    "asin": (1, 1, -1, Fraction(1, 2)),
+    "acos": (-1, 1, -1, Fraction(1, 2)),
+    "atan": (1, 1, 1, Fraction(1)),
+    "asinh": (1, 1, 1, Fraction(1, 2)),
+    "acosh": (1, -1, 1, Fraction(1, 2)),
+    "atanh": (1, 1, -1, Fraction(1)),
+}
+
+Coordinates = Mapping[Any, Fraction]
+# Of a basis element; powers of a generator are expanded.
+_LARGEST_MULTIPLE = 1_000
+
+
+TRIGONOMETRIC = frozenset(["sin", "cos", "tan", "cot", "sec", "csc"])
+HYPERBOLIC = frozenset(["sinh", "cosh", "tanh", "coth", "sech", "csch"])
+
+# sin(k x) is a polynomial of degree k in sin x and cos x.
+LARGEST_MULTIPLE = 64
+
+
+class TooLarge(ArithmeticError):
+    """A computation passed its budget of terms or of time; its text is the reason for the reader."""
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """g^degree = right-hand side, for the generator of this index."""
+
+    generator: int
+    degree: int
+    right: fmpq_mpoly
+
+
+@dataclass(slots=True)
+class Budget:
+    """How large one polynomial may become, until when (`now`) work may go on, and how much of it.
+
+    `work` counts the terms of all polynomials together, so it ends at the same place on every machine.
+    """
+
+    terms: int = 20_000
+    deadline: float = float("inf")
+    work: float = float("inf")
+    done: int = 0
+
+    @classmethod
+    def short(cls) -> Budget:
+        """For a step among many that may be left out, within the time set outside: what is longer is no help."""
+        return cls(500, end(), 75_000)
+
+    @classmethod
+    def long(cls) -> Budget:
+        """For a step without which a whole way of searching ends, within the time set outside."""
+        return cls(4_000, end(), 150_000)
+
+    def charge(self, terms: int) -> None:
+        """Raise TooLarge where a polynomial of about so many terms is beyond the budget."""
+        self.done += terms + _WORK_OF_A_STEP
+        if terms > self.terms:
+            raise TooLarge(f"an expression would have more than {self.terms} terms")
+        if self.done > self.work:
+            raise TooLarge("the work for exact expressions is used up")
+        if now() > self.deadline:
+            raise TooLarge("the time for exact expressions is used up")
+
+
+@dataclass(slots=True)
+class QuotientField:
+    """The generators' polynomial ring, their relations, and the denominators met so far."""
+
+    context: fmpq_mpoly_ctx
+    relations: dict[int, Relation] = field(default_factory=dict)
+    denominators: list[fmpq_mpoly] = field(default_factory=list)
+    budget: Budget = field(default_factory=Budget)
+
+    @classmethod
+    def with_generators(cls, size: int, budget: Budget | None = None) -> QuotientField:
+        """A field with `size` generators and no relation yet."""
+        names = tuple(f"g{index}" for index in range(max(size, 1)))
+        return cls(fmpq_mpoly_ctx.get(names, Ordering.lex), budget=budget or Budget())
+
+    def constant(self, value: int | Fraction) -> Quotient:
+        fraction = Fraction(value)
+        return Quotient(self, self.context.constant(fmpq(fraction.numerator, fraction.denominator)), ())
+
+    def generator(self, index: int) -> Quotient:
+        return Quotient(self, self.context.gen(index), ())
+
+    def relate(self, generator: int, degree: int, right: fmpq_mpoly) -> None:
+        """Impose g^degree = right; right must hold smaller generators (larger indices) only."""
+        used = [index for index, power in enumerate(right.degrees()) if power]
+        if any(index <= generator for index in used):
+            raise ValueError("a relation must reduce a generator to smaller ones")
+        self.relations[generator] = Relation(generator, degree, right)
+
+    def reduce(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+        """The remainder modulo the relations, greatest generator first."""
+        for index in sorted(self.relations):
+            relation = self.relations[index]
+            if not polynomial.is_zero() and polynomial.degrees()[index] >= relation.degree:
+                self.budget.charge(len(polynomial))
+                polynomial = polynomial % (self.context.gen(index) ** relation.degree - relation.right)
+        return polynomial
+
+    def product(self, left: fmpq_mpoly, right: fmpq_mpoly) -> fmpq_mpoly:
+        """The reduced product; charged before it is formed, at a tenth of the worst case."""
+        if len(left) > 1 and len(right) > 1:
+            self.budget.charge(len(left) * len(right) // 10)
+        return self.reduce(left * right)
+
+    def denominator_powers(self, polynomial: fmpq_mpoly) -> tuple[Fraction, Exponents]:
+        """polynomial = constant * product of listed denominators, new irreducible ones being listed.
+
+        Radicands (1 - cos^2 among them) become powers of their generator before anything is factored.
+        """
+        self.budget.charge(20 * len(polynomial))
+        table = dict[int, int]()
+        for relation in self.relations.values():
+            polynomial, power = divided_out(polynomial, relation.right)
+            if power:
+                table[self._index_of(self.context.gen(relation.generator))] = power * relation.degree
+        constant, factors = factor_polynomial(polynomial)
+        for factor, power in factors:
+            scale, index = self._listed(factor)
+            constant *= scale**power
+            table[index] = table.get(index, 0) + power
+        return constant, tuple(sorted(table.items()))
+
+    def _listed(self, factor: fmpq_mpoly) -> tuple[Fraction, int]:
+        """(constant, index) with factor = constant * D_index."""
+        for index, known in enumerate(self.denominators):
+            ratio = _constant_ratio(factor, known)
+            if ratio is not None:
+                return ratio, index
+        return Fraction(1), self._index_of(factor)
+
+    def _index_of(self, denominator: fmpq_mpoly) -> int:
+        for index, known in enumerate(self.denominators):
+            if known == denominator:
+                return index
+        self.denominators.append(denominator)
+        return len(self.denominators) - 1
+
+    def expand(self, exponents: Exponents) -> fmpq_mpoly:
+        """The product D^e, multiplied out (used to bring fractions to one denominator)."""
+        result = self.context.constant(1)
+        for index, power in exponents:
+            self.budget.charge(power)  # a step costs something even where a monomial is multiplied
+            for _ in range(power):
+                result = self.product(result, self.denominators[index])
+        return result
+
+    def quotient(self, numerator: fmpq_mpoly, exponents: Exponents) -> Quotient:
+        """numerator / D^exponents, cancelled by trial division."""
+        if numerator.is_zero():
+            return Quotient(self, numerator, ())
+        remaining = []
+        for index, power in exponents:
+            while power:
+                smaller = self._divided(numerator, self.denominators[index])
+                if smaller is None:
+                    break
+                numerator, power = smaller, power - 1
+            if power:
+                remaining.append((index, power))
+        return Quotient(self, numerator, tuple(remaining))
+
+    def _divided(self, numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpoly | None:
+        """numerator / denominator where it is a polynomial, by the relation g^q = P if D is g."""
+        exact = _exact_division(numerator, denominator)
+        relation = self._relation_of(denominator)
+        if exact is not None or relation is None:
+            return exact
+        lowest = numerator.subs({relation.generator: 0})
+        without = _exact_division(lowest, relation.right)
+        if without is None:
+            return None
+        root = self.context.gen(relation.generator)
+        return without * root ** (relation.degree - 1) + (numerator - lowest) / root
+
+    def _relation_of(self, denominator: fmpq_mpoly) -> Relation | None:
+        for relation in self.relations.values():
+            if denominator == self.context.gen(relation.generator):
+                return relation
+        return None
+
+
+def as_fraction(value: fmpq) -> Fraction:
+    return Fraction(int(value.p), int(value.q))
+
+
+def factor_polynomial(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
+    """(rational content, [(irreducible factor, multiplicity)]); TooLarge where exponents are too large for flint.
+
+    x^4001 - x takes it minutes: what remains without the product of powers of the generators has a bounded degree.
+    """
+    lowest = polynomial.term_content().degrees() if len(polynomial) > 1 else polynomial.degrees()
+    if any(high - low > LARGEST_DEGREE for high, low in zip(polynomial.degrees(), lowest, strict=True)):
+        raise TooLarge("the degree of a polynomial is too large to factor it")
+    try:
+        content, found = polynomial.factor()
+    except RuntimeError as error:
+        raise TooLarge("the degrees of a polynomial are too large to factor it") from error
+    return as_fraction(content), [(factor, int(power)) for factor, power in found]
+
+
+def _exact_division(numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpoly | None:
+    try:
+        return numerator / denominator
+    except DomainError:
+        return None
+
+
+def divided_out(polynomial: fmpq_mpoly, factor: fmpq_mpoly) -> tuple[fmpq_mpoly, int]:
+    """polynomial = rest * factor^power, power greatest; power 0 for a constant factor, and for 0, which has all."""
+    power = 0
+    if factor.is_constant() or not polynomial:
+        return polynomial, power
+    while (smaller := _exact_division(polynomial, factor)) is not None:
+        polynomial, power = smaller, power + 1
+    return polynomial, power
+
+
+def coefficients_of(polynomial: fmpq_mpoly, generators: Sequence[int]) -> dict[tuple[int, ...], fmpq_mpoly]:
+    """What stands in a polynomial with each product of powers of some generators, by the exponents of these."""
+    tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
+    for exponents, value in polynomial.terms():
+        rest = [int(e) for e in exponents]
+        for index in generators:
+            rest[index] = 0
+        tables.setdefault(tuple(int(exponents[index]) for index in generators), {})[tuple(rest)] = value
+    return {powers: polynomial.context().from_dict(table) for powers, table in tables.items()}
+
+
+def _constant_ratio(left: fmpq_mpoly, right: fmpq_mpoly) -> Fraction | None:
+    """left / right where that is a number."""
+    if len(left) != len(right) or left.is_zero():
+        return None
+    ratio = left.leading_coefficient() / right.leading_coefficient()
+    return as_fraction(ratio) if left == right * ratio else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quotient:
+    """numerator / product of denominators[index] ** power; normal form of `QuotientField`."""
+
+    field: QuotientField
+    numerator: fmpq_mpoly
+    exponents: Exponents
+
+    @property
+    def is_zero(self) -> bool:
+        return bool(self.numerator.is_zero())
+
+    @property
+    def constant_value(self) -> Fraction | None:
+        """The value where it is a rational number."""
+        if self.exponents or not self.numerator.is_constant():
+            return None
+        return Fraction(0) if self.is_zero else as_fraction(self.numerator.leading_coefficient())
+
+    def __add__(self, other: Quotient) -> Quotient:
+        if self.is_zero or other.is_zero:
+            return other if self.is_zero else self
+        if self.exponents == other.exponents:
+            return self.field.quotient(self.numerator + other.numerator, self.exponents)
+        common = _maximum(self.exponents, other.exponents)
+        left, right = (
+            self.field.product(part.numerator, self.field.expand(_difference(common, part.exponents)))
+            for part in (self, other)
+        )
+        self.field.budget.charge(len(left) + len(right))
+        return self.field.quotient(left + right, common)
+
+    def __neg__(self) -> Quotient:
+        return Quotient(self.field, -self.numerator, self.exponents)
+
+    def __sub__(self, other: Quotient) -> Quotient:
+        return self + (-other)
+
+    def __mul__(self, other: Quotient) -> Quotient:
+        if self.is_zero or other.is_zero:
+            return self if self.is_zero else other
+        product = self.field.product(self.numerator, other.numerator)
+        return self.field.quotient(product, combined(self.exponents, other.exponents))
+
+    def parts(self, generators: Sequence[int]) -> dict[tuple[int, ...], Quotient]:
+        """The sum of terms of the numerator that hold the same powers of some generators, for each of these."""
+        found, gen = {}, self.field.context.gen
+        for powers, part in coefficients_of(self.numerator, generators).items():
+            for index, power in zip(generators, powers, strict=True):
+                part = part * gen(index) ** power
+            found[powers] = self.field.quotient(part, self.exponents)
+        return found
+
+    def scaled(self, factor: int | Fraction) -> Quotient:
+        """factor times self, factor a rational number."""
+        if not factor:
+            return self.field.constant(0)
+        fraction = Fraction(factor)
+        return Quotient(self.field, self.numerator * fmpq(fraction.numerator, fraction.denominator), self.exponents)
+
+    def inverse(self) -> Quotient:
+        """1/self; ZeroDivisionError for 0."""
+        if self.is_zero:
+            raise ZeroDivisionError("division by an expression that is identically zero")
+        constant, powers = self.field.denominator_powers(self.numerator)
+        return self.field.quotient(self.field.expand(self.exponents), powers).scaled(1 / constant)
+
+    def __truediv__(self, other: Quotient) -> Quotient:
+        return self * other.inverse()
+
+    def __pow__(self, exponent: int) -> Quotient:
+        if exponent < 0:
+            return self.inverse() ** -exponent
+        result = self.field.constant(1)
+        for digit in bin(exponent)[2:]:
+            result = result * result
+            if digit == "1":
+                result = result * self
+        return result
+
+
+def combined(left: Exponents, right: Exponents) -> Exponents:
+    """The exponents of a product."""
+    table = dict(left)
+    for index, power in right:
+        table[index] = table.get(index, 0) + power
+    return tuple(sorted(table.items()))
+
+
+def _maximum(left: Exponents, right: Exponents) -> Exponents:
+    table = dict(left)
+    for index, power in right:
+        table[index] = max(table.get(index, 0), power)
+    return tuple(sorted(table.items()))
+
+
+def _difference(left: Exponents, right: Exponents) -> Exponents:
+    table = dict(right)
+    return tuple((index, power - table.get(index, 0)) for index, power in left if power > table.get(index, 0))
+
+
+def common_factor(coefficients: Sequence[Quotient]) -> Quotient:
+    """A quotient by which all can be divided, so that polynomials without a common factor remain."""
+    owner = coefficients[0].field
+    numerator = functools.reduce(lambda a, b: a.gcd(b), (c.numerator for c in coefficients))
+    worst: dict[int, int] = {}
+    for coefficient in coefficients:
+        for index, power in coefficient.exponents:
+            worst[index] = max(worst.get(index, 0), power)
+    content = owner.quotient(numerator, tuple(sorted(worst.items())))
+    leading = coefficients[0] / content
+    number = leading.constant_value
+    return content if number is None else content.scaled(number)
+
+
+def sum_of(zero: Quotient, terms: Iterable[Quotient]) -> Quotient:
+    """The sum, terms of equal denominators first, so that few fractions are brought together."""
+    groups: dict[Exponents, Quotient] = {}
+    for term in terms:
+        if not term.is_zero:
+            known = groups.get(term.exponents)
+            groups[term.exponents] = (
+                term if known is None else Quotient(term.field, known.numerator + term.numerator, term.exponents)
+            )
+    total = zero
+    for exponents, term in groups.items():
+        total = total + term.field.quotient(term.numerator, exponents)
+    return total
+
+
+@dataclass(frozen=True, slots=True)
+class Derivation:
+    """A derivation X, given by X(g) for the generators where that is not zero.
+
+    `undefined` are generators whose derivative was not provided for: meeting one raises TooLarge.
+    """
+
+    images: Mapping[int, Quotient]
+    undefined: frozenset[int] = frozenset()
+
+    def of_polynomial(self, owner: QuotientField, polynomial: fmpq_mpoly) -> Quotient:
+        """X(N) = sum over generators of (dN/dg) X(g)."""
+        terms = []
+        degrees = polynomial.degrees() if self.undefined else ()
+        if any(degrees[index] > 0 for index in self.undefined):
+            raise TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
+        for index, image in self.images.items():
+            slope = polynomial.derivative(index)
+            if not slope.is_zero():
+                terms.append(Quotient(owner, slope, ()) * image)
+        return sum_of(owner.constant(0), terms)
+
+    def __call__(self, element: Quotient) -> Quotient:
+        """X(N/D) = (X(N) - N sum e_i X(D_i)/D_i) / D."""
+        owner = element.field
+        terms = [self.of_polynomial(owner, element.numerator)]
+        for index, exponent in element.exponents:
+            slope = self.of_polynomial(owner, owner.denominators[index])
+            if not slope.is_zero:
+                logarithmic = slope * Quotient(owner, owner.context.constant(-exponent), ((index, 1),))
+                terms.append(Quotient(owner, element.numerator, ()) * logarithmic)
+        whole = sum_of(owner.constant(0), terms)
+        return owner.quotient(whole.numerator, combined(whole.exponents, element.exponents))
+
+
+@dataclass(slots=True)
+class ExactRing:
+    """A quotient field whose generators are the atoms of given formulas.
+
+    `variables` are t, coordinates and velocities; `atoms` gives the value of each atom's tree;
+    `trees[index]` is what generator `index` prints as; `images[k][index]` is its derivative by
+    `variables[k]`, where the ring has `slopes`; `undefined` are generators whose derivatives lie beyond the
+    order asked for.
+    Generators are handed out from the last, so that a later one is greater in the order.
+    """
+
+    field: QuotientField
+    variables: tuple[Expression, ...]
+    free: int
+    slopes: bool = True
+    atoms: dict[Expression, Quotient] = dataclasses.field(default_factory=dict)
+    trees: dict[int, Expression] = dataclasses.field(default_factory=dict)
+    images: list[dict[int, Quotient]] = dataclasses.field(default_factory=list)
+    undefined: set[int] = dataclasses.field(default_factory=set)
+
+    def new_generator(self, tree: Expression) -> int:
+        """The next unused generator, printing as `tree`."""
+        if self.free == 0:
+            raise TooLarge("the formulas hold more functions than were counted")
+        self.free -= 1
+        self.trees[self.free] = tree
+        return self.free
+
+    def generator(self, index: int) -> Quotient:
+        return self.field.generator(index)
+
+    def constant(self, value: int | Fraction) -> Quotient:
+        return self.field.constant(value)
+
+    def set_slopes(self, index: int, slopes: Sequence[tuple[Quotient, Quotient]]) -> None:
+        """d(generator) = sum of slope d(argument) over the pairs (slope, argument)."""
+        for variable in range(len(self.variables)) if self.slopes else ():
+            total = self.constant(0)
+            for slope, argument in slopes:
+                total = total + slope * self.partial(variable)(argument)
+            if not total.is_zero:
+                self.images[variable][index] = total
+
+    def partial(self, variable: int) -> Derivation:
+        """The partial derivative by variables[variable]; ValueError where the ring has no slopes."""
+        self._need_slopes()
+        return Derivation(self.images[variable], frozenset(self.undefined))
+
+    def along(self, components: Sequence[Quotient | None]) -> Derivation:
+        """The derivation sum_k components[k] d/d variables[k]; None stands for 0."""
+        self._need_slopes()
+        images: dict[int, Quotient] = {}
+        for component, table in zip(components, self.images, strict=True):
+            if component is None or component.is_zero:
+                continue
+            for index, image in table.items():
+                term = component * image
+                images[index] = images[index] + term if index in images else term
+        return Derivation(images, frozenset(self.undefined))
+
+    def _need_slopes(self) -> None:
+        if not self.slopes:
+            raise ValueError("this ring was made without derivatives")
+
+    def value(self, tree: Expression) -> Quotient:
+        """The tree as a ring element; ZeroDivisionError for a division by identically zero."""
+        if tree in self.atoms:
+            return self.atoms[tree]
+        match tree:
+            case Number(value):
+                return self.constant(value)
+            case Sum(terms):
+                return self._sum(terms)
+            case Product(factors):
+                return self._product(factors)
+            case Power(base, Number(exponent)) if exponent.denominator == 1:
+                if abs(exponent) > LARGEST_EXPONENT:
+                    raise TooLarge(f"a power above {LARGEST_EXPONENT} is not expanded")
+                return self.value(base) ** int(exponent)
+        raise KeyError(f"{type(tree).__name__} node is not an atom of this ring")
+
+    def _sum(self, terms: Sequence[Expression]) -> Quotient:
+        total = self.constant(0)
+        for term in terms:
+            total = total + self.value(term)
+        return total
+
+    def _product(self, factors: Sequence[Expression]) -> Quotient:
+        total = self.constant(1)
+        for factor in factors:
+            total = total * self.value(factor)
+        return total
+
+
+def is_integer_power(tree: Expression) -> bool:
+    """Whether the node is a Power with an integer exponent, which needs no generator."""
+    return isinstance(tree, Power) and isinstance(tree.exponent, Number) and tree.exponent.value.denominator == 1
+
+
+def add_symbols(ring: ExactRing, symbols: Sequence[Symbol | Velocity]) -> None:
+    """One generator for each symbol; the variables among them get derivative 1."""
+    ring.images = [{} for _ in ring.variables]
+    for symbol in symbols:
+        index = ring.new_generator(symbol)
+        ring.atoms[symbol] = ring.generator(index)
+        if symbol in ring.variables:
+            ring.images[ring.variables.index(symbol)][index] = ring.constant(1)
+
+
+def scaled_tree(tree: Expression, divisor: int) -> Expression:
+    """tree / divisor."""
+    return tree if divisor == 1 else Fraction(1, divisor) * tree
+
+
+def quotient_tree(ring: ExactRing, quotient: Quotient) -> Expression:
+    """The element as constant * factors / denominators, or a sum of such where that is shorter."""
+    if quotient.is_zero:
+        return number(0)
+    return add(*(_factored(ring, part) for part in _split_by_roots(ring, quotient)))
+
+
+def _split_by_roots(ring: ExactRing, quotient: Quotient) -> list[Quotient]:
+    """The parts by powers of each root in the denominator: (P + Q r^5)/r^5 = P/r^5 + Q, if that is shorter."""
+    parts = [quotient]
+    for index in ring.field.relations:
+        root = ring.field.context.gen(index)
+        if any(ring.field.denominators[place] == root for place, _ in quotient.exponents):
+            parts = [piece for part in parts for _, piece in sorted(part.parts([index]).items())]
+    shorter = sum(len(part.numerator) for part in parts) < len(quotient.numerator)
+    return parts if shorter else [quotient]
+
+
+def _factored(ring: ExactRing, quotient: Quotient) -> Expression:
+    """constant * factors / denominators, monomials before sums."""
+    constant, factors = _factors(ring, quotient.numerator)
+    table = dict[Expression, Fraction]()
+    for polynomial, exponent in factors:
+        _collect(ring, table, polynomial, exponent)
+    for index, exponent in quotient.exponents:
+        _collect(ring, table, ring.field.denominators[index], -exponent)
+    rank = {tree: _place(ring, index) for index, tree in ring.trees.items() if tree in table}
+    ordered = sorted(table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], Sum), rank.get(item[0], (3, 0))))
+    return multiply(number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent))
+
+
+def factor_trees(ring: ExactRing, quotient: Quotient) -> list[Expression]:
+    """The factors of the numerator that are not numbers, each once: where the element can vanish."""
+    _, factors = _factors(ring, quotient.numerator)
+    return [polynomial_tree(ring, factor) for factor, _ in factors if not factor.is_constant()]
+
+
+def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
+    """constant and factors; radicands and 1 - cos^2 are taken out whole, as powers of their generator."""
+    found = []
+    for relation in ring.field.relations.values():
+        polynomial, exponent = divided_out(polynomial, relation.right)
+        if exponent:
+            found.append((ring.field.context.gen(relation.generator), exponent * relation.degree))
+    if len(polynomial) > FACTORED_TERMS or polynomial.total_degree() > FACTORED_DEGREE:
+        return Fraction(1), [*found, (polynomial, 1)]
+    content, factors = factor_polynomial(polynomial)
+    return content, [*found, *factors]
+
+
+def _collect(ring: ExactRing, table: dict[Expression, Fraction], factor: fmpq_mpoly, exponent: int) -> None:
+    """Multiply the power of a factor into the table of trees and exponents."""
+    for base, inner in powers_of(polynomial_tree(ring, factor)):
+        table[base] = table.get(base, Fraction(0)) + inner * exponent
+
+
+def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> Expression:
+    """The polynomial as a sum of monomials."""
+    used = (index for index, degree in enumerate(polynomial.degrees()) if degree > 0 and index in ring.trees)
+    order = sorted(used, key=lambda index: _place(ring, index))
+    powers: dict[tuple[int, int], Expression] = {}
+    return add(*(_monomial_tree(ring, order, powers, e, as_fraction(c)) for e, c in polynomial.terms()))
+
+
+def _monomial_tree(
+    ring: ExactRing,
+    order: Sequence[int],
+    powers: dict[tuple[int, int], Expression],
+    exponents: Sequence[int],
+    coefficient: Fraction,
+) -> Expression:
+    """One term; `powers` keeps the powers of generators built so far."""
+    parts = []
+    for index in order:
+        exponent = int(exponents[index])
+        if exponent and (index, exponent) not in powers:
+            powers[index, exponent] = generator_power(ring.trees[index], Fraction(exponent))
+        if exponent:
+            parts.append(powers[index, exponent])
+    return multiply(number(coefficient), *parts)
+
+
+def _place(ring: ExactRing, index: int) -> tuple[int, int]:
+    """Parameters first, then coordinates and velocities, then functions."""
+    tree = ring.trees.get(index)
+    if isinstance(tree, Symbol) and tree not in ring.variables:
+        return (0, index)
+    return (1 if tree in ring.variables else 2, index)
+
+
+def generator_power(tree: Expression, exponent: Fraction) -> Expression:
+    """tree ^ exponent, with (u^c)^e = u^(c e) for a root and exp(u)^e = exp(e u)."""
+    match tree:
+        case Power(base, Number(inner)) if inner.denominator != 1:
+            return base ** (inner * exponent)
+        case Power(base, inner_exponent) if not isinstance(inner_exponent, Number):
+            return base ** (exponent * inner_exponent)
+        case Apply("exp", argument):
+            return Apply("exp", exponent * argument) if exponent != 1 else tree
+    return tree**exponent
+
+
+def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[Arbitrary], further: int) -> None:
+    """Generators for the functions in `nodes` and their derivatives of `further` more orders.
+
+    Derivatives of the highest order have none in their turn and are marked undefined.
+    """
+    families: dict[Family, int] = {}
+    for node in nodes:
+        if isinstance(node, Integral):
+            index = ring.new_generator(node)
+            ring.atoms[node] = ring.generator(index)
+            ring.undefined.add(index)
+            continue
+        family = (node.name, node.arguments)
+        families[family] = max(families.get(family, 0), sum(node.orders))
+    for (name, arguments), order in families.items():
+        _adjoin_family(ring, name, arguments, order + further)
+
+
+def _adjoin_family(ring: ExactRing, name: str, arguments: tuple[Expression, ...], highest: int) -> None:
+    values = [ring.value(argument) for argument in arguments]
+    indices: dict[tuple[int, ...], int] = {}
+    # From the highest order down, so that lower derivatives are the greater generators.
+    for orders in sorted(_orders(len(arguments), highest), key=lambda k: (-sum(k), k)):
+        node = Arbitrary(name, arguments, orders)
+        indices[orders] = ring.new_generator(node)
+        ring.atoms[node] = ring.generator(indices[orders])
+        if sum(orders) == highest:
+            ring.undefined.add(indices[orders])
+            continue
+        slopes = [(_next(ring, indices, orders, place), value) for place, value in enumerate(values)]
+        ring.set_slopes(indices[orders], slopes)
+
+
+def _orders(length: int, highest: int) -> list[tuple[int, ...]]:
+    return [k for k in itertools.product(range(highest + 1), repeat=length) if sum(k) <= highest]
+
+
+def _next(ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[int, ...], place: int) -> Quotient:
+    raised = tuple(order + (position == place) for position, order in enumerate(orders))
+    return ring.generator(indices[raised])
+
+
+def adjoin_roots(ring: ExactRing, powers: Sequence[Power]) -> None:
+    """Generators for rational powers; powers of one base share the root of the common denominator."""
+    degrees: dict[Expression, int] = {}
+    for node in powers:
+        assert isinstance(node.exponent, Number)
+        degrees[node.base] = math.lcm(degrees.get(node.base, 1), node.exponent.value.denominator)
+    for base, degree in degrees.items():
+        root = root_generator(ring, ring.value(base), base, degree)
+        for node in powers:
+            if node.base == base and isinstance(node.exponent, Number):
+                ring.atoms[node] = root ** int(node.exponent.value * degree)
+
+
+def root_generator(ring: ExactRing, radicand: Quotient, tree: Expression, degree: int) -> Quotient:
+    """An element r with r^degree = radicand; the same radicand gives the same generator.
+
+    For the radicand a/b the generator is b (a/b)^(1/degree), a root of the polynomial a b^(degree-1).
+    """
+    if radicand.is_zero:
+        return radicand
+    below = Quotient(ring.field, ring.field.expand(radicand.exponents), ())
+    polynomial = (Quotient(ring.field, radicand.numerator, ()) * below ** (degree - 1)).numerator
+    for relation in ring.field.relations.values():
+        if relation.degree % degree == 0 and relation.right == polynomial and _is_root(ring, relation.generator):
+            return ring.generator(relation.generator) ** (relation.degree // degree) / below
+    root = tree ** Fraction(1, degree)
+    index = ring.new_generator(polynomial_tree(ring, below.numerator) * root)
+    ring.field.relate(index, degree, polynomial)
+    whole = Quotient(ring.field, polynomial, ())
+    ring.set_slopes(index, [(ring.generator(index) / whole.scaled(degree), whole)])
+    return ring.generator(index) / below
+
+
+def _is_root(ring: ExactRing, index: int) -> bool:
+    """Whether the generator is a root, not a sine; sqrt(1 - cos^2) is sin up to a sign only."""
+    return not isinstance(ring.trees[index], Apply)
+
+
+def adjoin_inverse(ring: ExactRing, node: Apply) -> None:
+    """A generator for asin, acos, atan, asinh, acosh or atanh of an argument."""
+    sign, constant, quadratic, exponent = INVERSE[node.function]
+    argument = ring.value(node.argument)
+    below = ring.constant(constant) + (argument * argument).scaled(quadratic)
+    if exponent.denominator == 2:
+        square = node.argument**2
+        tree = constant + quadratic * square
+        below = root_generator(ring, below, tree, 2)
+    index = ring.new_generator(node)
+    ring.set_slopes(index, [(below.inverse().scaled(sign), argument)])
+    ring.atoms[node] = ring.generator(index)
+
+
+def exact_ring(
+    trees: Sequence[Expression],
+    variables: Sequence[Symbol | Velocity],
+    orders: int,
+    budget: Budget,
+    further: Sequence[Symbol] = (),
+    spare: bool = False,
+    slopes: bool = True,
+) -> ExactRing:
+    """A ring that holds the trees and can differentiate them `orders` times by the variables.
+
+    `further` are constants to be adjoined that do not occur in the trees. With `spare` the ring may keep
+    generators without use, which saves making it again for work that is short; without `slopes` it cannot
+    differentiate, which saves the derivatives of all generators. Raises TooLarge where the budget ends and
+    ZeroDivisionError for a division by zero in a tree.
+    """
+    symbols = [*further, *_symbols(trees, variables)]
+    size = len(symbols) + _generators_needed(trees, orders)
+    generous = _build(trees, variables, symbols, orders, budget, size, slopes)
+    used = len(generous.trees)
+    if spare or generous.free == 0:
+        return generous
+    return _build(trees, variables, symbols, orders, budget, used, slopes)
+
+
+def factored(trees: Sequence[Expression], symbols: Sequence[Symbol | Velocity], budget: Budget) -> list[Expression]:
+    """The trees, each over its common denominator with numerator and denominator factored.
+
+    TooLarge where the budget ends, ZeroDivisionError where a denominator vanishes, KeyError for an unknown atom.
+    """
+    ring = exact_ring(trees, symbols, 0, budget, spare=True, slopes=False)
+    return [quotient_tree(ring, ring.value(tree)) for tree in trees]
+
+
+def _build(
+    trees: Sequence[Expression],
+    variables: Sequence[Symbol | Velocity],
+    symbols: Sequence[Symbol | Velocity],
+    orders: int,
+    budget: Budget,
+    size: int,
+    slopes: bool,
+) -> ExactRing:
+    ring = ExactRing(QuotientField.with_generators(size, budget), tuple(variables), size, slopes)
+    add_symbols(ring, symbols)
+    names = _occurring(trees)
+    for level in _levels(trees):
+        _adjoin_level(ring, level, orders, names)
+    return ring
+
+
+def _symbols(trees: Sequence[Expression], variables: Sequence[Symbol | Velocity]) -> list[Symbol | Velocity]:
+    """Parameters and numbers such as pi last, so that they get the smallest place in the order."""
+    found = dict.fromkeys(node for node in distinct_nodes(trees) if isinstance(node, Symbol | Velocity))
+    constants = [symbol for symbol in found if symbol not in variables]
+    return constants + list(reversed(variables))
+
+
+def _occurring(trees: Sequence[Expression]) -> frozenset[str]:
+    """Names of the functions in the trees, and "power" for a power with a symbolic exponent."""
+    names = set()
+    for node in distinct_nodes(trees):
+        if isinstance(node, Apply):
+            names.add(node.function)
+        elif isinstance(node, Power) and not isinstance(node.exponent, Number):
+            names.add("power")
+    return frozenset(names)
+
+
+def _is_function(node: Expression) -> bool:
+    return isinstance(node, Apply | Arbitrary) or (isinstance(node, Power) and not is_integer_power(node))
+
+
+def _generators_needed(trees: Sequence[Expression], orders: int) -> int:
+    """An upper bound; exact counting would need the arguments' relations."""
+    atoms = {node for node in distinct_nodes(trees) if _is_function(node)}
+    total = 0
+    for node in atoms:
+        total += 4
+        if isinstance(node, Arbitrary):
+            total += math.comb(len(node.arguments) + sum(node.orders) + orders, len(node.arguments))
+    return total
+
+
+def _levels(trees: Sequence[Expression]) -> list[list[Expression]]:
+    """The functions in the trees by nesting: arguments of level k hold levels below k only."""
+    depth: dict[Expression, int] = {}
+
+    def measure(node: Expression) -> int:
+        if node not in depth:
+            inside = max(map(measure, children(node)), default=0)
+            depth[node] = inside + 1 if _is_function(node) else inside
+        return depth[node]
+
+    top = max(map(measure, trees), default=0)
+    found = [node for node in depth if _is_function(node)]
+    return [[node for node in found if depth[node] == level] for level in range(1, top + 1)]
+
+
+def _adjoin_level(ring: ExactRing, level: Sequence[Expression], orders: int, names: frozenset[str]) -> None:
+    """Generators for all functions of one level."""
+    adjoin_roots(ring, [node for node in level if isinstance(node, Power) and isinstance(node.exponent, Number)])
+    symbolic = [node for node in level if isinstance(node, Power) and not isinstance(node.exponent, Number)]
+    _adjoin_logarithms(ring, [*_applied(level, {"log"}), *(Apply("log", node.base) for node in symbolic)])
+    hyperbolic = _applied(level, HYPERBOLIC)
+    by_exponentials = bool(names & {"exp", "power"})
+    exponentials = _applied(level, {"exp"}) + (hyperbolic if by_exponentials else [])
+    _adjoin_exponentials(ring, exponentials, symbolic)
+    adjoin_pairs(ring, _applied(level, TRIGONOMETRIC), -1)
+    if not by_exponentials:
+        adjoin_pairs(ring, hyperbolic, 1)
+    for node in _applied(level, INVERSE):
+        adjoin_inverse(ring, node)
+    adjoin_arbitrary(ring, [node for node in level if isinstance(node, Arbitrary)], orders)
+
+
+def _applied(level: Sequence[Expression], names: Iterable[str]) -> list[Apply]:
+    wanted = frozenset(names)
+    return [node for node in level if isinstance(node, Apply) and node.function in wanted]
+
+
+def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[Apply]) -> None:
+    """log of products: a basis of the arguments' exponent vectors over Q."""
+    nodes = list(dict.fromkeys(node for node in nodes if node not in ring.atoms))
+    arguments = [ring.value(node.argument) for node in nodes]
+    basis = argument_basis([factor_coordinates(argument) for argument in arguments])
+    generators = []
+    for place, scale in zip(basis.chosen, basis.scales, strict=True):
+        index = ring.new_generator(scaled_tree(nodes[place], scale))
+        slope = arguments[place].inverse().scaled(Fraction(1, scale))
+        ring.set_slopes(index, [(slope, arguments[place])])
+        generators.append(ring.generator(index))
+    for node, row in zip(nodes, basis.coefficients, strict=True):
+        total = ring.constant(0)
+        for generator, coefficient in zip(generators, row, strict=True):
+            total = total + generator.scaled(coefficient)
+        ring.atoms[node] = total
+
+
+def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[Apply], powers: Sequence[Power]) -> None:
+    """exp(u), u^e = exp(e log u), and hyperbolic functions through exp(u); u^(e + 1) is u u^e."""
+    parts = [split_exponent(node.exponent) for node in powers]
+    symbolic = [Power(node.base, rest) for node, (rest, _) in zip(powers, parts, strict=True)]
+    arguments = [ring.value(node.argument) for node in nodes]
+    arguments += [ring.value(node.exponent) * ring.value(Apply("log", node.base)) for node in symbolic]
+    trees: list[Expression] = [Apply("exp", node.argument) for node in nodes]
+    basis = argument_basis([coordinates_of(argument) for argument in arguments])
+    generators = []
+    for place, scale in zip(basis.chosen, basis.scales, strict=True):
+        tree = (trees + symbolic)[place]
+        index = ring.new_generator(generator_power(tree, Fraction(1, scale)))
+        argument = arguments[place].scaled(Fraction(1, scale))
+        ring.set_slopes(index, [(ring.generator(index), argument)])
+        generators.append(ring.generator(index))
+    functions: list[Apply | Power] = [*nodes, *powers]
+    wholes = [*(0 for _ in nodes), *(whole for _, whole in parts)]
+    for node, whole, row in zip(functions, wholes, basis.coefficients, strict=True):
+        product = ring.constant(1)
+        for generator, coefficient in zip(generators, row, strict=True):
+            product = product * generator**coefficient
+        ring.atoms[node] = (
+            _of_exponential(node.function, product)
+            if isinstance(node, Apply)
+            else product * ring.value(node.base) ** whole
+        )
+
+
+def _of_exponential(function: str, e: Quotient) -> Quotient:
+    """The hyperbolic function of u, given exp(u)."""
+    other = e.inverse()
+    sine, cosine = (e - other).scaled(Fraction(1, 2)), (e + other).scaled(Fraction(1, 2))
+    table: dict[str, Callable[[], Quotient]] = {
+        "exp": lambda: e,
+        "sinh": lambda: sine,
+        "cosh": lambda: cosine,
+        "tanh": lambda: sine / cosine,
+        "coth": lambda: cosine / sine,
+        "sech": lambda: cosine.inverse(),
+        "csch": lambda: sine.inverse(),
+    }
+    return table[function]()
+
+
+@dataclass(frozen=True, slots=True)
+class ArgumentBasis:
+    """Arguments u_k = sum_b coefficients[k][b] * u_(chosen[b]) / scales[b], coefficients integer."""
+
+    chosen: tuple[int, ...]
+    scales: tuple[int, ...]
+    coefficients: tuple[tuple[int, ...], ...]
+
+
+def coordinates_of(argument: Quotient) -> Coordinates:
+    """The argument as a combination of monomials over its denominator."""
+    terms = argument.numerator.terms()
+    return {(argument.exponents, monomial): as_fraction(value) for monomial, value in terms}
+
+
+def factor_coordinates(argument: Quotient) -> Coordinates:
+    """The exponents of the prime numbers, irreducible numerator factors and denominators."""
+    constant, factors = factor_polynomial(argument.numerator)
+    table: dict[Any, Fraction] = {(0, repr(factor)): Fraction(power) for factor, power in factors}
+    table |= {(1, index): Fraction(-power) for index, power in argument.exponents}
+    for sign, value in ((1, abs(constant.numerator)), (-1, constant.denominator)):
+        table |= {(2, int(ell)): Fraction(sign * int(power)) for ell, power in fmpz(value).factor()}
+    return table
+
+
+def argument_basis(vectors: Sequence[Coordinates]) -> ArgumentBasis:
+    """A basis taken from the vectors themselves, simplest first."""
+    order = sorted(range(len(vectors)), key=lambda index: (_size(vectors[index]), index))
+    chosen: list[int] = []
+    expressed: dict[int, list[Fraction]] = {}
+    for index in order:
+        combination = _solve([vectors[other] for other in chosen], vectors[index])
+        if combination is None:
+            combination = [Fraction(0)] * len(chosen) + [Fraction(1)]
+            chosen.append(index)
+        expressed[index] = combination
+    rows = [_padded(expressed[index], len(chosen)) for index in range(len(vectors))]
+    scales = tuple(math.lcm(*(row[column].denominator for row in rows)) for column in range(len(chosen)))
+    integers = tuple(tuple(int(c * m) for c, m in zip(row, scales, strict=True)) for row in rows)
+    if any(abs(k) > _LARGEST_MULTIPLE for row in integers for k in row):
+        raise TooLarge("the arguments of exponentials or angles are too large multiples of a common one")
+    return ArgumentBasis(tuple(chosen), scales, integers)
+
+
+def _size(vector: Coordinates) -> tuple[int, int]:
+    return len(vector), sum(abs(c.numerator) + c.denominator for c in vector.values())
+
+
+def _padded(row: list[Fraction], length: int) -> list[Fraction]:
+    return row + [Fraction(0)] * (length - len(row))
+
+
+def _solve(basis: Sequence[Coordinates], target: Coordinates) -> list[Fraction] | None:
+    """Coefficients c with target = sum c_b basis_b for independent basis vectors, or None."""
+    keys = sorted({key for vector in (*basis, target) for key in vector}, key=repr)
+    rows = [[vector.get(key, Fraction(0)) for vector in (*basis, target)] for key in keys]
+    for column in range(len(basis)):
+        pivot = next(index for index in range(column, len(rows)) if rows[index][column])
+        rows[column], rows[pivot] = rows[pivot], rows[column]
+        lead = rows[column][column]
+        rows[column] = [value / lead for value in rows[column]]
+        for index, row in enumerate(rows):
+            if index != column and row[column]:
+                factor = row[column]
+                rows[index] = [a - factor * b for a, b in zip(row, rows[column], strict=True)]
+    if any(row[-1] for row in rows[len(basis) :]):
+        return None
+    return [rows[column][-1] for column in range(len(basis))]
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """(sin u, cos u) or (sinh u, cosh u)."""
+
+    sine: Quotient
+    cosine: Quotient
+
+
+def adjoin_pairs(ring: ExactRing, nodes: Sequence[Apply], sign: int) -> None:
+    """Values of the trigonometric (sign -1) or hyperbolic (1) functions in `nodes`; TooLarge for large multiples."""
+    arguments = [ring.value(node.argument) for node in nodes]
+    turns = [_quarter_turns(ring, argument) if sign < 0 else 0 for argument in arguments]
+    free = [argument - _quarters(ring, count) for argument, count in zip(arguments, turns, strict=True)]
+    basis = argument_basis([coordinates_of(argument) for argument in free])
+    if any(abs(coefficient) > LARGEST_MULTIPLE for row in basis.coefficients for coefficient in row):
+        raise TooLarge(f"an angle is more than {LARGEST_MULTIPLE} times another one")
+    pairs: list[Pair | None] = []
+    for column, (place, scale) in enumerate(zip(basis.chosen, basis.scales, strict=True)):
+        users = [index for index, row in enumerate(basis.coefficients) if row[column]]
+        if _only_tangents(nodes, turns, basis, users):
+            _adjoin_tangent(ring, [nodes[index] for index in users], free[place], sign)
+            pairs.append(None)
+        else:
+            plain = nodes[place].argument if not turns[place] else None
+            pairs.append(_new_pair(ring, plain, free[place], scale, sign))
+    for node, count, row in zip(nodes, turns, basis.coefficients, strict=True):
+        if node not in ring.atoms:
+            ring.atoms[node] = _of_pair(node.function, _combined(ring, pairs, row, count, sign))
+
+
+def _quarter_turns(ring: ExactRing, argument: Quotient) -> int:
+    """k where the argument holds k pi/2, k an integer; otherwise 0."""
+    if PI not in ring.atoms:
+        return 0
+    (key,) = coordinates_of(ring.atoms[PI])
+    twice = 2 * coordinates_of(argument).get(key, Fraction(0))
+    return int(twice) if twice.denominator == 1 else 0
+
+
+def _quarters(ring: ExactRing, count: int) -> Quotient:
+    return ring.atoms[PI].scaled(Fraction(count, 2)) if count else ring.constant(0)
+
+
+def _only_tangents(nodes: Sequence[Apply], turns: Sequence[int], basis: ArgumentBasis, users: Sequence[int]) -> bool:
+    """Whether a basis argument occurs alone and under tan and cot (tanh and coth) only."""
+    return all(
+        nodes[index].function in ("tan", "cot", "tanh", "coth")
+        and not turns[index]
+        and sorted(basis.coefficients[index])[-1] == 1 == sum(map(abs, basis.coefficients[index]))
+        for index in users
+    )
+
+
+def _adjoin_tangent(ring: ExactRing, nodes: Sequence[Apply], argument: Quotient, sign: int) -> None:
+    name = "tan" if sign < 0 else "tanh"
+    index = ring.new_generator(Apply(name, nodes[0].argument))
+    tangent = ring.generator(index)
+    ring.set_slopes(index, [(ring.constant(1) - (tangent * tangent).scaled(sign), argument)])
+    for node in nodes:
+        ring.atoms[node] = tangent if node.function == name else tangent.inverse()
+
+
+def _new_pair(ring: ExactRing, plain: Expression | None, argument: Quotient, scale: int, sign: int) -> Pair:
+    """Generators for the argument divided by `scale`; the sine squared is the one that is reduced."""
+    names = ("sin", "cos") if sign < 0 else ("sinh", "cosh")
+    tree = scaled_tree(plain if plain is not None else quotient_tree(ring, argument), scale)
+    below = argument.scaled(Fraction(1, scale))
+    cosine_index = ring.new_generator(Apply(names[1], tree))
+    sine_index = ring.new_generator(Apply(names[0], tree))
+    pair = Pair(ring.generator(sine_index), ring.generator(cosine_index))
+    square = (pair.cosine * pair.cosine - ring.constant(1)).scaled(sign)
+    ring.field.relate(sine_index, 2, square.numerator)
+    # Both slopes need no derivative of the other, so the order of these two lines does not matter.
+    ring.set_slopes(sine_index, [(pair.cosine, below)])
+    ring.set_slopes(cosine_index, [(pair.sine.scaled(sign), below)])
+    return pair
+
+
+def _combined(ring: ExactRing, pairs: Sequence[Pair | None], row: Sequence[int], turns: int, sign: int) -> Pair:
+    """The pair of sum row[b] u_b + turns pi/2, by the addition theorems."""
+    total = Pair(ring.constant(0), ring.constant(1))
+    for _ in range(turns % 4):
+        total = Pair(total.cosine, -total.sine)
+    for pair, coefficient in zip(pairs, row, strict=True):
+        if pair is None or not coefficient:
+            continue
+        step = pair if coefficient > 0 else Pair(-pair.sine, pair.cosine)
+        for _ in range(abs(coefficient)):
+            total = _added(total, step, sign)
+    return total
+
+
+def _added(left: Pair, right: Pair, sign: int) -> Pair:
+    sine = left.sine * right.cosine + left.cosine * right.sine
+    return Pair(sine, left.cosine * right.cosine + (left.sine * right.sine).scaled(sign))
+
+
+def _of_pair(function: str, pair: Pair) -> Quotient:
+    match function.removesuffix("h"):
+        case "sin":
+            return pair.sine
+        case "cos":
+            return pair.cosine
+        case "tan":
+            return pair.sine / pair.cosine
+        case "cot":
+            return pair.cosine / pair.sine
+        case "sec":
+            return pair.cosine.inverse()
+        case "csc":
+            return pair.sine.inverse()
+    raise ValueError(f"{function} is not a trigonometric or hyperbolic function")

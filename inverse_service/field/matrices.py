@@ -1,0 +1,335 @@
+"""Linear algebra over an exact field: reduced rows, determinants, solutions, relations, definite matrices.
+
+`null_vectors` finds linear relations with constant coefficients among elements of a ring. Constants are numbers
+and whatever depends on no variable of the ring: parameters, their functions and roots. What multiplies a product of
+the other generators is one linear equation for the coefficients, over the field of constants.
+
+`definite_or_orthogonal`: a linear space of symmetric matrices has no definite element exactly if some Y >= 0, not 0,
+has tr(Y w) = 0 for all w of the space. An interior point method for max {s : sum c_k w_k - s >= 0, |c| <= 1} comes
+near a w with s > 0 or, where s = 0, near the Y of largest rank (Y = mu (sum c_k w_k - s)^-1 on the central path). It
+only proposes: w, or Y on the face of its own kernel (facial reduction), are rounded to fractions inside their spaces
+and tested exactly.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from itertools import combinations, combinations_with_replacement
+
+import numpy as np
+from flint import fmpq, fmpq_mat, fmpq_mpoly
+from numpy.typing import NDArray
+
+from inverse_service.field.exact_field import ExactRing, Quotient, as_fraction, coefficients_of, sum_of
+
+Row = list[Quotient]
+
+Matrix = tuple[tuple[Fraction, ...], ...]
+Floats = NDArray[np.float64]
+MOST = 8  # rows
+_ROUNDING = (1, 2, 6, 60, 1_000, 100_000, 10**8)
+_STEPS, _FINEST, _SHRINK = 40, 1e-9, 0.2
+_SOON, _INSIDE = 1e-3, 0.05
+_SMALL = 1e-4  # of the largest eigenvalue, those of Y that go to zero with mu
+
+
+@dataclass(frozen=True, slots=True)
+class ReducedRows:
+    """Rows with a leading 1 in the columns `pivots`.
+
+    `dropped` are the given rows that became zero in the columns reduced, each as (row, what is left of it).
+    """
+
+    rows: tuple[tuple[Quotient, ...], ...]
+    pivots: tuple[int, ...]
+    dropped: tuple[tuple[int, tuple[Quotient, ...]], ...]
+
+
+def weight(element: Quotient) -> int:
+    """How long an element is when it is written down."""
+    return len(element.numerator) + sum(len(element.field.denominators[index]) for index, _ in element.exponents)
+
+
+def dot(zero: Quotient, left: Sequence[Quotient], right: Sequence[Quotient]) -> Quotient:
+    """The sum of left_i right_i."""
+    return sum_of(zero, [a * b for a, b in zip(left, right, strict=True) if not (a.is_zero or b.is_zero)])
+
+
+def reduced_rows(rows: Sequence[Sequence[Quotient]], columns: Sequence[int]) -> ReducedRows:
+    """Gauss-Jordan elimination in the given columns, in their order; other columns are carried along."""
+    table = [(place, list(row)) for place, row in enumerate(rows)]
+    done: list[tuple[int, Row]] = []
+    for column in columns:
+        candidates = [item for item in table if not item[1][column].is_zero]
+        if not candidates:
+            continue
+        source, row = min(candidates, key=lambda item: weight(item[1][column]))
+        table.remove((source, row))
+        inverse = row[column].inverse()
+        row = [entry * inverse for entry in row]
+        table = [(place, _cleared(other, row, column)) for place, other in table]
+        done = [(pivot, _cleared(other, row, column)) for pivot, other in done]
+        done.append((column, row))
+    return ReducedRows(
+        tuple(tuple(row) for _, row in done),
+        tuple(pivot for pivot, _ in done),
+        tuple((place, tuple(row)) for place, row in table),
+    )
+
+
+def _cleared(row: Row, pivot_row: Row, column: int) -> Row:
+    """row - row[column] * pivot_row."""
+    head = row[column]
+    if head.is_zero:
+        return row
+    return [a if b.is_zero else a - head * b for a, b in zip(row, pivot_row, strict=True)]
+
+
+def solve_square(matrix: Sequence[Sequence[Quotient]], right: Sequence[Quotient]) -> tuple[Quotient, ...] | None:
+    """x with matrix x = right, None where the matrix is singular."""
+    size = len(matrix)
+    found = reduced_rows([[*row, value] for row, value in zip(matrix, right, strict=True)], range(size))
+    if len(found.pivots) < size:
+        return None
+    return tuple(row[size] for _, row in sorted(zip(found.pivots, found.rows, strict=True), key=lambda item: item[0]))
+
+
+def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient:
+    """The determinant, by expansion along the rows, those with fewest entries first, each minor once."""
+    order = sorted(range(len(matrix)), key=lambda i: sum(not entry.is_zero for entry in matrix[i]))
+
+    @cache
+    def minor(columns: tuple[int, ...]) -> Quotient:
+        """That of the last rows of the order and of `columns`."""
+        if not columns:
+            return one
+        row = matrix[order[len(matrix) - len(columns)]]
+        kept = [(k, column) for k, column in enumerate(columns) if not row[column].is_zero]
+        terms = [row[column] * minor(columns[:k] + columns[k + 1 :]) for k, column in kept]
+        return sum_of(one - one, [-term if k % 2 else term for (k, _), term in zip(kept, terms, strict=True)])
+
+    whole = minor(tuple(range(len(matrix))))
+    return -whole if sum(a > b for a, b in combinations(order, 2)) % 2 else whole
+
+
+def null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:
+    """A basis of the constant c with sum_k c_k columns[k] = 0, entry by entry."""
+    return list(null_space(_equations(ring, columns), len(columns), ring.constant(1)).values())
+
+
+def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> dict[int, list[Quotient]]:
+    """A basis of the vectors orthogonal to all rows, one for each column that is free: the one it has to itself."""
+    found = _reduced_numbers(rows, size, one) or reduced_rows(rows, range(size))
+    basis, zero = {}, one - one
+    for free in (k for k in range(size) if k not in found.pivots):
+        vector = [one if k == free else zero for k in range(size)]
+        for row, pivot in zip(found.rows, found.pivots, strict=True):
+            vector[pivot] = zero - row[free]
+        basis[free] = vector
+    return basis
+
+
+def _reduced_numbers(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> ReducedRows | None:
+    """The same of rational numbers, as a matrix of these; None where some entry is none."""
+    values = []
+    for entry in (entry for row in rows for entry in row):
+        value = entry.constant_value
+        if value is None:
+            return None
+        values.append(fmpq(value.numerator, value.denominator))
+    reduced, rank = fmpq_mat(len(rows), size, values).rref()
+    lines = [[as_fraction(reduced[i, k]) for k in range(size)] for i in range(rank)]
+    pivots = tuple(next(k for k, value in enumerate(line) if value) for line in lines)
+    return ReducedRows(tuple(tuple(map(one.scaled, line)) for line in lines), pivots, ())
+
+
+def solution(
+    ring: ExactRing, columns: Sequence[Sequence[Quotient]], right: Sequence[Quotient]
+) -> list[Quotient] | None:
+    """Constant c with sum_k c_k columns[k] = right, free ones 0; None where there are none."""
+    size = len(columns)
+    found = reduced_rows(_equations(ring, [*columns, right]), range(size + 1))
+    if size in found.pivots:
+        return None
+    values = dict(zip(found.pivots, found.rows, strict=True))
+    return [values[k][size] if k in values else ring.constant(0) for k in range(size)]
+
+
+def numerators(ring: ExactRing, elements: Iterable[Quotient]) -> list[fmpq_mpoly]:
+    """The elements times the least product of listed denominators that all of theirs divide, as polynomials.
+
+    Numerators are multiplied by what they lack: where r^2 = x^2 + y^2, trial division does not see that
+    (r + x^2 + y^2)/(r + 1) is r.
+    """
+    elements, greatest = list(elements), Counter[int]()
+    for element in elements:
+        greatest |= Counter(dict(element.exponents))
+    missing = [greatest - Counter(dict(element.exponents)) for element in elements]
+    return [
+        ring.field.product(element.numerator, ring.field.expand(tuple(sorted(lacks.items()))))
+        for element, lacks in zip(elements, missing, strict=True)
+    ]
+
+
+def _equations(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:
+    varying = sorted({index for table in ring.images for index in table})
+    zero, rows = ring.constant(0), list[Row]()
+    for entries in zip(*columns, strict=True):
+        parts: defaultdict[tuple[int, ...], Row] = defaultdict(lambda: [zero] * len(columns))
+        for k, numerator in enumerate(numerators(ring, entries)):
+            for powers, part in coefficients_of(numerator, varying).items():
+                parts[powers][k] = Quotient(ring.field, part, ())
+        rows += parts.values()
+    return rows
+
+
+def definite_or_orthogonal(space: Sequence[Matrix], size: int) -> tuple[Matrix | None, Matrix | None]:
+    """(w, None) with w definite in the space, (None, Y) with Y orthogonal to it, (None, None) where rounding fails."""
+    space = [w for w in space if any(map(any, w))]
+    if not space:
+        return None, _matrix([1 if i == j else 0 for i, j in _places(size)], size)
+    flat = np.array([[float(x) for row in w for x in row] for w in space])
+    flat /= np.abs(flat).max(axis=1)[:, None]
+    _, lengths, units = np.linalg.svd(flat, full_matrices=False)
+    basis = units[lengths > 1e-10 * lengths[0]].reshape(-1, size, size)
+    try:
+        with np.errstate(all="ignore"):
+            for weights, orthogonal in _central_path(basis):
+                member = np.tensordot(weights, basis, 1)
+                for w in _rounded(member, space, size) if np.linalg.eigvalsh(member)[0] > 0 else ():
+                    if rank_if_semidefinite(w) == size:
+                        return w, None
+                for y in _on_faces(orthogonal, space, size):
+                    if rank_if_semidefinite(y):
+                        return None, y
+    except np.linalg.LinAlgError:
+        pass
+    return None, None
+
+
+def rank_if_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> int | None:
+    """By symmetric elimination: no pivot is negative, and where one is zero its whole row is."""
+    rows, rank = [list(row) for row in matrix], 0
+    for k, row in enumerate(rows):
+        if row[k] < 0 or (not row[k] and any(row[k:])):
+            return None
+        rank += row[k] > 0
+        for other in rows[k + 1 :] if row[k] else ():
+            factor = other[k] / row[k]
+            other[:] = [a - factor * b for a, b in zip(other, row, strict=True)]
+    return rank
+
+
+def _central_path(basis: Floats) -> Iterator[tuple[Floats, Floats]]:
+    """(c, Y) on the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2): soon, and at its end."""
+    m, n, _ = basis.shape
+    x, mu = np.append(np.zeros(m), -1.0), 1.0
+    directions = np.concatenate([basis, -np.eye(n)[None]])
+    inverse = np.eye(n)
+    while mu > _FINEST:
+        for _ in range(_STEPS):
+            inverse = np.linalg.inv(np.tensordot(x, directions, 1))
+            turned = inverse @ directions
+            room = 1 - x[:m] @ x[:m]
+            gradient = np.trace(turned, axis1=1, axis2=2)
+            gradient[:m] -= 2 * x[:m] / room
+            gradient[m] += 1 / mu
+            hessian = np.einsum("aij,bji->ab", turned, turned)
+            hessian[:m, :m] += 2 * np.eye(m) / room + 4 * np.outer(x[:m], x[:m]) / room**2
+            step = np.linalg.lstsq(hessian, gradient, rcond=1e-15)[0]
+            decrement = max(float(gradient @ step), 0.0)
+            step *= 1.0 if decrement < 0.05 else 1 / (1 + decrement**0.5)
+            if decrement < 1e-6 or not _is_inside(x + step, directions):
+                break
+            x = x + step
+        if x[m] > _INSIDE or mu < _SOON <= mu / _SHRINK or mu * _SHRINK <= _FINEST:
+            yield x[:m], mu * inverse
+        mu *= _SHRINK
+
+
+def _is_inside(x: Floats, directions: Floats) -> bool:
+    return bool(x[:-1] @ x[:-1] < 1 and np.linalg.eigvalsh(np.tensordot(x, directions, 1))[0] > 0)
+
+
+def _on_faces(y: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matrix]:
+    """Y rounded among the matrices orthogonal to the space that have its kernel, then among all."""
+    values, vectors = np.linalg.eigh(y / np.trace(y))
+    rows = [[w[i][j] * (1 if i == j else 2) for i, j in _places(size)] for w in space]
+    null = vectors[:, values < _SMALL * values[-1]].T
+    for denominator in (12, 1_000) if len(null) else ():
+        face = [
+            [_at(v, i, j, r, size) for i, j in _places(size)] for v in _echelon(null, denominator) for r in range(size)
+        ]
+        yield from _rounded(y, [_matrix(k, size) for k in kernel([*rows, *face], len(rows[0]))], size)
+    yield from _rounded(y, [_matrix(k, size) for k in kernel(rows, len(rows[0]))], size)
+
+
+def _at(v: Sequence[Fraction], i: int, j: int, row: int, size: int) -> Fraction:
+    """The coefficient of Y_ij in (Y v)_row."""
+    return (v[j] if row == i else Fraction(0)) + (v[i] if row == j and i != j else Fraction(0))
+
+
+def _echelon(vectors: Floats, denominator: int) -> list[list[Fraction]]:
+    """A basis of the span in reduced echelon form, rounded."""
+    rows, found = vectors.copy(), 0
+    for column in range(rows.shape[1]):
+        pivot = found + int(np.argmax(np.abs(rows[found:, column]))) if found < len(rows) else -1
+        if pivot < 0 or abs(rows[pivot, column]) < 1e-3:
+            continue
+        rows[[found, pivot]] = rows[[pivot, found]]
+        rows[found] /= rows[found, column]
+        others = [k for k in range(len(rows)) if k != found]
+        rows[others] -= np.outer(rows[others, column], rows[found])
+        found += 1
+    return [[Fraction(float(x)).limit_denominator(denominator) for x in row] for row in rows[:found]]
+
+
+def _rounded(near: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matrix]:
+    """Members of the space near a matrix, those with small denominators first."""
+    if not space:
+        return
+    columns = np.array([[float(x) for row in w for x in row] for w in space]).T
+    weights = np.linalg.lstsq(columns, near.ravel(), rcond=None)[0]
+    largest = float(np.abs(weights).max()) or 1.0
+    for d in _ROUNDING:
+        short = [Fraction(round(float(c) / largest * d), d) for c in weights]
+        entries = [sum((c * w[i][j] for c, w in zip(short, space, strict=True)), Fraction(0)) for i, j in _places(size)]
+        yield _matrix(entries, size)
+
+
+def echelon_of(rows: Sequence[Sequence[Fraction]], width: int) -> list[tuple[int, list[Fraction]]]:
+    """The reduced echelon form: (column of the pivot, row with 1 in it)."""
+    zero = Fraction(0)
+    table = fmpq_mat(len(rows), width)
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            if entry:
+                table[i, j] = fmpq(*entry.as_integer_ratio())
+    reduced, rank = table.rref()
+    found = [[Fraction(int(x.p), int(x.q)) if x else zero for x in row] for row in reduced.tolist()[:rank]]
+    return [(next(j for j, x in enumerate(row) if x), row) for row in found]
+
+
+def kernel(rows: Sequence[Sequence[Fraction]], width: int) -> list[list[Fraction]]:
+    """A basis of {x : rows x = 0}."""
+    table = dict(echelon_of(rows, width))
+    found = []
+    for free in (j for j in range(width) if j not in table):
+        vector = [Fraction(int(j == free)) for j in range(width)]
+        for pivot, row in table.items():
+            vector[pivot] = -row[free]
+        found.append(vector)
+    return found
+
+
+def _places(size: int) -> list[tuple[int, int]]:
+    return list(combinations_with_replacement(range(size), 2))
+
+
+def _matrix(entries: Sequence[Fraction | int], size: int) -> Matrix:
+    table = dict(zip(_places(size), entries, strict=True))
+    return tuple(tuple(Fraction(table[min(i, j), max(i, j)]) for j in range(size)) for i in range(size))
