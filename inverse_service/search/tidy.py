@@ -45,6 +45,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.point import variables_in
+from inverse_service.field.real_point import RealTable, real_sign
 from inverse_service.mechanics.quadratic_forms import short_forms
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import joined
@@ -143,6 +144,52 @@ def _constant_divisors(trees: Iterable[Expression], parameters: frozenset[Symbol
     powers = (node for node in distinct_nodes(trees) if isinstance(node, Power) and isinstance(node.exponent, Number))
     bases = (node.base for node in powers if node.exponent.value < 0)  # type: ignore[union-attr]
     return {base for base in bases if parameters.issuperset(variables_in(base))}
+
+
+def with_written_roots(tree: Expression, system: SecondOrderSystem, point: RealTable) -> Expression | None:
+    """A multiple of L with the roots of sums that f has as it was written, and without divisors that are constants.
+
+    -m c^2 sqrt(1 - v^2/c^2) - V for -sqrt(c^2 - v^2) - V/(m c) where f holds 1 - v^2/c^2. None where f has no
+    such root.
+    """
+    constants = _parameters(system)
+    written: dict[Expression, tuple[Expression, Monomial, Fraction]] = {}
+    for node in distinct_nodes(system.given):
+        match node:
+            case Power(Sum() as base, Number(e)) if e.denominator > 1 and has_velocity(base):
+                with suppress(TooManyTerms):
+                    terms = terms_of(base)
+                    below = _divisor(terms, constants)
+                    whole = {times(key, below): value for key, value in terms.items()}
+                    content, _, rest = split_content(whole)
+                    written[rest] = (base, below, content)
+    if not any(below for _, below, _ in written.values()):
+        return None
+
+    found: dict[Monomial, Fraction] = {}
+    for key, value in terms_of(tree).items():
+        for letter, e in key:
+            base, below, content = written.get(letter, (letter, EMPTY, Fraction(1)))
+            if content != 1:
+                return None
+            key = times(times(key, frozenset([(letter, -e)])), frozenset([(base, e)])) if below else key
+            for constant, power in below:
+                value = value * (1 if real_sign(constant, point) > 0 or not (power * e) % 2 else -1)
+            key = times(key, below, e)
+        found[key] = found.get(key, Fraction(0)) + value
+    below = _divisor(found, constants)
+    sign = real_sign(monomial_tree(below), point) if below else 1
+    return kinetic_first(tree_of({times(key, below): sign * value for key, value in found.items()}))
+
+
+def _divisor(terms: Terms, constants: frozenset[Symbol]) -> Monomial:
+    """The lowest product of constants that all terms are polynomials in once they are multiplied with it."""
+    lowest: dict[Expression, Fraction] = {}
+    for key in terms:
+        for letter, e in key:
+            if letter in constants and e < 0:
+                lowest[letter] = min(e, lowest.get(letter, Fraction(0)))
+    return frozenset((letter, -e) for letter, e in lowest.items())
 
 
 def _shortest(tree: Expression, system: SecondOrderSystem) -> Expression:

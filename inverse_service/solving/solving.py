@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +42,7 @@ from inverse_service.mechanics.second_order_system import (
 from inverse_service.search.protocol import Found, SearchOutcome
 from inverse_service.search.row_factors import lagrangians_of_lines, with_written_masses
 from inverse_service.search.terms import TooManyTerms, reading_class
-from inverse_service.search.tidy import tidied
+from inverse_service.search.tidy import tidied, with_written_roots
 from inverse_service.solving.confirming import (
     NOT_YET,
     Progress,
@@ -422,12 +423,14 @@ def _by_lagrangian(work: Work, decision: Decision, highest: float = math.inf) ->
 
 
 def _as_written(work: Work, decision: Decision, tree: Expression) -> Expression:
-    """The confirmed Lagrangian, or its multiple with the masses of the equations as written where that is confirmed."""
+    """The confirmed Lagrangian, or its multiple with the masses and roots of the equations as written, if confirmed."""
     system = work.analysis.system
     given = tuple(on_branch(equation, system) for equation in work.options.given)
     multiple = with_written_masses(tree, system, given)
-    form = None if multiple is None else tidied(multiple, system)
-    return form if form is not None and is_confirmed(work, form, decision.with_time) else tree
+    form = tree if multiple is None else tidied(multiple, system)
+    with suppress(TooManyTerms):
+        form = with_written_roots(form, system, work.analysis.real_point or {}) or form
+    return form if form != tree and is_confirmed(work, form, decision.with_time) else tree
 
 
 def _proposed(work: Work, decision: Decision, tree: Expression) -> Answer:
