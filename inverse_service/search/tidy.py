@@ -10,7 +10,7 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations
-from math import comb
+from math import comb, prod
 
 from inverse_service import bounds
 from inverse_service.errors import InputError, IrreducibleAtoms
@@ -156,20 +156,21 @@ def with_written_roots(tree: Expression, system: SecondOrderSystem, point: RealT
     written: dict[Expression, tuple[Expression, Monomial, Fraction]] = {}
     for node in distinct_nodes(system.given):
         match node:
-            case Power(Sum() as base, Number(e)) if e.denominator > 1 and has_velocity(base):
+            case Power(Sum() as radicand, Number(e)) if e.denominator > 1 and has_velocity(radicand):
                 with suppress(TooManyTerms):
-                    terms = terms_of(base)
+                    terms = terms_of(radicand)
                     below = _divisor(terms, constants)
                     whole = {times(key, below): value for key, value in terms.items()}
                     content, _, rest = split_content(whole)
-                    written[rest] = (base, below, content)
+                    written[rest] = (radicand, below, content)
     if not any(below for _, below, _ in written.values()):
         return None
 
     found: dict[Monomial, Fraction] = {}
     for key, value in terms_of(tree).items():
         for letter, e in key:
-            base, below, content = written.get(letter, (letter, EMPTY, Fraction(1)))
+            entry: tuple[Expression, Monomial, Fraction] = (letter, EMPTY, Fraction(1))
+            base, below, content = written.get(letter, entry)
             if content != 1:
                 return None
             key = times(times(key, frozenset([(letter, -e)])), frozenset([(base, e)])) if below else key
@@ -177,8 +178,9 @@ def with_written_roots(tree: Expression, system: SecondOrderSystem, point: RealT
                 value = value * (1 if real_sign(constant, point) > 0 or not (power * e) % 2 else -1)
             key = times(key, below, e)
         found[key] = found.get(key, Fraction(0)) + value
+    rooted = {letter for _, below, _ in written.values() for letter, _ in below}
     below = _divisor(found, constants)
-    sign = real_sign(monomial_tree(below), point) if below else 1
+    sign = prod(real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
     return kinetic_first(tree_of({times(key, below): sign * value for key, value in found.items()}))
 
 
