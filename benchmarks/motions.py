@@ -1,4 +1,4 @@
-"""Which motions can be given a Hamiltonian: docs/questions/motions.ndjson, as docs/reference/open-questions.md has it.
+"""Which motions can be given a Hamiltonian: docs/questions/motions.ndjson, as docs/records/motions.md has it.
 
 For each the question about L(q, q') is settled alone, for its order and dimensions, then `solve` answers all of it.
 """
@@ -22,7 +22,7 @@ from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
 
-QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/reference/open-questions.md")
+QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/records/motions.md")
 HEAD = (
     "motion",
     "can it be given a Hamiltonian?",

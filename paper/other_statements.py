@@ -121,5 +121,5 @@ def _conclusion(edge: Run, particle: list[Run]) -> Statement:
         f"alpha = 1/2 the nonholonomic method keeps the radius of the knife edge to "
         f"{shown(radius['nonholonomic-0.5'])}, the variational one to {shown(radius['variational-0.5'])}; for the "
         f"particle the errors in z are {shown(errors['nonholonomic'])} and {shown(errors['variational'])}. All these "
-        "problems are reversible, which favours every symmetric method (Modin and Verdier).", CODE,
+        "problems are reversible, which favors every symmetric method (Modin and Verdier).", CODE,
     )  # fmt: skip

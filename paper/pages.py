@@ -22,6 +22,82 @@ MEANING = {
 }
 
 
+# How each statement is checked, by its key.
+HOW = {
+    "motion": "exact, modulo two primes at random points",
+    "associated": "exact, modulo two primes at random points",
+    "proposition-1-1": "a certificate for each system, found valid by the independent checker",
+    "proposition-1-2": "a certificate for each system; the paper's L put into the Euler-Lagrange equations",
+    "nabla-phi": "Hill's lunar problem, exact",
+    "curvature": "geodesics of a metric in three dimensions, exact",
+    "singular": "the null space of the conditions at a generic point",
+    "hamiltonian": "the harmonic oscillator, exact",
+    "proposition-2": "the Legendre transformation, exact",
+    "circle": "three points of a circle",
+    "disk-exact": "quadratures of the class against the formula, h = 0.2, T = 25",
+    "disk-spiral": "simulation, h = 0.2",
+    "disk-energy": "simulation, energy at the point of the discrete Lagrangian",
+    "disk-modified": "simulation, radius of the matching circles",
+    "disk-constraints": "simulation, greatest defect and its changes of sign",
+    "disk-alpha": "simulation, T = 100, four values of alpha",
+    "disk-unchanged": "simulation, T = 100, four values of alpha",
+    "knife-edge": "simulation, h = 0.05, T = 40",
+    "particle": "simulation, begun on the discrete constraint",
+    "particle-alpha": "simulation, both starts, six values of alpha",
+    "conclusion": "the simulations above",
+    "potential": "certificates, found valid by the independent checker",
+    "proposition-3": "certificates; a counterexample",
+    "two-constraints": "certificates, found valid by the independent checker",
+    "free-constants": "simulation for five values of C",
+    "center": "simulation over 1,000,000 steps",
+    "third": "simulation through A = 0",
+    "inclined-edge": "simulation against the closed form of the motion",
+}
+# What the paper does not have, and where it is shown.
+NEW = """## What is new here
+
+- **The knife edge on an inclined plane is Hamiltonian.** Its associated systems of the first and second kind have
+  no Lagrangian; another system with the same motions on the constraint has one. [Open
+  questions](reference/open-questions.md) has the certificate's command.
+- **Which motions have no Lagrangian at all.** For the class with a potential the question is decided for every
+  associated system at once, by potential, with one and with two constraints: [the table of
+  motions](reference/open-questions.md).
+- **A third associated system**, whose Lagrangian is regular where A vanishes: [constrained
+  systems](explanation/constrained-systems.md).
+- **Systems outside the class**, Chaplygin's reduction, and changes of time: [constrained
+  systems](explanation/constrained-systems.md).
+
+[Records](records/paper.md) has every table and figure behind these rows, [the notebook](notebooks/paper.ipynb) a
+short version to run.
+"""
+
+
+def side_by_side(sections: Sequence[Section]) -> str:
+    """What the paper says, what is computed, and how it is checked: a row for each statement."""
+    about = ABOUT.split(". Each line")[0] + "."
+    lines = [f"# {TITLE}", "", about + " Bibliography: `docs/references.bib`. Made by `make paper`.", ""]
+    lines += _table(_summary(sections))
+    for section in sections:
+        rows = tuple(
+            (one.where, one.claim, f"**{one.finding}**: {one.computed}", f"{HOW.get(one.key, '')}; {one.code}")
+            for one in section.statements
+        )
+        lines += [
+            "",
+            f"## {section.heading}",
+            "",
+            "| where | the paper | here | checked how |",
+            "| --- | --- | --- | --- |",
+        ]
+        for where, claim, here, how in rows:
+            finding, _, computed = here.partition(": ")
+            cells = (_escaped(where), _escaped(claim), f"{finding}: {_escaped(computed)}", _escaped(how))
+            lines.append("| " + " | ".join(cells) + " |")
+    errata = [one for section in sections for one in section.statements if one.finding == "erratum"]
+    lines += ["", "## Errata", "", *(f"- {_escaped(one.where)}: {_escaped(one.computed)}" for one in errata)]
+    return "\n".join([*lines, "", NEW])
+
+
 def counts(sections: Sequence[Section]) -> Counter[str]:
     """How many statements there are of each finding."""
     return Counter(statement.finding for section in sections for statement in section.statements)

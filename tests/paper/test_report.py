@@ -85,6 +85,11 @@ def test_the_markdown_shows_findings_tables_and_figures() -> None:
     assert "&lt;claim>" in text
 
 
+def test_the_side_by_side_page_has_a_row_for_each_statement() -> None:
+    text = pages.side_by_side([SAMPLE])
+    assert r"| where | L~ = x'^2\*y &lt;claim> | **differs**: a\|b\_c |" in text
+
+
 def test_the_html_is_well_formed_and_escapes_formulas() -> None:
     class Balance(HTMLParser):
         def __init__(self) -> None:
@@ -115,5 +120,6 @@ def test_no_statement_of_the_paper_differs(tmp_path: Path) -> None:
     assert sum(number_of.values()) >= 25
     for section in found:
         for statement in section.statements:
+            assert statement.key in pages.HOW
             for figure in statement.figures:
                 assert (tmp_path / f"{figure.name}.svg").is_file()
