@@ -1,4 +1,8 @@
-"""Connections, limited in number (in all, and of one address) and in time, served in turn."""
+"""Connections: two counts (in all, and of one address) and two times (for a head, for a body).
+
+What a proxy does better, which is to take slow heads, bodies in crumbs, and answers that nobody reads, is left to the
+proxy that a port for strangers needs; see docs/how-to/operate.md.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import asyncio
 import ipaddress
 import sys
 import time
-from collections import Counter, deque
+from collections import Counter
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any
@@ -16,24 +20,15 @@ from starlette.responses import Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from inverse_service.web.clients import place_of
-from inverse_service.web.middleware import MOST_HEADERS, headers_too_large, not_http, too_many_connections
+from inverse_service.web.middleware import headers_too_large, not_http, too_many_connections
 
 # The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
-HEADERS = 10.0
-KEEP_ALIVE = 30.0
+HEADERS, KEEP_ALIVE = 10.0, 30.0
 # A body may come this slowly after its first seconds.
-BODY_GRACE = 15.0
-BYTES_A_SECOND = 10_000
-# An answer of which the client takes nothing for so long is given up, s.
-STALL = 120.0
+BODY_GRACE, BYTES_A_SECOND = 15.0, 10_000
 LOOK_EVERY = 1.0
 # So long what comes after a refused head is dropped before the connection is closed, s.
 LINGER = 2.0
-# In one turn of the loop so many connections are heard, and of what waits one of each address after the other.
-HEARD_AT_ONCE = 8
-# Data with a line end in so many bytes, as chunks of a byte or thousands of headers are, cost the loop far more than
-# their length: of them so much is taken in a turn, of others so much.
-CRUMB, FEW_BYTES, MANY_BYTES = 16, 2048, 262_144
 
 
 @dataclass(slots=True)
@@ -47,8 +42,6 @@ class Connections:
     timed_out: int = 0
     _open: set[Connection] = field(default_factory=set)
     _addresses: Counter[str] = field(default_factory=Counter)
-    _turns: dict[str, deque[Connection]] = field(default_factory=dict)
-    _heard: int = 0
 
     def __len__(self) -> int:
         return len(self._open)
@@ -59,10 +52,8 @@ class Connections:
 
     def admit(self, connection: Connection) -> bool:
         """Take a new connection in, at the cost of the one that was silent longest where all places are taken."""
-        if self._addresses[connection.address] >= self.of_an_address and not self._is_proxy(connection.address):
-            self.refused += 1
-            return False
-        if len(self._open) >= self.total and not self._make_room():
+        is_many = self._addresses[connection.address] >= self.of_an_address and not self._is_proxy(connection.address)
+        if is_many or (len(self._open) >= self.total and not self._make_room()):
             self.refused += 1
             return False
         if not self._open:
@@ -75,33 +66,7 @@ class Connections:
         """A connection is gone."""
         if connection in self._open:
             self._open.discard(connection)
-            self._addresses[connection.address] -= 1
-            if not self._addresses[connection.address]:
-                del self._addresses[connection.address]
-
-    def hears(self, connection: Connection) -> bool:
-        """Whether a connection may take what came at once, or waits for its turn: nobody's burst delays others."""
-        if self._heard == 0 and not self._turns:
-            connection.loop.call_soon(self._give_turns, connection.loop)
-        self._heard += 1
-        return self._heard <= HEARD_AT_ONCE and connection.address not in self._turns
-
-    def wait_for_turn(self, connection: Connection) -> None:
-        """Let a connection take what came when it is its turn."""
-        self._turns.setdefault(connection.address, deque()).append(connection)
-
-    def _give_turns(self, loop: asyncio.AbstractEventLoop) -> None:
-        addresses = list(self._turns)[:HEARD_AT_ONCE]
-        self._heard = len(addresses)
-        if addresses:
-            loop.call_soon(self._give_turns, loop)
-        for address in addresses:
-            waiting = self._turns.pop(address)
-            connection = waiting.popleft()
-            if waiting:
-                self._turns[address] = waiting  # behind all others
-            if connection.take_some():
-                self.wait_for_turn(connection)
+            self._addresses -= Counter({connection.address: 1})
 
     def _is_proxy(self, address: str) -> bool:
         try:
@@ -113,12 +78,11 @@ class Connections:
 
     def _make_room(self) -> bool:
         silent = [connection for connection in self._open if connection.is_waiting]
-        if not silent:
-            return False
-        longest = min(silent, key=lambda connection: connection.since)
-        self.forget(longest)
-        longest.transport.abort()
-        return True
+        if silent:
+            longest = min(silent, key=lambda connection: connection.since)
+            self.forget(longest)
+            longest.transport.abort()
+        return bool(silent)
 
     def _look(self, loop: asyncio.AbstractEventLoop) -> None:
         """Close what took too long; again in a second."""
@@ -138,14 +102,9 @@ class Connection(H11Protocol):
         self._all = all_of_them
         self.address = ""
         self.since = time.monotonic()
-        self._is_first = True
         self._request: object = None
         self._received = 0
-        self._unread = 0
-        self._rest = bytearray()
         self._is_refused = False
-        self._lines = 0
-        self._tail = b""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -161,64 +120,23 @@ class Connection(H11Protocol):
     def data_received(self, data: bytes) -> None:
         if self._is_refused:
             return
-        if not self._rest and self._all.hears(self) and len(data) <= _most_of(data):
-            self._take(data)
-            return
-        if not self._rest:
-            self._all.wait_for_turn(self)
-        self._rest += data
-        self.transport.pause_reading()
-
-    def take_some(self) -> bool:
-        """Take some of what came and waits; whether there is more."""
-        if self._is_refused or self.transport.is_closing():
-            self._rest.clear()
-            return False
-        most = _most_of(self._rest)
-        some, self._rest = bytes(self._rest[:most]), self._rest[most:]
-        self._take(some)
-        if not self._rest and not self.flow.read_paused:
-            self.transport.resume_reading()
-        return bool(self._rest)
-
-    def _take(self, data: bytes) -> None:
-        if self.is_waiting and self._lines_of_head(data) > MOST_HEADERS:
-            self._refuse_head(headers_too_large())
-            return
         super().data_received(data)
-        if not self.is_waiting:
-            self._lines, self._tail = 0, b""
         if self.cycle is not self._request:
-            self._request, self._is_first = self.cycle, False
-            self.since, self._received = time.monotonic(), 0
+            self._request, self.since, self._received = self.cycle, time.monotonic(), 0
         self._received += len(data)
 
     def send_400_response(self, msg: str) -> None:
-        """431 where the head is larger than h11 keeps, as for one that comes at once; else 400. A head that cannot be
-        read is refused; where a body cannot be, the connection ends, with this answer if there is none yet."""
+        """431 where the head is larger than h11 keeps, else 400; then the end, as what follows may be meant as a part.
+
+        What the client still sends is read and dropped: to close before would reset the connection, and lose the answer.
+        """
         is_large = getattr(sys.exc_info()[1], "error_status_hint", 400) == 431
-        answer = headers_too_large() if is_large else not_http()
-        if self.conn.our_state is h11.IDLE:
-            self._refuse_head(answer)
-            return
-        if self.conn.our_state is h11.SEND_RESPONSE:
-            self.cycle.disconnected = True
-            self._write(answer)
-        self.transport.close()
-
-    def _lines_of_head(self, data: bytes) -> int:
-        """The lines of the head so far; what follows it is not counted."""
-        head, end, _ = (self._tail + data).partition(b"\r\n\r\n")
-        self._lines += head.count(b"\n") - self._tail.count(b"\n")
-        self._tail = b"" if end else data[-3:]
-        return self._lines
-
-    def _refuse_head(self, answer: Response) -> None:
-        """Answer and end. What the client still sends is read and dropped: to close before it is read would reset the
-        connection and take the answer with it."""
-        self._write(answer)
         self._is_refused = True
-        self.transport.write_eof()
+        if self.cycle is not None:
+            self.cycle.disconnected = True
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            self._write(headers_too_large() if is_large else not_http())
+            self.transport.write_eof()
         self.loop.call_later(LINGER, self.transport.close)
 
     def _write(self, answer: Response) -> None:
@@ -237,22 +155,7 @@ class Connection(H11Protocol):
         return self.cycle is None or self.cycle.response_complete
 
     def is_late(self, now: float) -> bool:
-        """Whether the client takes longer than it may for what it does now."""
-        if self.transport.is_closing():
-            return False
+        """Whether the client takes longer than it may for its next head, or for its body."""
         if self.is_waiting:
-            return now - self.since > (HEADERS if self._is_first else KEEP_ALIVE)
-        if self.cycle.more_body:
-            return now - self.since > BODY_GRACE + self._received / BYTES_A_SECOND
-        return self._is_stalled(now)
-
-    def _is_stalled(self, now: float) -> bool:
-        unread = self.transport.get_write_buffer_size()
-        if unread == 0 or unread != self._unread:
-            self._unread, self.since = unread, now
-        return now - self.since > STALL
-
-
-def _most_of(data: bytes | bytearray) -> int:
-    """How much of it may be taken in a turn."""
-    return FEW_BYTES if CRUMB * data.count(b"\n") > len(data) else MANY_BYTES
+            return now - self.since > (HEADERS if self._request is None else KEEP_ALIVE)
+        return self.cycle.more_body and now - self.since > BODY_GRACE + self._received / BYTES_A_SECOND

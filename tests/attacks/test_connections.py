@@ -83,28 +83,6 @@ def in_chunks_of_one_byte(body: bytes) -> bytes:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "data", [in_chunks_of_one_byte(b" " * 200_000), HEAD[:-2] + b"a:\r\n" * 7_900 + b"\r\n"], ids=["chunks", "headers"]
-)
-def test_what_comes_in_crumbs_on_many_connections_holds_up_nobody(service: Attacked, data: bytes) -> None:
-    with Watch(service) as watch:
-        found = opened(service, 20)
-        for connection in found:
-            connection.setblocking(False)
-        rest = dict.fromkeys(found, data)
-        end = time.monotonic() + 3
-        while any(rest.values()) and time.monotonic() < end:
-            for connection in [each for each in found if rest[each]]:
-                try:
-                    rest[connection] = rest[connection][connection.send(rest[connection]) :]
-                except BlockingIOError:
-                    continue
-            time.sleep(0.01)
-        close(found)
-    watch.hold()
-
-
-@pytest.mark.slow
 def test_a_document_in_chunks_of_one_byte_is_read(service: Attacked) -> None:
     body = DOCUMENT + b" " * 20_000
     with socket.create_connection(("127.0.0.1", service.port)) as connection:
