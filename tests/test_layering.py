@@ -90,3 +90,11 @@ def test_every_package_has_a_floor() -> None:
 )
 def test_an_import_that_points_up_is_found(source: str) -> None:
     assert faults(Path("inverse_service/expressions/text.py"), source)
+
+
+def test_what_a_worker_loads_first_is_there() -> None:
+    """Its modules are named in a list, which a move forgets; a service without them never becomes ready."""
+    from inverse_service.service.jobs.tasks import ENGINE
+
+    missing = [name for name in ENGINE if not (ROOT / "inverse_service" / f"{name.replace('.', '/')}.py").exists()]
+    assert [name for name in missing if not (ROOT / "inverse_service" / name.replace(".", "/")).is_dir()] == []
