@@ -128,7 +128,7 @@ class Connection(H11Protocol):
     def send_400_response(self, msg: str) -> None:
         """431 where the head is larger than h11 keeps, else 400; then the end, as what follows may be meant as a part.
 
-        What the client still sends is read and dropped: to close before would reset the connection, and lose the answer.
+        What the client still sends is read and dropped: to close before would reset the connection and lose the answer.
         """
         is_large = getattr(sys.exc_info()[1], "error_status_hint", 400) == 431
         self._is_refused = True
