@@ -22,7 +22,7 @@ from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_atlas import CITE, LICENSE, found_by
 
 router = APIRouter()
-FIRST_SHOWN, MOST_SHOWN = 30, 200
+FIRST_SHOWN, MOST_SHOWN = 20, 200
 REFERENCE = re.compile(
     r"(?:arXiv:\s*|(?<=, ))(?P<arxiv>\d{4}\.\d{4,5})|doi:\s*(?P<doi>10\.\d{4,}/[^\s,;]+[^\s,;.])"
     r"|math\.stackexchange\.com/questions/(?P<stack>\d+)|(?:MathOverflow |mathoverflow\.net/questions/)(?P<flow>\d+)"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
-import json
 import re
 import sys
 from collections.abc import Mapping
@@ -25,7 +24,6 @@ from starlette.responses import HTMLResponse, Response
 
 from inverse_service.expressions.letters import greek_letter
 from inverse_service.kernels.machine_code import code_store
-from inverse_service.service.documents.text_page import guessed_words
 from inverse_service.service.jobs.tasks import KINDS
 from inverse_service.web.clients import client_of, require_client
 from inverse_service.web.pages import typesetting
@@ -38,7 +36,7 @@ LOADED = {
     "style.css": (FONT,),
     "motion.js": ("system.js",),
     "page.js": ("motion.js",),
-    "play.js": ("figures.js", "motion.js", "system.js"),
+    "play.js": ("motion.js", "system.js"),
 }
 # A changed file has another address, so an address never changes its content.
 FOREVER = "public, max-age=31536000, immutable"
@@ -223,10 +221,8 @@ def environment() -> Environment:
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
     found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: greek_letter(word[0]) or word[0], name)
-    found.filters["guessed_words"] = guessed_words
     found.filters["short_number"] = short_number
     found.filters["duration"] = duration
-    found.filters["indented"] = lambda value: json.dumps(value, indent=1)
     found.filters["code_marks"] = code_marks
     found.filters["capitalized"] = lambda text: text[:1].upper() + text[1:]
     found.filters["progress_text"] = progress_text

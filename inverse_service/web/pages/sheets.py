@@ -485,7 +485,7 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
     if clock := result.get("with_clock"):
         yield _clock_row(clock, result, names)
     if cases := result.get("special_cases"):
-        yield Row("Special values", Markup("").join(_special(cases, names)))
+        yield Row("Special cases", Markup("").join(_special(cases, names)))
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     spent = seconds.get("all", sum(value for value in seconds.values() if isinstance(value, int | float)))
     if spent:

@@ -314,7 +314,7 @@ def _positive(value: float | None) -> float | None:
 
 def figure_data(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     """What the script draws: each figure with its axes and its lines."""
-    return [_figure(name, title, result) for name, title in figure_names(result)] + _space(result)
+    return [_figure(name, title, result) for name, title in figure_names(result)]
 
 
 def _figure(name: str, title: str, result: Mapping[str, Any]) -> dict[str, Any]:
@@ -485,27 +485,6 @@ def _precision_line(k: int, method: Mapping[str, Any]) -> dict[str, Any]:
     good = [s for s in method["settings"] if s["error"] and s["best_seconds"] and not s["at_floor"]]
     x, y = [s["best_seconds"] for s in good], [s["relative_error"] for s in good]
     return {**_line(k, {"label": method["label"], "method": method["method"]}, x, y), "markers": True}
-
-
-def _space(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The motion in three dimensions: three coordinates, or the plane and time."""
-    if "trajectory" not in result.get("observe", ()):
-        return []
-    coordinates = result["system"]["coordinates"]
-    pair = result["circle_coordinates"]
-    axes = ["x", "y", "z"] if {"x", "y", "z"} <= set(coordinates) else [*(pair or coordinates[:2]), "t"]
-    if len(axes) != 3:
-        return []
-    lines = []
-    for k, method in enumerate(result["methods"]):
-        columns = columns_of(method)
-        if all(columns.get(axis) for axis in axes):
-            line = _line(k, method, columns[axes[0]], columns[axes[1]])
-            every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
-            lines.append({**line, "z": [_short(value) for value in columns[axes[2]][::every]]})
-    shown = [greek_letter(axis) or axis for axis in axes]
-    space = {"name": "space", "title": "In three dimensions", "axes": shown, "dots": is_thinned(result), "lines": lines}
-    return [space] if lines else []
 
 
 def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -1,25 +1,16 @@
-// Draws the figures of a simulation: each has views to choose from; the one in space can be turned.
+// Draws the figures of a simulation: each has views to choose from.
 
-export const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const LOOKS = [["--accent", []], ["--no", [7, 4]], ["--yes", [2, 4]], ["--open", [9, 3, 2, 3]]];
+const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 // Lines that coincide are all seen: each is broader than the next above it, and one through the dashes of another.
 const breadth = (k, count) => 1.6 + 2.4 * Math.min(3, count - 1 - k);
 
-// A line through all recorded steps; of a part of them the points, because chords would fill a circle.
-function trace(pen, places, dots) {
-  pen.beginPath();
-  for (const [u, v] of places) {
-    if (dots) pen.rect(u - 0.7, v - 0.7, 1.4, 1.4);
-    else pen.lineTo(u, v);
-  }
-  pen.stroke();
-}
+const raised = (power) => String(power).replace(/./g, (sign) => (sign === "-" ? "\u207b" : "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[sign]));
 
-// Axes with round values, lines or dots; the range is kept for who drags on it.
-export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y = false, equal = false, start = true }) {
+// Axes with round values, lines or dots.
+function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y = false, equal = false }) {
   const ratio = devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientWidth * 0.66];
-  if (!width) return null;
+  if (!width) return;
   [canvas.width, canvas.height] = [width * ratio, height * ratio];
   const pen = canvas.getContext("2d");
   pen.scale(ratio, ratio);
@@ -59,7 +50,7 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
       pen.stroke();
       pen.fillStyle = color("--soft");
       pen.textAlign = isX ? "center" : "right";
-      const text = isLogarithmic ? `1e${k * step}` : String(Number((k * step).toPrecision(6)));
+      const text = isLogarithmic ? `10${raised(k * step)}` : String(Number((k * step).toPrecision(6)));
       pen.fillText(text, isX ? at : box.left - 6, isX ? box.bottom + 16 : at + 4);
     }
   }
@@ -70,19 +61,18 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
   pen.rotate(-Math.PI / 2);
   pen.fillText(y, 0, 0);
   pen.restore();
-  lines.forEach((line, k) => {
-    const [name, dash] = LOOKS[k % LOOKS.length];
-    pen.strokeStyle = pen.fillStyle = line.color ?? color(name);
+  for (const line of lines) {
+    pen.strokeStyle = pen.fillStyle = line.color;
     pen.globalAlpha = line.alpha ?? 1;
     if (dots || line.markers) {
       const size = Math.max(3, line.width ?? 0);
       pen.beginPath(); // filled at once: where points overlap a pale line stays pale
       line.x.forEach((v, i) => pen.rect(X(v) - size / 2, Y(line.y[i]) - size / 2, size, size));
       pen.fill();
-      if (dots) return;
+      if (dots) continue;
     }
-    pen.lineWidth = line.width ?? (k ? 1.5 : 2);
-    pen.setLineDash(line.dash ?? dash);
+    pen.lineWidth = line.width;
+    pen.setLineDash(line.dash);
     pen.beginPath();
     let isDrawn = false;
     line.x.forEach((v, i) => {
@@ -92,16 +82,8 @@ export function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y 
     });
     pen.stroke();
     pen.setLineDash([]);
-  });
-  pen.globalAlpha = 1;
-  const begin = start && lines[0] && !dots && { x: X(lines[0].x[0]), y: Y(lines[0].y[0]) };
-  if (begin) {
-    pen.fillStyle = color("--ink");
-    pen.beginPath();
-    pen.arc(begin.x, begin.y, 4.5, 0, 2 * Math.PI);
-    pen.fill();
   }
-  return { value: (u, v) => [across[0] + ((u - box.left) / (box.right - box.left)) * (across[1] - across[0]), up[0] + ((box.bottom - v) / (box.bottom - box.top)) * (up[1] - up[0])] };
+  pen.globalAlpha = 1;
 }
 
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
@@ -166,92 +148,15 @@ class Figure {
     const view = this.views[Number(this.choice.value) || 0];
     if (!view) return;
     const lines = layers(view.lines, view.lines.some((line) => line.markers));
-    chart(this.canvas, { ...view, lines, start: false });
+    chart(this.canvas, { ...view, lines });
     tabulate(this.table, view);
     this.legend.replaceChildren(...[...lines].sort((a, b) => a.place - b.place).map(swatch));
   }
 }
 
-class Space {
-  constructor(figure, data) {
-    this.figure = figure;
-    this.data = data;
-    this.canvas = figure.querySelector("canvas");
-    this.turn = figure.querySelector("[data-turn]");
-    this.tilt = figure.querySelector("[data-tilt]");
-    figure.hidden = false;
-    figure.querySelector("figcaption").textContent = `Axes: ${data.axes.join(", ")}.${data.dots ? " Points are some of the steps." : ""}`;
-    for (const slider of [this.turn, this.tilt]) slider.addEventListener("input", () => this.draw());
-    this.canvas.addEventListener("pointerdown", (event) => this.canvas.setPointerCapture(event.pointerId));
-    this.canvas.addEventListener("pointermove", (event) => {
-      if (!event.buttons) return;
-      this.turn.value = Number(this.turn.value) + event.movementX / 2;
-      this.tilt.value = Number(this.tilt.value) + event.movementY / 2;
-      this.draw();
-    });
-    this.boxes = ["x", "y", "z"].map((key) => {
-      let [low, high] = [Infinity, -Infinity];
-      for (const line of data.lines) for (const v of line[key]) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
-      return [(low + high) / 2, Math.max(high - low, 1e-9) / 2];
-    });
-    const flat = data.axes[2] === "t" ? 2 : 3; // lengths share one scale, time has its own
-    const size = Math.max(...this.boxes.slice(0, flat).map((box) => box[1]));
-    this.boxes.slice(0, flat).forEach((box) => (box[1] = size));
-    new ResizeObserver(() => this.draw()).observe(this.canvas);
-  }
-
-  project(point) {
-    const [x, y, z] = point.map((value, k) => (value - this.boxes[k][0]) / this.boxes[k][1]);
-    const a = (this.turn.value * Math.PI) / 180;
-    const b = (this.tilt.value * Math.PI) / 180;
-    const across = x * Math.cos(a) - y * Math.sin(a);
-    const depth = x * Math.sin(a) + y * Math.cos(a);
-    return [across, z * Math.cos(b) + depth * Math.sin(b)];
-  }
-
-  draw() {
-    const ratio = devicePixelRatio || 1;
-    const width = this.canvas.clientWidth;
-    const height = width * 0.68;
-    if (!width) return;
-    this.canvas.width = width * ratio;
-    this.canvas.height = height * ratio;
-    const pen = this.canvas.getContext("2d");
-    pen.scale(ratio, ratio);
-    const scale = Math.min(width, height) * 0.3;
-    const place = (point) => { const [u, v] = this.project(point); return [width / 2 + u * scale, height / 2 - v * scale]; };
-    this.frame(pen, place);
-    for (const line of layers(this.data.lines)) {
-      pen.strokeStyle = line.color;
-      pen.globalAlpha = line.alpha ?? 1;
-      pen.lineWidth = line.width;
-      pen.setLineDash(line.dash);
-      trace(pen, line.x.map((_, k) => place([line.x[k], line.y[k], line.z[k]])), this.data.dots);
-    }
-    pen.globalAlpha = 1;
-    pen.setLineDash([]);
-  }
-
-  frame(pen, place) {
-    const corner = (signs) => place(signs.map((sign, k) => this.boxes[k][0] + sign * this.boxes[k][1]));
-    pen.strokeStyle = color("--line");
-    pen.lineWidth = 1;
-    for (let k = 0; k < 3; k += 1) for (const s of [-1, 1]) for (const t of [-1, 1]) {
-      const ends = [-1, 1].map((e) => { const signs = [s, t]; signs.splice(k, 0, e); return corner(signs); });
-      pen.beginPath(); pen.moveTo(...ends[0]); pen.lineTo(...ends[1]); pen.stroke();
-    }
-    pen.fillStyle = color("--soft");
-    pen.font = "13px sans-serif";
-    this.data.axes.forEach((name, k) => { const signs = [-1, -1, -1]; signs[k] = 1.18; pen.fillText(name, ...corner(signs)); });
-  }
-}
-
 async function draw(place) {
   const data = await (await fetch(place.dataset.figures)).json();
-  const figures = data.filter((figure) => figure.views).map((figure) => new Figure(place.querySelector(`[data-plot="${figure.name}"]`), figure));
-  const space = data.find((figure) => figure.name === "space");
-  const holder = place.querySelector("[data-space]");
-  if (space && holder) figures.push(new Space(holder, space));
+  const figures = data.map((figure) => new Figure(place.querySelector(`[data-plot="${figure.name}"]`), figure));
   const all = () => figures.forEach((figure) => figure.draw());
   all();
   place.dataset.drawn = "yes";

@@ -170,7 +170,7 @@ export class Motion {
     const sides = this.system.sides.map((side) => side(start));
     if (this.told.signs?.some((sign, k) => (sign ? !(sides[k] > 0) : !sides[k]))) return 0;
     let lasted = 0;
-    run(this.system, start, 0.05, 300, "runge", 1, (state) => {
+    run(this.system, start, 0.05, 300, 1, (state) => {
       if (this.system.sides.every((side, k) => side(state) * sides[k] > 0) && state.slice(0, this.n).every((x) => Math.abs(x) < FAR)) lasted += 1;
     });
     return lasted;
@@ -178,7 +178,7 @@ export class Motion {
 
   track(q, v, steps = Math.round(Math.min(4000, this.told.span ? this.told.span / STEP : this.isPhase ? STEPS : STEPS / 2))) {
     const start = this.system.state(q, this.system.completed(q, v, this.values), this.values);
-    const found = run(this.system, start, STEP, steps, "runge", 2);
+    const found = run(this.system, start, STEP, steps, 2);
     let end = found.t.length;
     const isFar = (k) => found.q.some((column) => Math.abs(column[k]) > FAR);
     for (let k = 0; k < end; k += 1) if (isFar(k)) end = k;

@@ -188,23 +188,6 @@ function submitKey(form) {
   });
 }
 
-// A call of the service from its own description, with the answer below it.
-function trying(form) {
-  const place = form.querySelector("pre");
-  form.addEventListener("submit", async (event) => {
-    event.preventDefault();
-    const body = form.elements.body?.value;
-    const sent = body === undefined ? {} : { method: "POST", body, headers: { "Content-Type": "application/json" } };
-    place.hidden = false;
-    place.textContent = "\u2026";
-    try {
-      const answer = await fetch(form.dataset.try, sent);
-      const text = await answer.text();
-      place.textContent = `${answer.status}\n${(answer.headers.get("content-type") ?? "").includes("json") ? JSON.stringify(JSON.parse(text), null, 1) : text}`;
-    } catch { place.textContent = "The service does not answer at the moment."; }
-  });
-}
-
 // A word on a button for a moment, which a screen reader hears too.
 function tell(button, word) {
   const label = button.dataset.label ?? button.textContent;
@@ -388,7 +371,6 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
 }
 for (const box of document.querySelectorAll("#own textarea")) keeping(box);
 note(document);
-for (const form of document.querySelectorAll("[data-try]")) trying(form);
 remembering();
 focusWide(document);
 addEventListener("resize", () => focusWide(document));

@@ -1,8 +1,7 @@
 // The form of a simulation with its motion: sliders and the dragged start write into the boxes, so that Run sends what is seen.
 
-import { chart } from "./figures.js";
 import { moving, PICTURES } from "./motion.js";
-import { run, section, value } from "./system.js";
+import { value } from "./system.js";
 
 const REDRAW_PAUSE = 250; // ms after which changed functions are asked for
 const PRICE_PAUSE = 600; // ms after which what a step costs is asked for
@@ -14,7 +13,7 @@ const short = (number) => String(Number(number.toPrecision(4)));
 class Play {
   constructor(form, panel) {
     Object.assign(this, { form, panel });
-    this.part = Object.fromEntries(["chart", "kind", "coordinate", "compare", "picture", "told"].map((name) => [name, panel.querySelector(`[data-${name}]`)]));
+    this.part = Object.fromEntries(["picture", "told"].map((name) => [name, panel.querySelector(`[data-${name}]`)]));
     this.load();
     form.addEventListener("input", (event) => {
       if (event.target.name?.startsWith("function.")) {
@@ -23,7 +22,6 @@ class Play {
       } else this.read();
       this.remember();
     });
-    for (const name of ["kind", "coordinate", "compare"]) this.part[name].addEventListener("change", () => this.chart());
     this.part.picture.addEventListener("change", () => { this.motion.name = this.part.picture.value; this.motion.update(true); });
     this.step = form.querySelector("[data-step]");
     this.step.addEventListener("input", (event) => {
@@ -36,8 +34,6 @@ class Play {
       this.remember();
     });
     form.addEventListener("change", () => { clearTimeout(this.pricing); this.pricing = setTimeout(() => this.askPrice(), PRICE_PAUSE); });
-    new ResizeObserver(() => this.chart()).observe(this.part.chart);
-    document.addEventListener("colors", () => this.chart());
   }
 
   box(kind, name) { return this.form.elements.namedItem(`${kind}.${name}`); }
@@ -82,10 +78,6 @@ class Play {
     if (!this.motion) return;
     this.part.picture.replaceChildren(...this.motion.names.map((name) => new Option(PICTURES[name].label, name)));
     this.part.picture.closest("span").hidden = this.motion.names.length < 2;
-    this.part.coordinate.replaceChildren(...coordinates.map((name) => new Option(this.motion.called(name), name)));
-    this.part.coordinate.closest("span").hidden = coordinates.length < 2;
-    if (coordinates.length < 2) this.part.kind.querySelector("[value=section]")?.remove();
-    this.chart();
     this.askPrice();
   }
 
@@ -125,7 +117,6 @@ class Play {
     this.part.told.textContent = "";
     this.motion.told.span = this.span;
     this.motion.update(true);
-    this.chart();
   }
 
   // The picture was changed.
@@ -135,27 +126,6 @@ class Play {
     for (const [name, number] of Object.entries(this.motion.values)) put("parameter", name, number);
     coordinates.forEach((name, k) => { put("position", name, this.motion.q[k]); put("velocity", name, this.motion.v[k]); });
     this.remember();
-    this.chart();
-  }
-
-  chart() {
-    if (!this.motion?.main) return;
-    const { system, main, told } = this.motion;
-    const c = Math.max(0, this.part.coordinate.selectedIndex);
-    const d = (c + 1) % told.coordinates.length;
-    const [name, next] = [c, d].map((place) => this.motion.called(told.coordinates[place]));
-    const start = system.state(this.motion.q, system.completed(this.motion.q, this.motion.v, this.motion.values), this.motion.values);
-    const method = this.part.compare.value;
-    const h = value(this.form.elements.step.value);
-    const other = method && h > 0 ? run(system, start, h, Math.min(4000, Number(this.form.elements.steps.value)), method) : null;
-    const tracks = other ? [main, other] : [main];
-    const kinds = {
-      time: () => ({ lines: tracks.map((track) => ({ x: track.t, y: track.q[c] })), x: "t", y: name }),
-      phase: () => ({ lines: tracks.map((track) => ({ x: track.q[c], y: track.v[c] })), x: name, y: `${name}\u2032` }),
-      section: () => ({ lines: [section(system, start, c, d)], x: `${next} where ${name} rises through 0`, y: `${next}\u2032`, dots: true }),
-    };
-    chart(this.part.chart, { start: false, ...kinds[this.part.kind.value]() });
-    this.part.chart.setAttribute("aria-label", `${this.part.kind.selectedOptions[0].text}: ${name}`);
   }
 }
 

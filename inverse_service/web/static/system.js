@@ -81,45 +81,33 @@ function solve(rows) {
   return rows.map((row, k) => row[n] / row[k]);
 }
 
-const STEPS = {
-  euler(system, state, h, work) {
-    const [a] = work;
-    system.rate(state, a);
-    for (let k = 0; k < 2 * system.n; k += 1) state[k] += h * a[k];
-  },
-  symplectic(system, state, h, work) {
-    const [a] = work;
-    system.rate(state, a);
-    for (let k = 0; k < system.n; k += 1) state[system.n + k] += h * a[system.n + k];
-    for (let k = 0; k < system.n; k += 1) state[k] += h * state[system.n + k];
-  },
-  runge(system, state, h, work) {
-    const [a, b, c, d, mid] = work;
-    const m = 2 * system.n;
-    const t = m;
-    mid.set(state);
-    system.rate(state, a);
-    for (let k = 0; k < m; k += 1) mid[k] = state[k] + (h / 2) * a[k];
-    mid[t] = state[t] + h / 2;
-    system.rate(mid, b);
-    for (let k = 0; k < m; k += 1) mid[k] = state[k] + (h / 2) * b[k];
-    system.rate(mid, c);
-    for (let k = 0; k < m; k += 1) mid[k] = state[k] + h * c[k];
-    mid[t] = state[t] + h;
-    system.rate(mid, d);
-    for (let k = 0; k < m; k += 1) state[k] += (h / 6) * (a[k] + 2 * b[k] + 2 * c[k] + d[k]);
-  },
-};
+// One step of the classical method of order 4.
+function runge(system, state, h, work) {
+  const [a, b, c, d, mid] = work;
+  const m = 2 * system.n;
+  const t = m;
+  mid.set(state);
+  system.rate(state, a);
+  for (let k = 0; k < m; k += 1) mid[k] = state[k] + (h / 2) * a[k];
+  mid[t] = state[t] + h / 2;
+  system.rate(mid, b);
+  for (let k = 0; k < m; k += 1) mid[k] = state[k] + (h / 2) * b[k];
+  system.rate(mid, c);
+  for (let k = 0; k < m; k += 1) mid[k] = state[k] + h * c[k];
+  mid[t] = state[t] + h;
+  system.rate(mid, d);
+  for (let k = 0; k < m; k += 1) state[k] += (h / 6) * (a[k] + 2 * b[k] + 2 * c[k] + d[k]);
+}
 
-// The columns {t, q, v} of `steps` steps h, each made of `parts` steps of a method; ends where a number is not finite.
-export function run(system, start, h, steps, method, parts = 1, each = null) {
+// The columns {t, q, v} of `steps` steps h, each made of `parts` steps; ends where a number is not finite.
+export function run(system, start, h, steps, parts = 1, each = null) {
   const state = Float64Array.from(start);
   const work = Array.from({ length: 5 }, () => new Float64Array(system.size));
   const found = { t: [], q: system.coordinates.map(() => []), v: system.coordinates.map(() => []) };
   const zero = state[2 * system.n];
   for (let step = 0; step <= steps; step += 1) {
     if (step) for (let part = 0; part < parts; part += 1) {
-      STEPS[method](system, state, h / parts, work);
+      runge(system, state, h / parts, work);
       state[2 * system.n] = zero + (step - 1) * h + ((part + 1) * h) / parts;
       each?.(state);
     }
@@ -135,22 +123,4 @@ export function run(system, start, h, steps, method, parts = 1, each = null) {
 export function value(text) {
   const [top, below, ...more] = text.trim().split("/").map((part) => (part.trim() === "" ? NaN : Number(part)));
   return more.length ? NaN : below === undefined ? top : top / below;
-}
-
-const SMALL = 0.01; // step of a section
-const SECTION_TIME = 400;
-// Where coordinate `c` rises through zero: the points (q, v) of coordinate `d`.
-export function section(system, start, c, d) {
-  const x = [];
-  const y = [];
-  const before = Float64Array.from(start);
-  run(system, start, SMALL, SECTION_TIME / SMALL, "runge", 1, (state) => {
-    if (before[c] < 0 && state[c] >= 0) {
-      const part = before[c] / (before[c] - state[c]);
-      x.push(before[d] + part * (state[d] - before[d]));
-      y.push(before[system.n + d] + part * (state[system.n + d] - before[system.n + d]));
-    }
-    before.set(state);
-  });
-  return { x, y };
 }

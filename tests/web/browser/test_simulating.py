@@ -41,12 +41,12 @@ def test_special_cases_are_shown_as_a_tree(visit: Visit) -> None:
     visit.go("/")
     visit.page.get_by_label("Equations", exact=True).fill("x'' = -a*x + b*y\ny'' = -c*y + d*x")
     visit.page.get_by_role("button", name="Ask in detail").click()
-    visit.page.get_by_label("Special values").check()
+    visit.page.get_by_label("Special cases").check()
     visit.page.get_by_role("button", name="Open the answer").click()
     whole(visit.page)
     visit.page.get_by_role("heading", name="More").click()
     expect(visit.page.locator("#more dd ul li").first).to_be_visible()
-    expect(visit.page.locator("#more")).to_contain_text("decided")
+    expect(visit.page.locator("#more")).to_contain_text("examined")
 
 
 # How many pixels of a canvas have this color, within the edges that are blended.
@@ -73,19 +73,14 @@ def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
     for name in ("path", "coordinates", "energy", "constraints"):
         expect(visit.page.locator(f"[data-plot={name}] canvas").first).to_be_visible()
     # Curves that coincide are both seen.
-    for place in ("[data-plot=coordinates] canvas", "[data-space] canvas"):
-        for ink in (BLUE, ORANGE):
-            assert visit.page.locator(place).evaluate(PIXELS, ink) > 100
+    for ink in (BLUE, ORANGE):
+        assert visit.page.locator("[data-plot=coordinates] canvas").evaluate(PIXELS, ink) > 100
     assert visit.page.locator("[data-plot=error]").count() == 0
     shown = visit.page.locator("[data-plot=coordinates]")
     shown.get_by_text("As a table").click()
     expect(shown.get_by_role("row")).to_have_count(22)
     expect(shown.get_by_role("row").last).to_contain_text("10.00")  # 200 steps of 0.05
-    space = visit.page.locator("[data-space] canvas")
-    before = space.evaluate("node => node.toDataURL()")
-    visit.page.get_by_role("slider", name="turn").fill("-60")
-    assert space.evaluate("node => node.toDataURL()") != before
-    visit.page.get_by_text("What each tick cost").click()
+    visit.page.get_by_text("What each option cost").click()
     costs = visit.page.locator("details.technical")
     expect(costs.get_by_role("row", name="energy")).to_contain_text("s")
     assert costs.get_by_role("row", name="error").count() == 0
@@ -162,7 +157,7 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     page = browser.new_page()
     page.goto(f"{patient}/simulate?system=knife-edge")
     page.get_by_label("Steps").fill("20")
-    page.get_by_role("button", name="Measure error vs. run time").click()
+    page.get_by_role("button", name="Measure error vs. time").click()
     expect(page.locator("[data-plot=work-precision] .legend span").first).to_be_visible(timeout=60_000)
     assert page.locator("table.prices tbody tr").count() == 4
     assert page.locator("table.prices .best").count() >= 1

@@ -22,7 +22,7 @@ def test_each_page_of_the_manual_is_served_and_its_links_lead_somewhere(service:
     assert "$" not in article
     targets = {link.partition("#")[0] for link in re.findall(r'href="([^"]+)"', article)}
     local = {target for target in targets if target and not target.startswith("http")}
-    assert local <= {"/learn", *(f"/learn/{other}" for other in NAMES)}
+    assert local <= {"/learn", "/docs", *(f"/learn/{other}" for other in NAMES)}
 
 
 def test_a_page_that_is_not_there_is_not_found(service: str) -> None:
