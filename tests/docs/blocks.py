@@ -22,7 +22,7 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.
 PROGRAMS = ("sh", "bash", "python", "javascript", "julia")
 DOCUMENTS = ("json", "yaml")
 # What begins with a brace is for the site alone (`make docs`).
-LANGUAGES = (*PROGRAMS, *DOCUMENTS, "output", "text", "{toctree}", "{eval-rst}")
+LANGUAGES = (*PROGRAMS, *DOCUMENTS, "output", "text", "diff", "toml", "{toctree}", "{eval-rst}")
 MARKS = ("slow", "not-run")
 # What the pages print where a test has an address and a folder of its own.
 ADDRESS = "http://127.0.0.1:8000"

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ from tests.docs.blocks import (
 # How many programs of a page are not run, and why; no other program is left out.
 NOT_RUN = {
     "README.md": (3, "one does not end, one is these tests, one runs overnight"),
-    "CONTRIBUTING.md": (1, "these are the tests themselves"),
+    "CONTRIBUTING.md": (2, "these are the tests themselves, and hooks are installed"),
     "docs/how-to/deploy.md": (8, "tests/deploy/test_operating.py runs them in a Debian of its own, but for Docker"),
     "docs/how-to/install.md": (1, "downloads and installs"),
     "docs/how-to/operate.md": (1, "tests/store/test_backup.py runs it"),
@@ -84,6 +85,18 @@ def test_every_program_does_what_the_page_says(page: Path, tmp_path: Path, reque
 @pytest.mark.parametrize("page", LONG, ids=name)
 def test_the_long_programs_too(page: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     run(page, tmp_path, request, with_slow=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", [one for one in ALL if one.language == "diff"], ids=lambda block: block.place)
+def test_every_change_that_is_shown_applies(block: Block) -> None:
+    command = ["git", "apply", "--check", "-C1", "-"]
+    done = subprocess.run(command, cwd=ROOT, input=block.text, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_toml_is_read() -> None:
+    assert all(tomllib.loads(block.text) for block in ALL if block.language == "toml")
 
 
 @pytest.mark.slow
