@@ -14,9 +14,17 @@ from pathlib import Path
 from inverse_service.cli.exits import ExitCode, write
 from inverse_service.cli.solve_command import time_limit_or, warm_alone
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.batch import AGAIN, BatchPlan, Summary, run_batch
-from inverse_service.service.jobs.batch_files import Line, count_lines, open_source, read_answers
-from inverse_service.service.jobs.batch_output import replaced_path
+from inverse_service.service.jobs.batch import (
+    AGAIN,
+    BatchPlan,
+    Line,
+    Summary,
+    count_lines,
+    open_source,
+    read_answers,
+    replaced_path,
+    run_batch,
+)
 from inverse_service.service.jobs.model import JobOptions
 from inverse_service.settings import read_settings
 

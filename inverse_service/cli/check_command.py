@@ -16,10 +16,9 @@ from inverse_service.errors import InputError
 from inverse_service.service.documents.own_lagrangian import document_of
 from inverse_service.service.documents.plain_data import decode, read_document, read_json
 from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.batch import BatchPlan, Summary, run_batch
-from inverse_service.service.jobs.batch_files import open_source, read_answers
+from inverse_service.service.jobs.batch import BatchPlan, Summary, open_source, read_answers, run_batch
 from inverse_service.service.jobs.model import JobOptions, split_options, write_json
-from inverse_service.service.jobs.single_call import run_alone
+from inverse_service.service.jobs.workers import run_alone
 from inverse_service.settings import read_settings
 
 MAX_RESULT_BYTES = 200_000_000

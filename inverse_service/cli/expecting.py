@@ -10,7 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.batch_files import open_source, read_answers, read_lines
+from inverse_service.service.jobs.batch import open_source, read_answers, read_lines
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ def serve_http(host: str, port: int) -> ExitCode:
         settings = replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
     _start_loading()
-    from inverse_service.service.jobs.worker_process import bound_data
+    from inverse_service.service.jobs.workers import bound_data
     from inverse_service.web import journal
     from inverse_service.web.application import create_application
 
@@ -70,7 +70,7 @@ def serve_http(host: str, port: int) -> ExitCode:
 
 def _start_loading() -> None:
     """The server that forks the workers loads the engine while this process loads the pages."""
-    from inverse_service.service.jobs.worker_process import preload, start_server
+    from inverse_service.service.jobs.workers import preload, start_server
     from inverse_service.web import pages
 
     for module in pages.TASKS:

@@ -16,7 +16,7 @@ from inverse_service.errors import InputError, WorkerFailed
 from inverse_service.service.documents.plain_data import read_document
 from inverse_service.service.documents.text_page import notes_of_formulas
 from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.single_call import run_alone
+from inverse_service.service.jobs.workers import run_alone
 from inverse_service.settings import read_settings
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0

@@ -19,8 +19,8 @@ from inverse_service.reading.document_names import AND_GUESS, GUESS
 from inverse_service.service.documents.plain_data import read_document
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.model import JobOptions, read_options, split_options
-from inverse_service.service.jobs.single_call import run_alone
 from inverse_service.service.jobs.warming import PATIENCE, warm_first, warm_up
+from inverse_service.service.jobs.workers import run_alone
 from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0

@@ -32,8 +32,7 @@ from inverse_service.service.jobs.outcome import Call, Outcome, value_of
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.upkeep import Cleaner
-from inverse_service.service.jobs.worker_process import preload
-from inverse_service.service.jobs.workers import Executor, Workers
+from inverse_service.service.jobs.workers import Executor, Workers, preload
 from inverse_service.settings import Settings
 from inverse_service.web import pages
 from inverse_service.web.asking import LARGEST_FACTOR, Hub, until_set

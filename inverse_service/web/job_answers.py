@@ -15,7 +15,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from inverse_service.service.documents.answers import as_bytes, problem_document
-from inverse_service.service.jobs.batch_output import answer_line, line_head
+from inverse_service.service.jobs.batch import answer_line, line_head
 from inverse_service.service.jobs.batches import Batch, BatchAnswer
 from inverse_service.service.jobs.model import Job, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer

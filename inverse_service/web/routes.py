@@ -18,11 +18,11 @@ from api_schemas.base import CatalogueEntry, CatalogueList, CheckAnswer, LimitsA
 from inverse_service import __version__, catalogue
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import LIMITS
-from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES
+from inverse_service.service.jobs.batch import MAX_LINE_BYTES
 from inverse_service.service.jobs.metrics import gauge
 from inverse_service.service.jobs.model import STATUSES, engine_version
 from inverse_service.service.jobs.tasks import parse_task
-from inverse_service.service.jobs.worker_process import MOST_CROWDED
+from inverse_service.service.jobs.workers import MOST_CROWDED
 from inverse_service.web.asking import DEFAULT_WAIT, FACTORS, MAX_WAIT, json_body_of
 from inverse_service.web.clients import client_of, require_client
 from inverse_service.web.engine import Engine

@@ -14,7 +14,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.batch_files import BatchTerms
+from inverse_service.service.jobs.batch import BatchTerms
 from inverse_service.service.jobs.batches import Batch
 from inverse_service.service.jobs.model import StoreUnavailable
 from inverse_service.service.jobs.tasks import batch_task

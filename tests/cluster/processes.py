@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from inverse_service.service.jobs.worker_process import die_with_parent
+from inverse_service.service.jobs.workers import die_with_parent
 
 DASK = [sys.executable, "-m", "dask"]
 # Dask's nanny needs semaphores, which live there; without one a worker is started again by who started it.

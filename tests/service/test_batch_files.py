@@ -11,8 +11,15 @@ from pathlib import Path
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs.batch_files import MAX_LINE_BYTES, count_lines, open_source, read_lines
-from inverse_service.service.jobs.batch_output import key_of, open_output, replaced_path
+from inverse_service.service.jobs.batch import (
+    MAX_LINE_BYTES,
+    count_lines,
+    key_of,
+    open_output,
+    open_source,
+    read_lines,
+    replaced_path,
+)
 
 
 def lines(*texts: str) -> list[tuple[object, ...]]:

@@ -14,12 +14,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from inverse_service.service.jobs import tasks, worker_process
+from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs import workers as workers_module
 from inverse_service.service.jobs.outcome import Call, Outcome, outcome_of_exit
-from inverse_service.service.jobs.single_call import run_alone
-from inverse_service.service.jobs.worker_process import MOST_CROWDED
-from inverse_service.service.jobs.workers import Workers
+from inverse_service.service.jobs.workers import MOST_CROWDED, Workers, run_alone
 
 MEMORY = 2048
 
@@ -230,8 +228,8 @@ def test_a_wait_that_runs_out_takes_nothing_from_the_pool(workers: Workers) -> N
 
 
 def test_a_second_pool_starts_while_the_first_process_of_all_still_loads() -> None:
-    starting = threading.Thread(target=worker_process.start_server, daemon=True)
-    with worker_process._starting:  # held until the server has loaded the engine
+    starting = threading.Thread(target=workers_module.start_server, daemon=True)
+    with workers_module._starting:  # held until the server has loaded the engine
         starting.start()
         starting.join(30)
         assert not starting.is_alive()

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.batch_output import answer_line
+from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.batches import BatchLine
 from inverse_service.service.jobs.model import JobOptions, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer

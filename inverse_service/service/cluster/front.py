@@ -26,8 +26,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.cluster import remote
 from inverse_service.service.cluster.remote import Fingerprint, Order, Terms, difference, fingerprint
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage
-from inverse_service.service.jobs.worker_process import Report
-from inverse_service.service.jobs.workers import Running
+from inverse_service.service.jobs.workers import Report, Running
 
 log = logging.getLogger(__name__)
 LOOK = 0.5

@@ -2,7 +2,7 @@
 
 It is a program of its own because a Dask worker under a nanny is daemonic and may have no children
 of the multiprocessing kind. It ends when its connection does: a Dask worker that is killed closes
-it, and the death signal of `worker_process` takes the workers with it.
+it, and the death signal of `workers` takes the workers with it.
 
     python -m inverse_service.service.cluster.host DESCRIPTOR COUNT MEMORY_LIMIT
 """

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from inverse_service.service.jobs.model import engine_version
 from inverse_service.service.jobs.outcome import Call, Outcome
-from inverse_service.service.jobs.worker_process import MOST_CROWDED
+from inverse_service.service.jobs.workers import MOST_CROWDED
 
 # A cold machine loads the engine and its kernels first; the deadline itself is the host's.
 GRACE = 60.0

@@ -31,8 +31,7 @@ from inverse_service.service.jobs.model import (
 )
 from inverse_service.service.jobs.outcome import Call, Outcome
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.worker_process import Report
-from inverse_service.service.jobs.workers import FIRST, Executor, Running
+from inverse_service.service.jobs.workers import FIRST, Executor, Report, Running
 
 # Longer questions wait for their turn like all others, s.
 SHORT = 0.5

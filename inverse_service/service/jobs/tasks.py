@@ -26,7 +26,7 @@ from inverse_service.service.jobs.model import (
 )
 
 if TYPE_CHECKING:
-    from inverse_service.service.jobs.batch_files import BatchTerms
+    from inverse_service.service.jobs.batch import BatchTerms
     from inverse_service.service.jobs.batches import BatchLine
 
 # What a command loads only for the questions that need it, and a worker before its first.
@@ -36,7 +36,7 @@ ENGINE = (
     "service.documents.checking",
     "service.documents.kinds_part",
     "service.documents.translate_cases",
-    "service.jobs.batch_files",
+    "service.jobs.batch",
     "explanation.negative",
     "explanation.theorems",
     "search.ladder",
@@ -154,7 +154,7 @@ def check_body_task(body: bytes) -> dict[str, Any]:
 
 def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
     """A batch to its lines."""
-    from inverse_service.service.jobs.batch_files import batch_lines, lines_of_array, lines_of_ndjson
+    from inverse_service.service.jobs.batch import batch_lines, lines_of_array, lines_of_ndjson
 
     return batch_lines(lines_of_array(_read(body)) if is_array else lines_of_ndjson(body), terms)
 

@@ -14,7 +14,7 @@ import importlib
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.jobs import tasks, warming
 from inverse_service.service.jobs.outcome import guard
-from inverse_service.service.jobs.worker_process import die_with_parent
+from inverse_service.service.jobs.workers import die_with_parent
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 

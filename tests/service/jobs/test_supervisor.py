@@ -32,8 +32,7 @@ from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import TICK, Supervisor
 from inverse_service.service.jobs.tasks import request_of
-from inverse_service.service.jobs.worker_process import Report
-from inverse_service.service.jobs.workers import Running
+from inverse_service.service.jobs.workers import Report, Running
 
 DONE = Outcome("done", tasks.Answer(b'{"verdict": "variational"}', "variational"))
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
