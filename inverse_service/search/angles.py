@@ -7,13 +7,13 @@ sum of sines and cosines of sums of angles (cos u cos w + sin u sin w as cos(u -
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service.expressions import tree as ex
 from inverse_service.search.terms import (
     Monomial,
     Terms,
     TooManyTerms,
-    add_terms,
     monomial,
     multiply_terms,
     terms_of,
@@ -29,13 +29,15 @@ def shortest(terms: Terms) -> Terms:
     """The form with the fewest terms; the given one where there are as many."""
     best = terms
     try:
+        waves = by_multiple_angles(terms)
+        if 2 * len(waves) <= len(terms):
+            return waves
         for argument in dict.fromkeys(_arguments(terms)):
             other = _with_sines(best, argument)
             best = other if _length(other) < _length(best) else best
-        other = by_multiple_angles(terms)
     except TooManyTerms:
         return best
-    return other if _length(other) < _length(best) else best
+    return waves if _length(waves) < _length(best) else best
 
 
 def _length(terms: Terms) -> tuple[int, int]:
@@ -60,31 +62,45 @@ def _with_sines(terms: Terms, argument: ex.Expression) -> Terms:
                 part = multiply_terms(
                     part, {frozenset(): Fraction(1), times(frozenset(), monomial(sine), 2): Fraction(-1)}
                 )
-        result = add_terms(result, part)
-    return result
+        for other, c in part.items():
+            _add(result, other, c)
+    return {key: value for key, value in result.items() if value}
 
 
 def by_multiple_angles(terms: Terms) -> Terms:
     """Products of sines and cosines as sums of those of sums of angles."""
     result: Terms = {}
     for key, value in terms.items():
-        circular = [
-            (p, int(e))
+        circular: Monomial = frozenset(
+            (p, e)
             for p, e in key
             if isinstance(p, ex.Apply) and p.function in ("sin", "cos") and e.denominator == 1 and 0 < e <= _POWERS
-        ]
-        rest: Monomial = key - {(p, Fraction(e)) for p, e in circular}
-        waves: list[tuple[str, ex.Expression, Fraction]] = [("cos", ex.ZERO, value)]
-        for p, e in sorted(circular, key=repr):
-            for _ in range(e):
-                waves = [wave for one in waves for wave in _product(one, p)]
-        for name, argument, factor in waves:
-            if argument != ex.ZERO:
-                part = terms_of(ex.Apply(name, argument))
-                result = add_terms(result, multiply_terms({rest: Fraction(1)}, part), factor)
-            elif name == "cos":
-                result = add_terms(result, {rest: factor})
-    return result
+        )
+        for letter, factor in _in_waves(circular):
+            _add(result, times(key - circular, letter), factor * value)
+    return {key: value for key, value in result.items() if value}
+
+
+@lru_cache(maxsize=1024)
+def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
+    """The terms of a product of sines and cosines."""
+    waves: list[tuple[str, ex.Expression, Fraction]] = [("cos", ex.ZERO, Fraction(1))]
+    for p, e in sorted(circular, key=repr):
+        assert isinstance(p, ex.Apply)
+        for _ in range(int(e)):
+            waves = [wave for one in waves for wave in _product(one, p)]
+    result: Terms = {}
+    for name, argument, factor in waves:
+        if argument != ex.ZERO:
+            ((letter, sign),) = terms_of(ex.Apply(name, argument)).items()
+            _add(result, letter, sign * factor)
+        elif name == "cos":
+            _add(result, frozenset(), factor)
+    return tuple(result.items())
+
+
+def _add(terms: Terms, key: Monomial, value: Fraction) -> None:
+    terms[key] = terms.get(key, Fraction(0)) + value
 
 
 def _product(wave: tuple[str, ex.Expression, Fraction], other: ex.Apply) -> list[tuple[str, ex.Expression, Fraction]]:
@@ -95,3 +111,17 @@ def _product(wave: tuple[str, ex.Expression, Fraction], other: ex.Apply) -> list
     if name == other.function:
         return [("cos", difference, half), ("cos", total, half if name == "cos" else -half)]
     return [("sin", total, half), ("sin", difference, half if name == "sin" else -half)]
+
+
+@lru_cache(maxsize=512)
+def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
+    """The tree with each sum that holds functions of several angles in its shortest form, cos(a - b) kept."""
+    tree = ex.rebuild(tree, with_sums_of_angles)
+    if not isinstance(tree, ex.Sum):
+        return tree
+    try:
+        terms = terms_of(tree)
+        short = tree_of(shortest(terms)) if len(set(_arguments(terms))) > 1 else tree
+    except TooManyTerms:
+        return tree
+    return min(tree, short, key=ex.node_count)
