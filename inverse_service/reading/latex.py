@@ -59,7 +59,7 @@ def scan(text: str) -> list[Raw]:
         if place in pieces_of_cases:
             piece, place = pieces_of_cases[place]
         elif place in ends:
-            piece, place = Raw("command", "\\", place + 1), place + 1
+            piece, place = Raw("command", "\\", place + 1), place + ends[place]
         else:
             piece, place = _piece(text, place, space)
         space = piece is None
@@ -215,15 +215,20 @@ _EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&", "(", "[", "{")
 _GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&", ")", "]", "}")
 
 
-def line_ends(text: str, start: int, stop: int) -> frozenset[int]:
-    """The places of the line ends between two equations: an = on either side, no bracket open, no sign in the air."""
-    ends: list[int] = []
-    equals, open_now, last, place = False, (0, 0, 0), "", start - 1
-    for line in text[start:stop].split("\n"):
+_LINE_END = re.compile(r"(\n|\\q?quad(?![A-Za-z]))")
+
+
+def line_ends(text: str, start: int, stop: int) -> dict[int, int]:
+    """The places, and lengths, of the line ends and wide gaps between two equations: an = on either side, no bracket
+    open, no sign in the air."""
+    ends: dict[int, int] = {}
+    equals, open_now, last, place = False, (0, 0, 0), "", start
+    _, *pieces = ("", "", *_LINE_END.split(text[start:stop]))
+    for gap, line in zip(pieces[::2], pieces[1::2], strict=True):
         first = _SEPARATOR.split(line, maxsplit=1)[0].strip()
         complete = equals and open_now == (0, 0, 0) and not last.endswith(_EXPECTS_MORE)
         if complete and "=" in first and not first.startswith(_GOES_ON):
-            ends.append(place)
+            ends[place] = len(gap)
             equals, open_now, last = False, (0, 0, 0), ""
         *earlier, rest = _SEPARATOR.split(line)
         if earlier:
@@ -231,8 +236,8 @@ def line_ends(text: str, start: int, stop: int) -> frozenset[int]:
         equals = equals or "=" in rest
         open_now = _opened(rest, open_now)
         last = rest.strip() or last
-        place += len(line) + 1
-    return frozenset(ends)
+        place += len(gap) + len(line)
+    return ends
 
 
 def _opened(part: str, before: tuple[int, int, int]) -> tuple[int, int, int]:

@@ -481,8 +481,16 @@ class FormulaParser:
         if token.text in PIECEWISE:
             return self._piecewise(token)
         exponent = self._function_power(token)
-        if self._stream.ahead.is_operator("("):
+        if (opening := self._stream.ahead).is_operator("("):
+            group, start = self._stream.group(), self._stream.position
             result = call(token.text, self._arguments(), token.column)
+            if self._stream.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(group):
+                inside = self._stream.source(start, self._stream.position)
+                inner = inside if len(group) > 2 else inside[1:-1]
+                meant = (f"{token.text}({inner}*t)", f"{token.text}{inside}*t")
+                said = f"the t after {token.text}( ) could be a part of the angle or a factor"
+                span = (token.column, self._stream.look(1).column)
+                raise refusal(said, opening.column, f"write {meant[0]} or {meant[1]}", meant, span)
         else:
             result = call(token.text, [self._bare_argument(token)], token.column)
         return raised(result, exponent, token.column) if exponent else result
@@ -667,11 +675,11 @@ class FormulaParser:
         return node
 
     def _is_factor(self, token: Token) -> bool:
-        """Whether a sum in brackets next to a name is a factor to every reader, as in mu(1 - x^2) and r(r - 2M)."""
-        depth, sums = 0, False
+        """Whether what is in brackets next to a name is a factor to every reader: mu(1 - x^2), R(cos phi), J(x')^2."""
+        depth, sums = 0, self._stream.look(1).text in FUNCTIONS
         for place, part in enumerate(group := self._stream.group()):
             depth += part.is_operator("(", "[") - part.is_operator(")", "]")
-            sums = sums or (depth == 1 and place > 1 and part.is_operator("+", "-"))
+            sums = sums or (depth == 1 and place > 1 and (part.is_operator("+", "-") or part.kind == "prime"))
             if part.is_operator(",") or part.text == "t":
                 return False
         closed = len(group) < self._stream.left and depth == 1
@@ -826,6 +834,13 @@ class FormulaParser:
 
 
 _OPERAND = "a number, a name or '('"
+_OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
+
+
+def _is_frequency(group: Sequence[Token]) -> bool:
+    """Whether the bracket of cos(2 omega + epsilon) t holds a frequency, and not the time or a moving angle."""
+    words = {token.text.partition("_")[0] for token in group if token.kind == "name"}
+    return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
 
 
 def _starts_factor(token: Token) -> bool:

@@ -100,8 +100,11 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     else:
         tokens = in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
     refuse_decimal_commas(tokens)
-    tokens = _with_forms(tokens, names) if names.forms else tokens
+    tokens = _without_names_of_forms(_with_forms(tokens, names), names) if names.forms else tokens
     return _without_remarks(tokens, formula, names)
+
+
+_OF_A_FORM = "d"  # the text of the prime that stands for a differential
 
 
 def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
@@ -120,12 +123,35 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
         elif name == "t":
             found.append(Token("number", "1", token.column, True, Fraction(1)))
         elif names.role(names.spelling(name)) == "coordinate":
-            prime = Token("prime", "'", token.column, False, Fraction(1))
+            prime = Token("prime", _OF_A_FORM, token.column, False, Fraction(1))
             found += [Token("name", name, token.column, True), prime]
         else:
             found.append(token)
             length = 1
         place += length
+    return found
+
+
+def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
+    """The tokens without the name in mu = sin(theta) dx - cos(theta) dy and phi = z' - y x' = 0, which is noted.
+
+    A form is no number, so it can only be its own name that is equal to it.
+    """
+    found: list[Token] = []
+    groups = [[]] if not tokens else [[tokens[0]]]
+    for token in tokens[1:]:
+        if token.kind == "newline" or token.is_operator(";", ","):
+            groups.append([])
+        groups[-1].append(token)
+    for group in groups:
+        line = group[group[:1] != [] and (group[0].kind == "newline" or group[0].is_operator(";", ",")) :]
+        named = len(line) > 2 and line[0].kind == "name" and line[1].is_operator("=")
+        last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > 4
+        form = any(token.text == _OF_A_FORM for token in line)
+        if named and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate":
+            note(f"{line[0].text} =", LEFT_OUT)
+            group = group[: len(group) - len(line)] + line[2:]
+        found += group
     return found
 
 

@@ -122,8 +122,11 @@ class Prepared:
         return error.said(detail, plain, error.pointer)
 
 
-_NAMES_L = re.compile(r"\s*(?:\$+|\\\[|\\begin\s*\{\w+\*?\})?\s*(?:\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)|\u2112|L)"
-                      r"\s*(?:\([^()=]*\))?\s*&?\s*=(?!=)")  # fmt: skip
+_BEGINS = r"\s*(?:\$+|\\\[|\\begin\s*\{\w+\*?\})?\s*"
+_LETTER_L = r"\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)|\u2112|L"
+_ENDS = r"\s*(?:\([^()=]*\))?\s*&?\s*=(?!=)"
+_NAMES_L = re.compile(f"{_BEGINS}(?:{_LETTER_L}){_ENDS}")
+_NAMES_L_OR_T = re.compile(f"{_BEGINS}(?:{_LETTER_L}|T){_ENDS}")  # where nothing but inertia acts, L is T
 
 
 def _with_lagrangian(plain: dict[str, Any]) -> dict[str, Any]:
@@ -165,7 +168,7 @@ def prepared(document: Any) -> Prepared:
         raise InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
     plain = _with_lagrangian(plain)
-    if isinstance(plain.get("lagrangian"), str) and (named := _NAMES_L.match(plain["lagrangian"])):
+    if isinstance(plain.get("lagrangian"), str) and (named := _NAMES_L_OR_T.match(plain["lagrangian"])):
         plain["lagrangian"] = " " * named.end() + plain["lagrangian"][named.end() :]
     if is_forward(plain):
         plain.pop("constraints", None)
