@@ -180,6 +180,7 @@ class OtherAnswer(Document):
     checked: Checked | None = None
     reason: str = ""
     domain: list[str] = Field(default_factory=list)
+    exceptions: list[str] = Field(default_factory=list)
     near: dict[str, str] = Field(default_factory=dict)
 
 
@@ -286,7 +287,6 @@ class ResultDocument(OtherAnswer):
     with_time: OtherAnswer | None = None
     branches: list[BranchPart] = Field(default_factory=list)
     not_answered: list[NotAnsweredPart] = Field(default_factory=list)
-    exceptions: list[str] = Field(default_factory=list)
     special_cases: SpecialCasesPart | None = None
     kinds: dict[str, KindPart] | None = None
     instead: InsteadPart | None = None

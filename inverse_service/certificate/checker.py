@@ -21,6 +21,7 @@ from typing import Any, Literal
 from flint import arb, ctx, fmpz, fmpz_mat
 
 from .cell import Cell, cell_of
+from .exceptions import Generic, exceptions_of
 from .formulas import (
     CERTIFICATE,
     MAX_LISTED,
@@ -65,7 +66,9 @@ class CheckResult:
 
     verdict: Literal["valid", "incomplete", "invalid"]
     reasons: tuple[str, ...] = ()
-    cell: Cell | None = None  # of a certificate that is valid: where its claim holds
+    # Of a certificate that is valid: where its claim holds, and the parameters for which it is not proven.
+    cell: Cell | None = None
+    exceptions: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -104,11 +107,13 @@ class Question:
         self.held = False
         self.partly = False  # whether a matrix is regular for some choices of the roots only
         self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
+        self.generic: Generic | None = None  # the proof, once it is found right
         self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
 
     def read_system(self, document: Any) -> None:
         check_shape(document, SYSTEM, "system")
         self.coordinates, self.parameters = document["coordinates"], document.get("parameters") or []
+        self.own_parameters = [*self.parameters]
         self.functions, forces, rates = (document.get(key) or {} for key in ("functions", "equations", "velocities"))
         check_shape(list(self.functions.items()), [(NAME, [NAME, 6]), MAX_NAMES], "system.functions")
         names = [*self.coordinates, *self.parameters, *self.functions]
@@ -383,6 +388,11 @@ class Question:
         lines = [text for pair in zip(factors, self.unsolved, strict=True) for text in pair]
         self.prepare(lambda ring: [Reader(ring, text).value for text in (formula, *lines)], [tokens, *factors])
         self.settle(self.jet, claims, 3 if self.rational else 2)
+
+        def regular(ring: Expansion) -> bool:
+            return bool(ring.arithmetic.regular(ring.hessian(Reader(ring, formula).value)))
+
+        self.generic = Generic(regular, self.jet, bool)
         there = self.where and " there"
         return f"The Euler-Lagrange equations of the Lagrangian hold{self.where} and its Hessian is regular{there}."
 
@@ -487,6 +497,7 @@ class Question:
         if not self.rational:
             self.proven_in_balls(most, real, "Balls at the real point do not show that the rows are independent.")
         require(not regular, "The rows leave a regular multiplier g(p).")
+        self.generic = Generic(work, most, lambda outcome: not outcome[1], telescopes=True)
         return f"{len(rows)} linear conditions, recomputed from the equations, leave only singular Hessians."
 
     def existence(self, document: dict[str, Any]) -> str:
@@ -537,6 +548,7 @@ class Question:
         given = [claimed["dimension"], claimed["prolonged"], *claimed["characters"]]
         require([*given, *[0] * (len(sizes) - len(given))] == sizes, "The symbol has other dimensions.")
         require(sizes[1] == sum(k * a for k, a in enumerate(sizes[2:], 1)), "The symbol is not involutive.")
+        self.generic = Generic(work, most, lambda outcome: bool(outcome[2:] == results[0][2:]))
         told = "The projected system is involutive and leaves a regular multiplier g(p)."
         return told if document.get("series") is None else told + self.series(document["series"])
 
@@ -589,9 +601,9 @@ def judged(work: Callable[[Tools], list[str]], time_limit: float, seed: int | No
 
 def check_certificate(certificate: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on a certificate by itself; never raises. `seed` makes the checker's choices repeatable."""
-    proven: list[Cell] = []
+    proven: list[tuple[Cell, tuple[str, ...]]] = []
     found = judged(lambda tools: [certified(certificate, tools, proven)], time_limit, seed)
-    return replace(found, cell=proven[0]) if found.verdict == "valid" else found
+    return replace(found, cell=proven[0][0], exceptions=proven[0][1]) if found.verdict == "valid" else found
 
 
 def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
@@ -623,8 +635,9 @@ def check_certificate_shape(document: Any) -> None:
     check_shape(document, CERTIFICATE, "certificate")
 
 
-def certified(document: Any, tools: Tools, cells: list[Cell]) -> str:
-    """Check a certificate; the sentence that says what was found. `cells` gets the one on which it holds."""
+def certified(document: Any, tools: Tools, proven_where: list[tuple[Cell, tuple[str, ...]]]) -> str:
+    """Check a certificate; the sentence that says what was found, with its cell and exceptions in `proven_where`."""
+    began = time.thread_time()
     check_certificate_shape(document)
     kind, proven = document["kind"], "not_variational" if document["kind"] == "nonexistence" else "variational"
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
@@ -641,5 +654,8 @@ def certified(document: Any, tools: Tools, cells: list[Cell]) -> str:
     require(plain or not asked.unsolved, "Equations that are not solved for q'' are proven variational by an L alone.")
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
     sentence = checks[kind](document)
-    cells.append(cell_of(asked))
+    cell = cell_of(asked)
+    by_theorem = len(asked.coordinates) == 1 and about is Question  # every equation has a Lagrangian
+    generic = None if by_theorem or about is Definite else asked.generic  # which is about the point `near`
+    proven_where.append((cell, exceptions_of(asked, generic, time.thread_time() - began)))
     return sentence + (f" Only Lagrangians of a kind are meant: {among}." if among is not None else "")

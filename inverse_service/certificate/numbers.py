@@ -30,6 +30,8 @@ class Unsettled(Exception):
 class Residues:
     """Numbers modulo a prime: random values of all generators, the same for each choice of the roots."""
 
+    pivot: Any = staticmethod(min)  # of the places where a row is not 0
+
     def __init__(self, question: Question, prime: int, seed: int, choice: dict[int, int]) -> None:
         self.question, self.prime, self.seed, self.plan, self.choice = question, prime, seed, question.plan, choice
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)

@@ -354,7 +354,7 @@ class Elimination:
             row = self.reduced(row, first) if any(key in self.order for key in row if key >= first) else row
             block = [key for key in row if key >= first]
         if block:
-            self.keep(row, min(block), row, name)
+            self.keep(row, field.pivot(block), row, name)
         return bool(block)
 
     def keep(self, row: Series, pivot: int, support: Iterable[int], name: Any) -> None:

@@ -12,9 +12,11 @@ from typing import Any
 
 from inverse_service.cli.batching import NAMES, progress
 from inverse_service.cli.exits import ExitCode, read_bytes, write
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.service.documents.own_lagrangian import document_of
 from inverse_service.service.documents.plain_data import decode, read_document, read_json
+from inverse_service.service.documents.special_values import left_out
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import BatchPlan, Summary, open_source, read_answers, run_batch
 from inverse_service.service.jobs.model import JobOptions, split_options, write_json
@@ -42,6 +44,35 @@ def check_own(name: str, lagrangian: str, form: str | None = None) -> ExitCode:
     found = _read(name) if name.lower().endswith(".json") or name == "-" else read_document(read_bytes(name), name)
     given, _ = split_options(document_of(found))
     return _told(_checked(write_json({"system": given, "lagrangian": lagrangian})), form)
+
+
+def check_exceptions(name: str, form: str | None = None) -> ExitCode:
+    """Solve the systems of a result at the values of the parameters that it leaves out."""
+    result, settings = _read(name), read_settings()
+    decided = list[dict[str, Any]]()
+    for text, document in left_out(result):
+        entry: dict[str, Any] = {"where": text, "verdict": "undetermined", "verdict_with_time": None}
+        if document is not None:
+            work = (document, SolveOptions(time_limit=settings.time_limit))
+            outcome = run_alone(tasks.solve_task, work, settings.time_limit, settings.memory_limit)
+            if outcome.status not in ("deadline", "memory"):
+                found = value_of(outcome)
+                entry |= {key: found[key] for key in ("verdict", "verdict_with_time", "checked", "domain")}
+                entry["lagrangian"] = (found["lagrangian"] or {}).get("text")
+        decided.append(entry)
+    if form == "json" or (form is None and not sys.stdout.isatty()):
+        write(json.dumps({"exceptions": decided}, ensure_ascii=False, indent=2) + "\n")
+    else:
+        write("".join(f"{line}\n" for one in decided for line in _exception_lines(one)) or "no exceptions\n")
+    return ExitCode.DONE if all(one["verdict"] != "undetermined" for one in decided) else ExitCode.OPEN
+
+
+def _exception_lines(one: dict[str, Any]) -> Iterator[str]:
+    yield f"{one['where']}: {one['verdict'].replace('_', ' ')}"
+    if one["verdict_with_time"] not in (None, one["verdict"]):
+        yield f"  with the time: {one['verdict_with_time'].replace('_', ' ')}"
+    if one.get("lagrangian"):
+        yield f"  L = {one['lagrangian']}"
 
 
 def _read(name: str) -> dict[str, Any]:
@@ -96,8 +127,6 @@ def _checked(text: str) -> dict[str, Any]:
     outcome = run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
     if outcome.status in ("deadline", "memory"):
         return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
-    from inverse_service.service.jobs.outcome import value_of
-
     found: dict[str, Any] = value_of(outcome)
     return found
 

@@ -154,9 +154,15 @@ def check(
     form: Annotated[
         Literal["text", "json"] | None, typer.Option("--format", help="Default: text on a terminal, else json.")
     ] = None,
+    exceptions: Annotated[
+        bool, typer.Option("--exceptions", help="Decide the values of parameters that the result leaves out.")
+    ] = False,
 ) -> None:
     """What the independent checker proves of a result, or of a Lagrangian. Exit 0 valid, 1 else, 2 unreadable."""
-    from inverse_service.cli.check_command import check_batch, check_file, check_own, is_batch
+    from inverse_service.cli.check_command import check_batch, check_exceptions, check_file, check_own, is_batch
+
+    if exceptions:
+        sys.exit(check_exceptions(file, form))
 
     if is_batch(file) and lagrangian is None and document is None:
         sys.exit(check_batch(file))

@@ -131,7 +131,8 @@ class Answer:
     `explanation` proves it, `details` say how it was found and what else proves it.
 
     It holds, at generic points, where all trees of `positive` are > 0 and none of `nonzero` is 0; if `one_side`, on the
-    part of that set that is connected with the point of the certificate. Its proof rests on the signs of `sides`.
+    part of that set that is connected with the point of the certificate. Its proof rests on the signs of `sides`, and
+    is one for general parameters: `exceptions` are equations between them where it is none.
     """
 
     verdict: Verdict
@@ -148,6 +149,7 @@ class Answer:
     nonzero: tuple[Expression, ...] = ()
     sides: tuple[Expression, ...] = ()
     one_side: bool = False
+    exceptions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,6 +76,7 @@ def _placed(work: Work, answer: Answer) -> Answer:
         nonzero=where.nonzero,
         sides=where.sides,
         one_side=where.one_side,
+        exceptions=proof.exceptions,
     )
 
 

@@ -59,6 +59,7 @@ def cell(
         "sides": [] if proven is None else list(proven.sides),
         "near": dict(certificate.get("near") or {}),
         "among": certificate.get("among"),
+        "exceptions": list(proof.exceptions) or None,
         "lagrangian": lagrangian,
         "hamiltonian": None if hamiltonian is None else hamiltonian["text"],
         "momenta": None if hamiltonian is None else dict(hamiltonian["momenta"]),
@@ -92,8 +93,9 @@ def of_cells(
 
 def _statement(system: Mapping[str, Any], one: Mapping[str, Any]) -> dict[str, Any]:
     shown = {key: system.get(key) or [] for key in ("coordinates", "equations", "parameters", "functions")}
-    kept = {key: one[key] for key in ("question", "verdict", "domain", "near", "lagrangian", "hamiltonian", "momenta")}
-    found = {"system": shown} | kept | {"exceptions": None, "text": _words(system, one), "latex": _latex(system, one)}
+    keys = ("question", "verdict", "domain", "near", "lagrangian", "hamiltonian", "momenta", "exceptions")
+    kept = {key: one[key] for key in keys}
+    found = {"system": shown} | kept | {"text": _words(system, one), "latex": _latex(system, one)}
     return {key: value for key, value in found.items() if value is not None}
 
 
@@ -102,12 +104,18 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     rates = ", ".join(f"{name}' = {text}" for name, text in (system.get("velocities") or {}).items())
     kind = f" of the kind {one['among']}" if one["among"] is not None else ""
     says = _SAYS[one["verdict"]].format(one["question"]) + kind
-    parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}."]
+    general = f" {in_general(system['parameters'], one['exceptions'])}" if one["exceptions"] else ""
+    parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}{general}."]
     parts += [f"L = {one['lagrangian']}."] if one["lagrangian"] else []
     if one["hamiltonian"]:
         momenta = ", ".join(f"{name} = {text}" for name, text in one["momenta"].items())
         parts.append(f"H = {one['hamiltonian']}, with {momenta}.")
     return " ".join(parts)
+
+
+def in_general(parameters: Sequence[str], exceptions: Sequence[str]) -> str:
+    """For which parameters a verdict was proven: "for general c1, c2, k (not decided here: c1 = c2, k = 0)"."""
+    return f"for general {', '.join(parameters)} (not decided here: {', '.join(exceptions)})"
 
 
 def where(one: Mapping[str, Any]) -> str:

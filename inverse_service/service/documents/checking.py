@@ -340,6 +340,7 @@ class Examination:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         self.formulas(shown, certificate)
         self.domains(shown, certificate, proof)
+        self.exceptions(shown, proof)
         self.energy(shown, certificate)
         return certificate
 
@@ -391,6 +392,15 @@ class Examination:
                 self.unsettled(f"{place or '/domain'} lacks {', '.join(missing)}.")
                 continue
             self.claim(*(f"{place}/{k}" for k in range(len(stated)) if k not in beyond))
+
+    def exceptions(self, shown: Shown, proof: CheckResult) -> None:
+        """The stated list has all values of parameters for which the proof is none, each of which is proven one."""
+        found, place = proof.exceptions, f"{shown.at}/exceptions"
+        stated = shown.part.get("exceptions", found if shown.kind else [])
+        if any(one.startswith("single values") for one in (*found, *stated)):
+            return  # for one of both the time was over
+        proven = f"It is proven for general parameters, without {', '.join(found) or 'exceptions'}."
+        self.agree(place, {*stated} == {*found}, ", ".join(map(str, stated)), proven)
 
     def energy(self, shown: Shown, certificate: dict[str, Any]) -> None:
         """A Hamiltonian belongs to a proven Lagrangian."""

@@ -14,6 +14,7 @@ from inverse_service.expressions.tree import Symbol
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import text_page
+from inverse_service.service.documents.canonical import in_general
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
 IN_A_SENTENCE = 150.0  # points of a formula that stands in a line of text
@@ -78,6 +79,8 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
     if answer.get("domain"):
         yield f"At generic points of the connected set where {conditions_latex(answer['domain'], system)}:"
     yield escaped(f"{text_page.verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
+    if answer.get("exceptions") and system:
+        yield escaped(f"This holds {in_general(system['parameters'], answer['exceptions'])}.")
     if answer["checked"] is not None:
         yield f"Independent check: {answer['checked']}."
     if answer["lagrangian"] is None and answer["verdict"] == "variational":

@@ -10,6 +10,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import LEFT_OUT, equation_line, read_formula
+from inverse_service.service.documents.canonical import in_general
 from inverse_service.service.documents.nonholonomic_text import (
     any_associated_lines,
     first_integral_lines,
@@ -144,7 +145,7 @@ def place_of(part: Mapping[str, Any]) -> str:
 def _both_answers(branch: Mapping[str, Any], result: dict[str, Any], explain: bool) -> Iterator[str]:
     for place, (answer, with_time) in enumerate(answers_of(branch, result)):
         yield from [""] * place
-        yield from _answer(answer, with_time, explain)
+        yield from _answer(answer, with_time, explain, result["system"]["parameters"])
     if branch["with_time"] is None and branch["verdict_with_time"] is not None and not asks_for_time(result):
         yield ""
         yield verdict_sentence(branch["verdict_with_time"], True, branch.get("domain"))
@@ -253,8 +254,10 @@ def _system(system: dict[str, Any] | None) -> Iterator[str]:
     yield ""
 
 
-def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool) -> Iterator[str]:
+def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, parameters: Sequence[str] = ()) -> Iterator[str]:
     yield verdict_sentence(answer["verdict"], with_time, answer.get("domain"))
+    if answer.get("exceptions"):
+        yield f"  {in_general(parameters, answer['exceptions'])}"
     if answer["reason"]:
         yield f"  {answer['reason']}"
     if answer["checked"] is not None:

@@ -230,6 +230,7 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "checked": answer.checked,
         "reason": answer.reason,
         "domain": _domain(answer.nonzero, answer.positive),
+        "exceptions": list(answer.exceptions),
         "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
     }
 

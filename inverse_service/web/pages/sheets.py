@@ -18,6 +18,7 @@ from inverse_service.reading.names import Names
 from inverse_service.reading.reader import equation_line, read_equations
 from inverse_service.service.documents import text_page
 from inverse_service.web.pages import typesetting
+from inverse_service.web.pages.form_documents import question_address
 from inverse_service.web.pages.rendering import duration
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
@@ -284,6 +285,8 @@ def _case(
         notes.append(Markup("Where {}.").format(where))
     if shown.get("reason") and verdict == OPEN and not pending:
         notes.append(Markup("{}.").format(shown["reason"][:1].upper() + shown["reason"][1:].rstrip(".")))
+    if shown.get("exceptions") and result.get("system"):
+        notes.append(_general(shown["exceptions"], result, names))
     notes += _checked([shown])
     notes += [_other_note(shown, other) for other in others if verdict == YES and not QUESTIONS.intersection(pending)]
     more = [_other_row(other, result, names) for other in others if other.get("lagrangian")]
@@ -501,6 +504,20 @@ def _clock_row(clock: Mapping[str, Any], result: Mapping[str, Any], names: Names
         name, Markup("dτ = {} dt").format(factor), verdict, WORDS[verdict],
         tuple(_formulas(clock, result, names)), (*steps, *_checked([clock])),
     )  # fmt: skip
+
+
+def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names) -> Markup:
+    """For which parameters the answer was proven, with a link to a form that asks about the others."""
+    system, listed = result["system"], Markup(", ").join(_equation_or_words(one, names) for one in exceptions)
+    given = system.get("given")
+    address = question_address({**given, "special_cases": True}) if isinstance(given, dict) else ""
+    decide = Markup(' <a href="{}">Decide them</a>').format(address) if address else Markup("")
+    parameters = ", ".join(system["parameters"])
+    return Markup("For general {} (not decided here: {}).{}").format(parameters, listed, decide)
+
+
+def _equation_or_words(text: str, names: Names) -> Markup:
+    return _listed([text], names) if "=" in text else Markup("{}").format(text)
 
 
 def _special(cases: Mapping[str, Any], names: Names) -> Iterable[Markup]:

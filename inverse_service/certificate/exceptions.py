@@ -1,0 +1,371 @@
+"""The special values of the parameters that a proof leaves out.
+
+A certificate is checked at random points, of the parameters too: what it proves holds for general values. A value c is
+left out where something that the proof divides by (a pivot, the determinant of the multiplier, a divisor of L) vanishes
+at every point (t, q, q'), that is, where the *content* of this function, the largest factor with parameters only, is 0.
+
+The content is found on lines c = a + s b through one random a: what is divided by is a rational function of s, which a
+few values give, and two points (t, q, q') have only the content in common. The contents on several lines are put
+together to a polynomial in the parameters, which is factored. A factor is dropped where f is not defined, and where the
+claim holds by other pivots. Sets given by two equations and more are found only where they say that parameters are 0.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations, combinations_with_replacement
+from typing import TYPE_CHECKING, Any
+
+from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_poly
+
+from .formulas import Ended
+from .numbers import Residues, Undefined, Unsettled
+
+if TYPE_CHECKING:
+    from .checker import Question
+    from .series import Expansion
+
+Polynomial = Any  # fmpq_mpoly, in the parameters
+MAX_PARAMETERS = 12
+MAX_POINTS = 128  # on a line
+SPARE = 4  # of these, beyond those that the degrees need
+MAX_SHAPES = 60  # monomials of one degree
+MAX_ZEROS = 4  # parameters that are 0 together
+LEAST_TIME = 3.0  # s
+
+
+@dataclass(frozen=True, slots=True)
+class Generic:
+    """The work whose outcome at random points is the proof: what it divides by decides where the proof holds.
+
+    `degree` is that of the series; `holds` says of an outcome whether the claim follows from it. `telescopes`: each
+    divisor is a minor of one matrix over the one before, so that only their product counts.
+    """
+
+    work: Callable[[Expansion], Any]
+    degree: int
+    holds: Callable[[Any], bool]
+    telescopes: bool = False
+
+
+class Special(Residues):
+    """Numbers at given values of the parameters; `divisors` are those of the work, `None` before it begins."""
+
+    divisors: list[int] | None = None
+
+    def __init__(self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False) -> None:
+        super().__init__(question, prime, seed, question.plan.choices[0])
+        self.pivot = max if last else min
+        self.values |= values
+        self.drawn = random.Random(seed)
+
+    def draw(self) -> int:
+        return self.drawn.randrange(self.prime)
+
+    def inverse(self, value: int) -> int:
+        if self.divisors is not None:
+            self.divisors.append(value % self.prime)
+        return super().inverse(value)
+
+    def regular(self, matrix: list[list[Any]]) -> bool:
+        entries = [[int(entry % self.prime) for entry in row] for row in matrix]
+        determinant = int(nmod_mat(entries, self.prime).det())
+        if self.divisors is not None and determinant:
+            self.divisors.append(determinant)
+        return determinant != 0
+
+
+def exceptions_of(question: Question, generic: Generic | None, spent: float) -> tuple[str, ...]:
+    """Equations between parameters, such as "c1 = c2" and "k = 0"; it takes about as long as the check `spent`.
+
+    "single values of k" stands for those that could not be found.
+    """
+    names = question.own_parameters
+    if generic is None or not names:
+        return ()
+    unknown = f"single values of {', '.join(names)}"
+    deadline, question.deadline = question.deadline, min(question.deadline, time.thread_time() + spent + LEAST_TIME)
+    found = list[str]()
+    try:
+        if len(names) > MAX_PARAMETERS:
+            return (unknown,)
+        for text in Finding(question, generic, names).texts():
+            found.append(text)
+        return tuple(found)
+    except (Ended, Undefined, Unsettled, StopIteration, ArithmeticError, ValueError):
+        return (*found, unknown)
+    finally:
+        question.deadline = deadline
+
+
+class Finding:
+    """The search for the exceptions of one proof, modulo one prime."""
+
+    def __init__(self, question: Question, generic: Generic, names: list[str]) -> None:
+        self.question, self.generic, self.names = question, generic, names
+        self.prime, draw = question.prime(), question.generator
+        self.base = [draw.randrange(1, self.prime) for _ in names]
+        self.largest = 0  # sum of the degrees of a numerator and its denominator
+        self.enough = 8  # points on a line, as far as is known
+        self.seeds = list[int]()  # of points at which there are the roots that are needed
+        for seed in (draw.getrandbits(64) for _ in range(64)):
+            values = dict(zip(names, self.base, strict=True))
+            try:
+                question.expansion(Special(question, self.prime, seed, values), 0)
+                self.seeds.append(seed)
+            except Undefined:
+                question.check_time()
+            if len(self.seeds) == 2:
+                break
+        self.context = fmpq_mpoly_ctx.get([f"c{k}" for k in range(len(names))], Ordering.degrevlex)
+        self.gens = self.context.gens()
+
+    def texts(self) -> Iterator[str]:
+        found = list[Polynomial]()
+        for one in self.factors():
+            if self.is_left_out(one):
+                found.append(one)
+                yield self.text(one)
+        single = {k for k, z in enumerate(self.gens) if any(one == z for one in found)}
+        others = [k for k in range(len(self.names)) if k not in single]
+        known = list[set[int]]()
+        for size in range(2, min(len(others), MAX_ZEROS) + 1) if self.question.rational else ():
+            for chosen in combinations(others, size):
+                zeros = [0 if k in chosen else 1 + k * k for k in range(len(self.names))]
+                seen = any(one <= {*chosen} for one in known) or any(not one(*zeros) for one in found)
+                if not seen and self.fails(dict.fromkeys(chosen, 0)):
+                    known.append({*chosen})
+                    yield " = ".join([*(self.names[k] for k in chosen), "0"])
+
+    # The content.
+
+    def factors(self) -> Iterator[Polynomial]:
+        """The irreducible factors of the content."""
+        direction = self.direction()
+        first = self.content(direction)
+        if first.degree() < 1:
+            return
+        found = [one for one in self.likely() if self.divides(one, direction, first)]
+        rest = self.without(found, direction, first)
+        yield from found
+        if rest.degree() > 0:
+            yield from (one for one, _ in self.put_together(found, direction, rest).factor()[1])
+
+    def direction(self) -> list[int]:
+        return [self.question.generator.randrange(1, self.prime) for _ in self.names]
+
+    def likely(self) -> Iterator[Polynomial]:
+        yield from self.gens
+        for left, right in combinations(self.gens, 2):
+            yield left - right
+            yield left + right
+
+    def on_line(self, polynomial: Polynomial, direction: Sequence[int]) -> Any:
+        """Of a polynomial, the one in s on a line."""
+        places = [nmod_poly([a, b], self.prime) for a, b in zip(self.base, direction, strict=True)]
+        total = nmod_poly([0], self.prime)
+        for exponents, coefficient in polynomial.terms():
+            value = int(coefficient.p) * pow(int(coefficient.q), -1, self.prime) % self.prime
+            term = nmod_poly([value], self.prime)
+            for place, exponent in zip(places, exponents, strict=True):
+                term *= place ** int(exponent)
+            total += term
+        return total
+
+    def divides(self, polynomial: Polynomial, direction: Sequence[int], content: Any) -> bool:
+        return bool((content % self.on_line(polynomial, direction)).degree() < 0)
+
+    def without(self, found: Sequence[Polynomial], direction: Sequence[int], content: Any) -> Any:
+        for one in found:
+            content //= self.on_line(one, direction)
+        return content
+
+    def content(self, direction: Sequence[int]) -> Any:
+        """What the divisors at two points (t, q, q') have in common on a line, without multiple factors."""
+        count, places = self.enough, list[int]()
+        tables = [list[list[int]]() for _ in range(2)]
+        while count <= MAX_POINTS:
+            self.largest = 0
+            more = [self.question.generator.randrange(1, self.prime) for _ in range(count - len(places))]
+            places += more
+            for last, (table, seed) in enumerate(zip(tables, self.seeds, strict=True)):
+                # Any regular minor shows the rank: by other pivots what is there by the choice of the first goes.
+                table += [self.divisors(seed, direction, s, bool(last) and self.generic.telescopes) for s in more]
+            lengths = {len(values) for table in tables for values in table}
+            if len(lengths) != 1:
+                raise Undefined
+            found = [[self.numerator(places, values) for values in zip(*table, strict=True)] for table in tables]
+            if all(one is not None for numerators in found for one in numerators):
+                self.enough = max(self.enough, min(count, self.largest + SPARE))
+                whole = nmod_poly([1], self.prime)
+                for left, right in zip(*found, strict=True):
+                    common = left.gcd(right)
+                    whole *= common // whole.gcd(common)
+                return whole // whole.gcd(whole.derivative())
+            count *= 2
+        raise Undefined
+
+    def divisors(self, seed: int, direction: Sequence[int], s: int, last: bool) -> list[int]:
+        """What the work divides by at a place of a line; each value once."""
+        self.question.check_time()
+        values = {name: (a + s * b) % self.prime
+                  for name, a, b in zip(self.names, self.base, direction, strict=True)}  # fmt: skip
+        arithmetic = Special(self.question, self.prime, seed, values, last)
+        ring = self.question.expansion(arithmetic, self.generic.degree)
+        arithmetic.divisors = []
+        self.generic.work(ring)
+        found = arithmetic.divisors
+        return [math.prod(found) % self.prime] if self.generic.telescopes else list(found)
+
+    def numerator(self, places: Sequence[int], values: Sequence[int]) -> Any | None:
+        """Of the rational function with these values; None where they do not determine it."""
+        prime, count = self.prime, len(places)
+        if len({*values}) == 1:
+            return nmod_poly([1], prime)
+        differences = list(values)
+        for k in range(1, count):
+            for j in range(count - 1, k - 1, -1):
+                slope = pow(places[j] - places[j - k], -1, prime)
+                differences[j] = (differences[j] - differences[j - 1]) * slope % prime
+        polynomial, modulus = nmod_poly([0], prime), nmod_poly([1], prime)
+        for s, difference in zip(places, differences, strict=True):
+            polynomial += modulus * nmod_poly([difference], prime)
+            modulus *= nmod_poly([-s % prime, 1], prime)
+        older, newer = modulus, polynomial
+        before, after = nmod_poly([0], prime), nmod_poly([1], prime)
+        best, size = (newer, after), newer.degree()
+        while newer.degree() >= 0:  # the remainders are numerators, their cofactors denominators
+            if newer.degree() + after.degree() < size:
+                best, size = (newer, after), newer.degree() + after.degree()
+            quotient = older // newer
+            older, newer = newer, older - quotient * newer
+            before, after = after, before - quotient * after
+        above, below = best
+        self.largest = max(self.largest, size)
+        return above // above.gcd(below) if size <= count - SPARE else None
+
+    def put_together(self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any) -> Polynomial:
+        """The polynomial whose values on lines through the base these are."""
+        degree, m, prime = rest.degree(), len(self.names), self.prime
+        shapes = [list(combinations_with_replacement(range(m), k)) for k in range(degree + 1)]
+        if len(shapes[-1]) > MAX_SHAPES:
+            raise Undefined
+        lines = [(direction, rest)]
+        while len(lines) < len(shapes[-1]):
+            other = self.direction()
+            lines.append((other, self.without(found, other, self.content(other))))
+        if any(one.degree() != degree for _, one in lines):
+            raise Undefined
+        parts = list[dict[tuple[int, ...], int]]()  # forms in c - a, the first one 1
+        for k, shape in enumerate(shapes):
+            rows = [[math.prod(b[j] for j in one) % prime for one in shape] for b, _ in lines[: len(shape)]]
+            right = [[int(one[k]) * pow(int(one[0]), -1, prime) % prime] for _, one in lines[: len(shape)]]
+            solved = nmod_mat(rows, prime).solve(nmod_mat(right, prime))
+            parts.append({one: int(solved[j, 0]) for j, one in enumerate(shape)})
+        table = self.expanded(parts)
+        lead = pow(next(value for value in table.values() if value), -1, prime)
+        named = {key: self.fraction(value * lead % prime) for key, value in table.items() if value}
+        return self.context.from_dict({key: fmpq(a.numerator, a.denominator) for key, a in named.items()})
+
+    def expanded(self, parts: Sequence[dict[tuple[int, ...], int]]) -> dict[tuple[int, ...], int]:
+        """The coefficients by powers of c of what is given by powers of c - a, modulo the prime."""
+        total, m = dict[tuple[int, ...], int](), len(self.names)
+        for form in parts:
+            for shape, value in form.items():
+                terms = {(0,) * m: value}
+                for j in shape:
+                    more = dict[tuple[int, ...], int]()
+                    for key, factor in terms.items():
+                        up = tuple(e + (k == j) for k, e in enumerate(key))
+                        more[up] = (more.get(up, 0) + factor) % self.prime
+                        more[key] = (more.get(key, 0) - factor * self.base[j]) % self.prime
+                    terms = more
+                for key, factor in terms.items():
+                    total[key] = (total.get(key, 0) + factor) % self.prime
+        return dict(sorted(total.items(), reverse=True))
+
+    def fraction(self, value: int) -> Fraction:
+        """The simple fraction that has this value; Undefined where there is none."""
+        older, newer, before, after = self.prime, value, 0, 1
+        while newer * newer > self.prime >> 20:
+            quotient = older // newer
+            older, newer, before, after = newer, older - quotient * newer, after, before - quotient * after
+        if abs(after) > 1 << 24:
+            raise Undefined
+        return Fraction(newer, after)
+
+    # What is left out.
+
+    def is_left_out(self, factor: Polynomial) -> bool:
+        """Whether f is defined where the factor is 0, which is so at real values, and the claim is not seen there."""
+        if not has_real_zeros(factor):
+            return False
+        degrees = [int(e) for e in factor.degrees()]
+        place = min((k for k, e in enumerate(degrees) if e), key=lambda k: degrees[k])
+        base, direction = self.base, [int(k == place) for k in range(len(self.names))]
+        try:
+            for _ in range(8):
+                self.base = self.direction()
+                self.base[place] = 0
+                roots = self.on_line(factor, direction).roots()
+                if roots:
+                    values = {k: a for k, a in enumerate(self.base) if k != place}
+                    return self.fails(values | {place: int(roots[0][0])})
+        finally:
+            self.base = base
+        return True
+
+    def fails(self, fixed: dict[int, int]) -> bool:
+        """Whether the claim is not seen to hold for these values of parameters, where f is defined."""
+        values = {self.names[k]: value for k, value in fixed.items()}
+        try:
+            self.question.expansion(Special(self.question, self.prime, self.seeds[0], values), 0)
+        except Undefined:
+            return False
+        if not self.question.rational:  # the functions may have further relations there
+            return True
+        self.question.check_time()
+        try:
+            arithmetic = Special(self.question, self.prime, self.seeds[0], values)
+            outcome = self.generic.work(self.question.expansion(arithmetic, self.generic.degree))
+        except Undefined:
+            return True
+        return not self.generic.holds(outcome)
+
+    def text(self, factor: Polynomial) -> str:
+        """As an equation with positive coefficients on both sides; c1 = -c2 for c1 + c2 = 0."""
+        terms = [(tuple(map(int, exponents)), coefficient) for exponents, coefficient in factor.terms()]
+        scale = math.lcm(*(int(c.q) for _, c in terms)) * (1 if terms[0][1] > 0 else -1)
+        whole = [(key, int((c * scale).p)) for key, c in terms]
+        common = math.gcd(*(c for _, c in whole))
+        whole = [(key, c // common) for key, c in whole]
+        plain = len(whole) == 2 and all(sum(key) <= 1 and c > 0 for key, c in whole)
+        left = whole[:1] if plain else [one for one in whole if one[1] > 0]
+        right = [one for one in whole if one not in left]
+        turned = "-" if plain else ""
+        return f"{self.written(left)} = {turned}{self.written([(key, abs(c)) for key, c in right])}"
+
+    def written(self, terms: Sequence[tuple[tuple[int, ...], int]]) -> str:
+        words = []
+        for key, c in terms:
+            powers = [f"{name}^{e}" if e > 1 else name for name, e in zip(self.names, key, strict=True) if e]
+            words.append("*".join([str(c), *powers] if c != 1 or not powers else powers))
+        return " + ".join(words) or "0"
+
+
+def has_real_zeros(factor: Polynomial) -> bool:
+    """False only for a polynomial in one parameter of which no root is real."""
+    if sum(1 for e in factor.degrees() if e) != 1:
+        return True
+    scale, place = factor.leading_coefficient(), next(k for k, e in enumerate(factor.degrees()) if e)
+    terms = [(int(exponents[place]), coefficient / scale) for exponents, coefficient in factor.terms()]
+    common, listed = math.lcm(*(int(c.q) for _, c in terms)), [0] * (1 + max(e for e, _ in terms))
+    for e, c in terms:
+        listed[e] = int((c * common).p)
+    roots: list[Any] = fmpz_poly(listed).complex_roots()
+    return any(root.imag.contains(0) for root, _ in roots)

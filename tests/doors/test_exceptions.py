@@ -1,0 +1,67 @@
+"""The special values of the parameters that a verdict leaves out: in the result, the statement, and at the doors."""
+
+from __future__ import annotations
+
+import copy
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import inverse_service
+from inverse_service.service.documents.special_values import left_out
+
+COUPLED = {"equations": {"x": "a*y", "y": "b*x*y'"}, "parameters": ["a", "b"]}
+FRICTION = {"equations": {"x": "-x + k*y - c*x'", "y": "-y + k*x"}, "parameters": ["c", "k"]}
+
+
+@pytest.fixture(scope="module")
+def no() -> dict[str, Any]:
+    return json.loads(inverse_service.solve(FRICTION).to_json())
+
+
+def test_a_no_names_the_values_at_which_its_proof_divides_by_zero(no: dict[str, Any]) -> None:
+    assert no["verdict"] == "not_variational"
+    assert {*no["exceptions"]} == {"c = 0", "k = 0"}
+
+
+def test_at_each_exception_there_is_a_lagrangian(no: dict[str, Any]) -> None:
+    for text, document in left_out(no):
+        assert document is not None, text
+        assert inverse_service.solve(document)["verdict"] == "variational", text
+
+
+def test_the_hessian_of_a_yes_vanishes_at_its_exceptions() -> None:
+    assert inverse_service.solve(COUPLED)["exceptions"] == ["a = 0", "b = 0"]
+
+
+def test_one_coordinate_has_no_exceptions() -> None:
+    result = inverse_service.solve({"equations": {"x": "-k*x/m - c*x'"}, "parameters": ["k", "m", "c"]})
+    assert result["exceptions"] == []
+
+
+def test_the_statement_of_a_check_has_the_exceptions(no: dict[str, Any]) -> None:
+    found = inverse_service.check(no)
+    assert {*found["statement"]["exceptions"]} == {"c = 0", "k = 0"}
+    assert "not decided here" in found["statement"]["text"]
+    assert "/exceptions" not in found["not_checked"]
+
+
+@pytest.mark.parametrize("stated", [[], ["c = 0"], ["c = 0", "k = 0", "c = k"]])
+def test_other_exceptions_than_proven_contradict(no: dict[str, Any], stated: list[str]) -> None:
+    forged = copy.deepcopy(no)
+    forged["exceptions"] = stated
+    assert [one["field"] for one in inverse_service.check(forged)["contradictions"]] == ["/exceptions"]
+
+
+def test_the_command_decides_them(no: dict[str, Any], tmp_path: Path) -> None:
+    file = tmp_path / "result.json"
+    file.write_text(json.dumps(no))
+    command = [sys.executable, "-m", "inverse_service", "check", str(file), "--exceptions"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    found = json.loads(done.stdout)["exceptions"]
+    assert done.returncode == 0
+    assert {one["where"]: one["verdict"] for one in found} == {"c = 0": "variational", "k = 0": "variational"}
