@@ -17,8 +17,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import equation_line, read_equations
 from inverse_service.service.documents import text_page
-from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.form_documents import question_address
+from inverse_service.web.pages import forms, typesetting
 from inverse_service.web.pages.rendering import duration
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
@@ -510,7 +509,7 @@ def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names)
     """For which parameters the answer was proven, with a link to a form that asks about the others."""
     system, listed = result["system"], Markup(", ").join(_equation_or_words(one, names) for one in exceptions)
     given = system.get("given")
-    address = question_address({**given, "special_cases": True}) if isinstance(given, dict) else ""
+    address = forms.question_address({**given, "special_cases": True}) if isinstance(given, dict) else ""
     decide = Markup(' <a href="{}">Decide them</a>').format(address) if address else Markup("")
     parameters = ", ".join(system["parameters"])
     return Markup("For general {} (not decided here: {}).{}").format(parameters, listed, decide)
