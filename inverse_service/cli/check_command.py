@@ -20,6 +20,7 @@ from inverse_service.service.documents.special_values import left_out
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import BatchPlan, Summary, open_source, read_answers, run_batch
 from inverse_service.service.jobs.model import JobOptions, split_options, write_json
+from inverse_service.service.jobs.outcome import value_of
 from inverse_service.service.jobs.workers import run_alone
 from inverse_service.settings import read_settings
 
