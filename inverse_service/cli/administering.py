@@ -35,7 +35,7 @@ RANKS = {Rank.first: -1, Rank.normal: 0, Rank.last: 1}
 @admin.command()
 def status() -> None:
     """The version and size of the store, its jobs by status, whether it is drained."""
-    from inverse_service.service.jobs.schema import VERSION
+    from inverse_service.service.jobs.statements import VERSION
 
     with _store() as store:
         _say({"version": VERSION, "bytes": store.size(), "jobs": store.counts(), "drained": store.is_drained()})

@@ -14,7 +14,6 @@ from typing import Any, ParamSpec, TypeVar
 from inverse_service import __version__
 from inverse_service.errors import DocumentRefused
 from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.batches import Batch, BatchLine, batch_id
 from inverse_service.service.jobs.finishing import LIMITS
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.model import (
@@ -29,6 +28,7 @@ from inverse_service.service.jobs.model import (
 )
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
+from inverse_service.service.jobs.statements import Batch, BatchLine, batch_id
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.upkeep import Cleaner

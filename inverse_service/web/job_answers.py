@@ -16,9 +16,9 @@ from starlette.responses import Response, StreamingResponse
 
 from inverse_service.service.documents.answers import as_bytes, problem_document
 from inverse_service.service.jobs.batch import answer_line, line_head
-from inverse_service.service.jobs.batches import Batch, BatchAnswer
 from inverse_service.service.jobs.model import Job, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer
+from inverse_service.service.jobs.statements import Batch, BatchAnswer
 from inverse_service.web.asking import Preference
 from inverse_service.web.clients import client_of
 from inverse_service.web.engine import Engine

@@ -15,8 +15,8 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.batch import BatchTerms
-from inverse_service.service.jobs.batches import Batch
 from inverse_service.service.jobs.model import StoreUnavailable
+from inverse_service.service.jobs.statements import Batch
 from inverse_service.service.jobs.tasks import batch_task
 from inverse_service.web import asking
 from inverse_service.web.clients import client_of, require_client, viewer_of

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.batches import Batch, BatchAnswer
+from inverse_service.service.jobs.statements import Batch, BatchAnswer
 from inverse_service.settings import Settings
 from inverse_service.web import routes_batches
 from inverse_service.web.asking import Hub

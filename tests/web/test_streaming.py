@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from inverse_service.service.jobs.batch import answer_line
-from inverse_service.service.jobs.batches import BatchLine
 from inverse_service.service.jobs.model import JobOptions, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.statements import BatchLine
 from inverse_service.service.jobs.tasks import request_of
 from inverse_service.settings import Settings
 from inverse_service.web import job_answers

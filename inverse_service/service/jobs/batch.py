@@ -34,7 +34,6 @@ from typing import IO, Any
 from inverse_service.errors import InputError, LimitError
 from inverse_service.service.documents.answers import as_bytes, of_input_error, problem_document
 from inverse_service.service.documents.plain_data import read_json
-from inverse_service.service.jobs.batches import BatchAnswer, BatchLine
 from inverse_service.service.jobs.locks import DATABASE, lock, temporary_folder
 from inverse_service.service.jobs.model import (
     BULK,
@@ -46,6 +45,7 @@ from inverse_service.service.jobs.model import (
     split_options,
 )
 from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.statements import BatchAnswer, BatchLine
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.tasks import label_of, request_of
 from inverse_service.service.jobs.workers import Executor, Workers

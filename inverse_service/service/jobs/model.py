@@ -23,7 +23,7 @@ from inverse_service import __version__
 from inverse_service.errors import InputError, InverseServiceError, LimitError
 
 if TYPE_CHECKING:
-    from inverse_service.service.jobs.batches import Batch, BatchLine
+    from inverse_service.service.jobs.statements import Batch, BatchLine
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 STATUSES: Final[tuple[JobStatus, ...]] = ("accepted", "running", "successful", "failed", "dismissed")

@@ -19,7 +19,7 @@ import psycopg
 from psycopg.rows import dict_row
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs import schema
+from inverse_service.service.jobs import statements
 from inverse_service.service.jobs.model import StoreUnavailable, WrongVersion
 from inverse_service.service.jobs.statements import SELECT
 from inverse_service.service.jobs.store import Changed, JobStore
@@ -226,10 +226,10 @@ def prepare(connection: Connection) -> None:
         connection.execute("SET LOCAL search_path TO inverse_service")
         connection.execute("CREATE TABLE IF NOT EXISTS versions (version INTEGER PRIMARY KEY)")
         row = connection.execute("SELECT max(version) AS version FROM versions").fetchone()
-        script = schema.script(0 if row is None else row["version"] or 0, schema.POSTGRES)
+        script = statements.script(0 if row is None else row["version"] or 0, statements.POSTGRES)
         connection.execute(script.encode())
         connection.execute("DELETE FROM versions")
-        connection.execute("INSERT INTO versions VALUES (%s)", (schema.VERSION,))
+        connection.execute("INSERT INTO versions VALUES (%s)", (statements.VERSION,))
 
 
 class PostgresStore(JobStore):

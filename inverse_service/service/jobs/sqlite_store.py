@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from inverse_service.service.jobs import schema
+from inverse_service.service.jobs import statements
 from inverse_service.service.jobs.locks import SupervisorLock
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
 from inverse_service.service.jobs.statements import SELECT
@@ -170,7 +170,7 @@ def prepare(connection: sqlite3.Connection) -> None:
     Raises WrongVersion for a newer one, sqlite3.DatabaseError for a file that is no such database.
     """
     found = _number(connection, "user_version")
-    script = schema.script(found, schema.SQLITE)
+    script = statements.script(found, statements.SQLITE)
     _refuse_other_tables(connection, found)
     is_small = _number(connection, "page_count") * _number(connection, "page_size") < REWRITTEN
     if is_small and connection.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok":
@@ -178,9 +178,9 @@ def prepare(connection: sqlite3.Connection) -> None:
     connection.execute("PRAGMA auto_vacuum = INCREMENTAL")  # heard by a new file, and by VACUUM
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute(f"PRAGMA journal_size_limit = {REWRITTEN // 4}")
-    connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {schema.VERSION}; COMMIT;")
+    connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {statements.VERSION}; COMMIT;")
     with contextlib.closing(connect(":memory:")) as fresh:
-        fresh.executescript(schema.script(0, schema.SQLITE))
+        fresh.executescript(statements.script(0, statements.SQLITE))
         if missing := _columns(fresh) - _columns(connection):
             raise Damaged(f"it lacks {' '.join(min(missing))}; put a backup in its place")
     if _number(connection, "auto_vacuum") == 0 and is_small:
@@ -189,8 +189,8 @@ def prepare(connection: sqlite3.Connection) -> None:
 
 def _refuse_other_version(connection: sqlite3.Connection) -> None:
     """A service that runs over the file has it as it is. Raises WrongVersion."""
-    if (found := _number(connection, "user_version")) != schema.VERSION:
-        raise WrongVersion(found, schema.VERSION)
+    if (found := _number(connection, "user_version")) != statements.VERSION:
+        raise WrongVersion(found, statements.VERSION)
 
 
 def _refuse_other_tables(connection: sqlite3.Connection, version: int) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import ClassVar, TypeVar
 
-from inverse_service.service.jobs import batches, model, statements, upkeep
+from inverse_service.service.jobs import model, statements, upkeep
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.statements import SELECT, Session, jobs_of
 
@@ -204,8 +204,8 @@ class JobStore(ABC):
         return [model.Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
 
     def create_batch(
-        self, id: str, kind: str, client: str, lines: Sequence[batches.BatchLine], bounds: model.Bounds = NO_BOUNDS
-    ) -> batches.Batch:
+        self, id: str, kind: str, client: str, lines: Sequence[statements.BatchLine], bounds: model.Bounds = NO_BOUNDS
+    ) -> statements.Batch:
         """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is.
 
         In small transactions, between which others are served. One that a death of the service left incomplete is
@@ -215,16 +215,16 @@ class JobStore(ABC):
             return found
         asked = [line.request for line in lines if line.request is not None]
         self._read(lambda s: statements.refuse_without_room(s, asked, bounds))
-        self._write(lambda s: batches.begin_batch(s, id, kind, client), durable=False)
+        self._write(lambda s: statements.begin_batch(s, id, kind, client), durable=False)
         try:
-            for place in range(0, len(lines), batches.STEP):
-                add = partial(batches.add_lines, id=id, lines=lines[place : place + batches.STEP], bounds=bounds)
+            for place in range(0, len(lines), statements.STEP):
+                add = partial(statements.add_lines, id=id, lines=lines[place : place + statements.STEP], bounds=bounds)
                 self._write(add, lambda _: [""], durable=False)
         except model.TooManyJobs:  # others were faster
             self.dismiss_batch(id)
-            self._write(lambda s: batches.forget_batch(s, id))
+            self._write(lambda s: statements.forget_batch(s, id))
             raise
-        return self._write(lambda s: batches.complete_batch(s, id, len(lines)), lambda _: [""])
+        return self._write(lambda s: statements.complete_batch(s, id, len(lines)), lambda _: [""])
 
     def used_today(self, client: str) -> float:
         """The processor seconds of a client's runs today (UTC)."""
@@ -232,17 +232,17 @@ class JobStore(ABC):
 
     def claim_key(self, client: str, key: str, digest: str) -> bool:
         """Whether a client's key for a batch is new, or came with the same lines before."""
-        return self._write(lambda s: batches.claim_key(s, client, key, digest), durable=False)
+        return self._write(lambda s: statements.claim_key(s, client, key, digest), durable=False)
 
-    def batch(self, id: str) -> batches.Batch | None:
+    def batch(self, id: str) -> statements.Batch | None:
         """One batch with its counts."""
-        return self._read(lambda s: batches.read_batch(s, id))
+        return self._read(lambda s: statements.read_batch(s, id))
 
     def batch_answers(
         self, id: str, after: int = 0, limit: int = 500, largest: int = model.NO_BOUND
-    ) -> list[batches.BatchAnswer]:
+    ) -> list[statements.BatchAnswer]:
         """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes."""
-        return self._read(lambda s: batches.answers(s, id, after, limit, largest))
+        return self._read(lambda s: statements.answers(s, id, after, limit, largest))
 
     def dismiss_batch(self, id: str) -> list[str]:
         """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop.
@@ -251,7 +251,7 @@ class JobStore(ABC):
         """
         over, left = list[str](), 1
         while left:
-            left, some = self._write(lambda s: batches.leave_some(s, id), lambda found: ["", *found[1]])
+            left, some = self._write(lambda s: statements.leave_some(s, id), lambda found: ["", *found[1]])
             over += some
         return over
 

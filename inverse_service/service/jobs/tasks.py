@@ -27,7 +27,7 @@ from inverse_service.service.jobs.model import (
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.batch import BatchTerms
-    from inverse_service.service.jobs.batches import BatchLine
+    from inverse_service.service.jobs.statements import BatchLine
 
 # What a command loads only for the questions that need it, and a worker before its first.
 ENGINE = (

@@ -15,7 +15,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service.reading.document_names import GUESS
 from inverse_service.service.documents.text_page import branches_of, common_verdict, conditions_of, first_answer
 from inverse_service.service.jobs.batch import answer_line
-from inverse_service.service.jobs.batches import BatchAnswer
+from inverse_service.service.jobs.statements import BatchAnswer
 from inverse_service.web.asking import FACTORS
 from inverse_service.web.clients import viewer_of
 from inverse_service.web.pages.own_calls import SMALL_FORM, call, read_form
