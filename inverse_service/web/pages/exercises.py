@@ -69,10 +69,8 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
     sheet = sheets.sheet_of(result, brief=True)
     wanted = [typesetting.formula(f"{name}'' = {text}", names) for name, text in system["equations"].items()]
     judged = None
-    if answer == "none":
-        judged = _judged_none(sheets.verdict_of(result))
-    elif answer == "exists":
-        judged = _judged_exists(sheets.verdict_of(result))
+    if answer in ("none", "exists"):
+        judged = _judged_existence(sheets.verdict_of(result), answer)
     elif answer == "one" and own.strip():
         judged = judged_of(document, own, ask, names)
     return Exercise(
@@ -85,20 +83,13 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
     )
 
 
-def _judged_none(verdict: str) -> sheets.Judged:
-    if verdict == sheets.NO:
-        return sheets.Judged("", sheets.YES, "Right. There is none, and the proof was checked.")
-    if verdict == sheets.YES:
-        return sheets.Judged("", sheets.NO, "Not yet. There is one.")
-    return sheets.Judged("", sheets.OPEN, "The program could not decide.")
-
-
-def _judged_exists(verdict: str) -> sheets.Judged:
-    if verdict == sheets.YES:
-        return sheets.Judged("", sheets.YES, "Right. There is one.")
-    if verdict == sheets.NO:
-        return sheets.Judged("", sheets.NO, "Not yet. There is none.")
-    return sheets.Judged("", sheets.OPEN, "The program could not decide.")
+def _judged_existence(verdict: str, answer: str) -> sheets.Judged:
+    """What is said of "none" or "exists"."""
+    if verdict not in (sheets.YES, sheets.NO):
+        return sheets.Judged("", sheets.OPEN, "The program could not decide.")
+    is_right = (verdict == sheets.YES) == (answer == "exists")
+    said = f"{'Right' if is_right else 'Not yet'}. There is {'one' if verdict == sheets.YES else 'none'}."
+    return sheets.Judged("", sheets.YES if is_right else sheets.NO, said)
 
 
 def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sheets.Judged:

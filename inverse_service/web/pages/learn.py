@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from html import unescape
@@ -87,6 +88,8 @@ def _body(name: str, address: str) -> Markup:
     text = (resources.files("inverse_service.web") / "manual" / f"{name}.md").read_text(encoding="utf-8")
     text = text.replace("ADDRESS", address)
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    k = itertools.count(1)
+    html = re.sub("<pre>", lambda _: f'<pre tabindex="0" role="region" aria-label="Example {next(k)}">', html)
     return Markup(_FORMULA.sub(lambda found: _formula(unescape(found[1] or found[2]), bool(found[1])), html))
 
 

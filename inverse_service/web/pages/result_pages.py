@@ -144,14 +144,10 @@ async def data_file(request: Request, identifier: str, file: str) -> Response:
 @router.get("/results/{identifier}/picture.{ending}")
 async def answer_picture(request: Request, identifier: str, ending: str) -> Response:
     """The motion of a solved system, for pages without scripts and for links that are shared."""
-    answer = await successful(request, identifier)
-    if answer is None or answer.value["kind"] != "solve" or ending not in simulations.PICTURES:
+    if ending not in simulations.PICTURES:
         return missing()
-    headers = kept(answer, f"picture-{ending}")
-    if is_known(request, headers["ETag"]):
-        return Response(status_code=304, headers=headers)
-    data = await made(request, identifier, result_tasks.answer_picture_task, ending)
-    return missing() if data is None else Response(data, headers=headers, media_type=simulations.PICTURES[ending])
+    media_type, task = simulations.PICTURES[ending], result_tasks.answer_picture_task
+    return await _file(request, identifier, media_type, f"picture-{ending}", task, ending, of_scene=False)
 
 
 @router.get("/results/{identifier}/code/{language}")
@@ -178,11 +174,12 @@ async def certificate(request: Request, identifier: str) -> Response:
 
 
 async def _file(
-    request: Request, identifier: str, media_type: str, what: str, task: Callable[..., bytes | None], *arguments: str
-) -> Response:
-    """A file that a worker makes of the result of a simulation; nothing is made for who has it already."""
+    request: Request, identifier: str, media_type: str, what: str, task: Callable[..., bytes | None], *arguments: str,
+    of_scene: bool = True,
+) -> Response:  # fmt: skip
+    """A file that a worker makes of a result; nothing is made for who has it already."""
     answer = await successful(request, identifier)
-    if answer is None or answer.value["kind"] == "solve":
+    if answer is None or (answer.value["kind"] == "solve") == of_scene:
         return missing()
     headers = kept(answer, what)
     if is_known(request, headers["ETag"]):

@@ -57,8 +57,6 @@ async def form(request: Request) -> Response:
     query = request.query_params
     kind = query.get("kind", "equations")
     linked = forms.fields_of_link(query)
-    if linked is not None and "reveal" in query:
-        return RedirectResponse(f"/exercise?{request.url.query}", 303)
     if linked is not None:
         fields = linked
     elif "example" in query:
