@@ -215,6 +215,7 @@ _EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&", "(", "[", "{")
 _GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&", ")", "]", "}")
 
 
+_JOINS = re.compile(r"\\(?:text[a-z]*|mathrm|mbox)\s*\{[^{}]*\}$")  # and, where
 _LINE_END = re.compile(r"(\n|\\q?quad(?![A-Za-z]))")
 
 
@@ -226,7 +227,7 @@ def line_ends(text: str, start: int, stop: int) -> dict[int, int]:
     _, *pieces = ("", "", *_LINE_END.split(text[start:stop]))
     for gap, line in zip(pieces[::2], pieces[1::2], strict=True):
         first = _SEPARATOR.split(line, maxsplit=1)[0].strip()
-        complete = equals and open_now == (0, 0, 0) and not last.endswith(_EXPECTS_MORE)
+        complete = equals and open_now == (0, 0, 0) and not (last.endswith(_EXPECTS_MORE) or _JOINS.search(last))
         if complete and "=" in first and not first.startswith(_GOES_ON):
             ends[place] = len(gap)
             equals, open_now, last = False, (0, 0, 0), ""
