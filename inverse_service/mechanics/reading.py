@@ -33,7 +33,15 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, Parameters, bounded, known_names, with_products
 from inverse_service.reading.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.reading.names import Names, check_clashes, escaped
-from inverse_service.reading.reader import note, placed_at, read_equation, read_formula, read_tokens, split_equations
+from inverse_service.reading.reader import (
+    is_latex,
+    note,
+    placed_at,
+    read_equation,
+    read_formula,
+    read_tokens,
+    split_equations,
+)
 from inverse_service.reading.tokens import Token
 
 MOST_PAIRS = 3  # of which every half is tried
@@ -221,6 +229,11 @@ def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]
                 what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
                 raise refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(pointer)
             moves = names.role(first.text) or derived_stem(first.text) or _DERIVATIVE.search(first.text)
+            # r^2 = x^2 + y^2, where r is in another equation
+            squared = _is_squared(group.tokens) * any(
+                token.text == first.text for other in groups if other != group for token in other.tokens
+            )
+            rest = rest[squared:]
             is_definition = first.kind == "name" and rest and rest[0].is_operator("=") and not moves
             if not is_definition or moving_names(rest, 2):  # F = m*x'' moves x
                 continue
@@ -238,12 +251,23 @@ def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]
                 raise refusal(what, first.column, instead).at(pointer)
             if len(rest) > 1:
                 formula = _END_OF_TEXT.sub("", text[rest[0].column : group.end_column - 1])
-                found[first.text] = formula
-                note(text[first.column - 1 : rest[0].column] + formula.rstrip(), DEFINITION)
+                root = ("\\sqrt{%s}" if is_latex(text) else "sqrt(%s)") if squared else "%s"
+                found[first.text] = root % formula
+                note(text[first.column - 1 : rest[0].column] + formula.rstrip(), DEFINITION + ROOT * bool(squared))
     return found
 
 
 DEFINITION = "a definition"
+ROOT = ", of the positive root"
+
+
+def _is_squared(tokens: Sequence[Token]) -> int:
+    """How many tokens after a name are its square, in r^2 = … and r^{2} = …; else 0."""
+    texts = [token.text for token in tokens[1:]]
+    end = texts.index("=") if "=" in texts[:7] else 0
+    return end if texts[:1] == ["^"] and [text for text in texts[1:end] if text not in ("(", ")")] == ["2"] else 0
+
+
 _END_OF_TEXT = re.compile(
     r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$", re.DOTALL
 )
@@ -302,12 +326,9 @@ def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
 
 def _defines(tokens: Sequence[Token], names: Names) -> bool:
     """Whether the equation is the definition of a name that stands for a formula."""
-    return (
-        tokens[0].kind == "name"
-        and tokens[1:2] != ()
-        and tokens[1].is_operator("=")
-        and (Symbol(names.spelling(tokens[0].text)) in names.definitions)
-    )
+    equals = tokens[1 + _is_squared(tokens) :][:1]
+    defined = tokens[0].kind == "name" and Symbol(names.spelling(tokens[0].text)) in names.definitions
+    return defined and any(token.is_operator("=") for token in equals)
 
 
 def _text(value: object) -> str:
