@@ -29,7 +29,14 @@ def ask(visit: Visit, document: dict[str, Any]) -> None:
     visit.go("/results/" + place.rpartition("/")[2])
 
 
-@pytest.fixture(params=[(n, s) for n in (False, True) for s in ("light", "dark")], ids=str)
+@pytest.fixture(
+    params=[
+        (False, "light"),
+        (True, "dark"),
+        *(pytest.param(p, marks=pytest.mark.slow) for p in ((False, "dark"), (True, "light"))),
+    ],
+    ids=str,
+)
 def look(request: pytest.FixtureRequest, pages: Pages, service: str) -> Iterator[tuple[Visit, bool]]:
     narrow, scheme = request.param
     found: Scheme = scheme
