@@ -196,12 +196,12 @@ class System:
         polynomials += [self.field.denominators[k] for k in self.below]
         polynomials += [p for theorem in self.theorems for p in th.polynomials_of(theorem)]
         used = variables | {*self.entries.values()}
-        waiting = {k for p in polynomials for k, degree in enumerate(p.degrees()) if degree} | used
+        waiting = {k for p in polynomials for k, degree in enumerate(p.degrees()) if degree > 0} | used
         used = set()
         while waiting:
             used |= waiting
             slopes = (table[k] for table in self.ring.images for k in waiting if k in table)
-            found = {k for s in slopes for k, degree in enumerate(s.numerator.degrees()) if degree}
+            found = {k for s in slopes for k, degree in enumerate(s.numerator.degrees()) if degree > 0}
             waiting = found - used
         return used
 
@@ -229,9 +229,9 @@ class System:
 
         def derivative(value: Formal) -> Formal:
             degrees = value.polynomial.degrees()
-            if any(degrees[k] for k in self.ring.undefined):
+            if any(degrees[k] > 0 for k in self.ring.undefined):
                 raise TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
-            terms = (value.polynomial.derivative(k) * image for k, image in images.items() if degrees[k])
+            terms = (value.polynomial.derivative(k) * image for k, image in images.items() if degrees[k] > 0)
             return Formal(sum(terms, value.polynomial * 0))
 
         return derivative
