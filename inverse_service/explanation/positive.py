@@ -209,6 +209,14 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
     )
 
 
+def of_one_coordinate() -> Step:
+    """The theorem of N. Sonin (1886) and G. Darboux (1894, Lecons III, art. 604)."""
+    return said(
+        "Every equation x'' = f(t, x, x') of one coordinate has a regular Lagrangian (Sonin 1886, Darboux 1894); no "
+        "closed form of one was found."
+    )
+
+
 def not_found(space: SolutionSpace | None) -> Step:
     """What is known without a closed form, and what to try."""
     known = "" if space is None else f": {space.statement}"

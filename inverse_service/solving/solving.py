@@ -22,6 +22,7 @@ from inverse_service.explanation.positive import (
     existence_steps,
     not_found,
     of_lagrangian,
+    of_one_coordinate,
     search_steps,
     series_steps,
 )
@@ -91,10 +92,10 @@ def solve_branches(
 
     Cells begin with the open sets on which roots of squares, |u| and the like are single formulas; what is beyond the
     sides that the proof of an answer depends on is a cell of its own. Each has its share of the time. More than
-    `MOST_BRANCHES` sets give one undetermined answer.
+    `MOST_BRANCHES` sets give one undetermined answer, except for one coordinate, of which so many are answered.
     """
     branches = branches_of(system)
-    if len(branches) > MOST_BRANCHES:
+    if len(branches) > MOST_BRANCHES and len(system.coordinates) > 1:  # of one, each cell has a Lagrangian
         number = f"{len(branches)} or more" if len(branches) == MOST_COUNTED else str(len(branches))
         reason = (
             f"roots of squares and the like make {number} cases of signs, each with an answer of its own; "
@@ -409,6 +410,8 @@ def _by_existence(work: Work, decision: Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
     series = series_steps(work.analysis, decision, work.options.series_order)
     steps, known = (not_found(decision.space), *series), existence_steps(decision)
+    if len(work.analysis.system.coordinates) == 1:
+        steps, known = (of_one_coordinate(),), (not_found(decision.space), *series)
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 

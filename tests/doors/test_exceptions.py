@@ -65,3 +65,24 @@ def test_the_command_decides_them(no: dict[str, Any], tmp_path: Path) -> None:
     found = json.loads(done.stdout)["exceptions"]
     assert done.returncode == 0
     assert {one["where"]: one["verdict"] for one in found} == {"c = 0": "variational", "k = 0": "variational"}
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        "abs(x)*x'",
+        "abs(x' - abs(x))",
+        "sign(x') + x^2*x'^4",
+        " + ".join(f"abs(x - {k})*x'" for k in range(10)),
+        " + ".join(f"sin({k}*x + x')*x'^{k}" for k in range(1, 20)),
+    ],
+)
+def test_one_coordinate_is_never_undetermined(force: str) -> None:
+    result = inverse_service.solve({"equations": {"x": force}}, time_limit=1)
+    assert "undetermined" not in (result["verdict"], result["verdict_with_time"])
+
+
+def test_van_der_pol_is_one_sentence() -> None:
+    steps = inverse_service.solve({"equations": {"x": "-x + (1 - x^2)*x'"}}, time_limit=1)["explanation"]
+    assert len(steps) == 1
+    assert "Sonin" in steps[0]["text"]

@@ -693,7 +693,7 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
     end = now() + max(1.0, time_limit)
     compare_motion(result, end - now())
     for each in _systems(result):
-        found = compared_with_document(result["system"]["given"], each, end - now())
+        found = compared_with_document(result["system"]["given"], each, max(1.0, end - now()))
         if found.verdict == "invalid":
             why = "; ".join(found.reasons)
             raise CertificateRefused(f"what was solved is not what was given: {why}"[:500])
