@@ -49,9 +49,7 @@ _SPECIAL_FUNCTIONS = (
     "erf", "erfc", "besselj", "bessely", "besseli", "besselk", "sn", "cn", "dn", "airyai", "airybi", "LambertW",
     "lambertw", "ellipk", "ellipe",
 )  # fmt: skip
-_HOW_TO_DECLARE = (
-    'declare it as an arbitrary function of its argument, "functions": {"cn": ["u"]}, for which the answer then holds'
-)
+_HOW_TO_DECLARE = 'declare it as an arbitrary function, "functions": {"%s": %s}, for which the answer then holds'
 _VECTORS = ("belongs to vectors", "write an equation for each component")
 _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", "given", "equation", "equations",
           "model", "system", "when", "const", "constant", "begin", "end", "is", "the", "and", "or", "not", "xor",
@@ -83,7 +81,10 @@ REFUSED: dict[str, Reason] = {
 }  # fmt: skip
 # These may be declared as names of one's own; undeclared they are refused with a better reason than "unknown".
 REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
-    **dict.fromkeys(_SPECIAL_FUNCTIONS, (_SPECIAL, _HOW_TO_DECLARE)),
+    **{
+        name: (_SPECIAL, _HOW_TO_DECLARE % (name, '["n", "u"]' if name.startswith("bessel") else '["u"]'))
+        for name in _SPECIAL_FUNCTIONS
+    },
     "i": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
     "I": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
     "gamma": (_SPECIAL + " and not a declared name", "give a function of your own another name", "parameters"),
