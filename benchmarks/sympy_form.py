@@ -8,7 +8,7 @@ import sympy
 
 from inverse_service.expressions.tree import Expression
 from inverse_service.reading import sympy_trees
-from inverse_service.sympy.symbol_names import Table
+from inverse_service.sympy.from_sympy import Table
 
 SympyExpression = Any  # SymPy has no types
 

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from inverse_service.client import Client
     from inverse_service.errors import InputError
-    from inverse_service.sympy.many import Run
-    from inverse_service.sympy.result_objects import Result
+    from inverse_service.sympy.result_objects import Result, Run
 
 __all__ = ["Client", "InputError", "Result", "catalogue", "check", "simulate", "solve"]
 __version__ = "0.1.0"
@@ -99,7 +98,7 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> Run:
     except ImportError as error:
         raise missing_extra(error) or error from None
 
-    from inverse_service.sympy.many import Run
+    from inverse_service.sympy.result_objects import Run
 
     return Run(run(_plain(scene), time_limit=time_limit))
 

@@ -162,7 +162,7 @@ def progress(summary: Summary, total: int | None) -> Iterator[Report]:
 
 def write_table(path: Path) -> ExitCode:
     """Print one row of CSV for each line of a batch's output; raises InputError for a line that is no answer."""
-    from inverse_service.sympy.many import row_of  # for this command only
+    from inverse_service.sympy.result_objects import row_of  # for this command only
 
     with open_source(path) as source:
         for place, (_, answer) in enumerate(read_answers(source)):

@@ -33,7 +33,7 @@ from inverse_service.field.reduction import reduce_atoms, signed_factors
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde.equations import LocalEquations, Unknowns
 from inverse_service.linear_pde.involution import Coefficients, Finding, Limits, Matrix, settle
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
+from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000

@@ -45,10 +45,10 @@ from inverse_service.field.point import Point, SingularPoint, Variable, evaluate
 from inverse_service.field.real_point import find_real_point
 from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.tower import draw_point, to_kernels
+from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.legendre.on_constraints import constraint_images
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
-from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import tidied
 

@@ -43,8 +43,8 @@ from inverse_service.expressions.tree import (
 from inverse_service.field.exact_field import Budget, TooLarge, exact_ring, factor_trees, quotient_tree
 from inverse_service.field.matrices import solve_square
 from inverse_service.field.tower import to_kernels
+from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.ansatz import make_sampler, solve_ansatz
 from inverse_service.search.factors import position_monomials, products

@@ -18,31 +18,36 @@ from inverse_service.explanation.wording import with_conditions
 from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics import first_integrals as kept
+from inverse_service.mechanics.constrained_motion import (
+    TIME_LIMIT,
+    EliminatedMotion,
+    EquationsOfMotion,
+    NonholonomicSystem,
+    eliminate_multipliers,
+    frames,
+    geometry,
+    too_large,
+    written,
+)
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.legendre.transform import LegendreTransform
-from inverse_service.mechanics.nonholonomic.associated_systems import (
-    KINDS,
-    AssociatedSystem,
-    Kind,
-    associated,
-    with_multiples,
-)
-from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT, NonholonomicSystem, frames, geometry, too_large
-from inverse_service.mechanics.nonholonomic.integrals import (
+from inverse_service.mechanics.nonholonomic_integrals import (
     Integrability,
     MeasureDensity,
     integrability,
     measure_density,
     scaled_velocities,
 )
-from inverse_service.mechanics.nonholonomic.motion import (
-    EliminatedMotion,
-    EquationsOfMotion,
-    eliminate_multipliers,
-    written,
+from inverse_service.mechanics.paper_class import (
+    KINDS,
+    AssociatedSystem,
+    Kind,
+    PaperClass,
+    associated,
+    propose_lagrangians,
+    recognized,
+    with_multiples,
 )
-from inverse_service.mechanics.nonholonomic.paper_class import PaperClass, recognized
-from inverse_service.mechanics.nonholonomic.paper_lagrangians import propose_lagrangians
 from inverse_service.mechanics.second_order_system import MOST_BRANCHES, branches_of, on_branch
 from inverse_service.solving.confirming import Progress
 from inverse_service.solving.solving import solve

@@ -46,15 +46,16 @@ from inverse_service.field.real_point import find_real_point
 from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.tower import draw_point, to_kernels
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
-from inverse_service.mechanics.nonholonomic.geometry import Geometry, frames
-from inverse_service.mechanics.nonholonomic.integrals import MeasureDensity
-from inverse_service.mechanics.nonholonomic.motion import (
+from inverse_service.mechanics.constrained_motion import (
     ConstrainedMotion,
     EliminatedMotion,
     EquationsOfMotion,
+    Geometry,
     eliminate_multipliers,
+    frames,
 )
+from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
+from inverse_service.mechanics.nonholonomic_integrals import MeasureDensity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import tidied
 from inverse_service.search.protocol import describe

@@ -42,7 +42,7 @@ from inverse_service.expressions.tree import (
 )
 
 if TYPE_CHECKING:
-    from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
+    from inverse_service.mechanics.constrained_motion import NonholonomicSystem
 
 Ring = Any  # one of the checker's, and an element of it
 Value = Any

@@ -44,7 +44,7 @@ from inverse_service.field.point import evaluate as value_at
 from inverse_service.field.real_point import find_real_point
 from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.tower import AngleRule, Tower, draw_point, moved_point, to_kernels
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
+from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Expression = ex.Expression

@@ -5,15 +5,22 @@ The matrix is inverted exactly, block by block of its triangular form, by fracti
 determinant that is not the zero polynomial is also confirmed not to vanish at random points, to
 50 digits.
 
-Whether a tree is the zero function, by its values at random points to 50 digits.
+`OpaqueRing` holds trees as quotients of exact polynomials in opaque atoms (python-flint). An atom is a symbol, a
+velocity, an elementary or arbitrary function, a root or a power that is not an integer; whatever relations hold among
+atoms are not known here. So an identity proven in these polynomials is true, but a polynomial that is not zero may
+still be the zero function.
 """
 
 from __future__ import annotations
 
+import math
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
 
+import flint
 from mpmath import mp, mpf
 
 from inverse_service import bounds
@@ -36,17 +43,21 @@ from inverse_service.expressions.tree import (
     add,
     multiply,
     node_count,
+    number,
     walk,
 )
-from inverse_service.mechanics.opaque_fractions import (
-    OpaqueFraction,
-    OpaqueRing,
-    atoms_of,
-    cleared,
-    common_denominator,
-    expanded_terms,
-    solved_rows,
-)
+from inverse_service.field.exact_field import TooLarge, factor_polynomial
+
+_POINTS = 3
+_ATTEMPTS = 60
+_SEED = 20_040_229
+
+Polynomial = Any  # python-flint has no types
+Rows = list[list[Polynomial]]
+
+MOST_TERMS = 40_000
+_FACTORED_TERMS = 100
+_LARGE = 10**9
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,11 +120,6 @@ def _nonlinear(expression: Expression, pointer: str) -> InputError:
         f"the acceleration {name}'' does not enter linearly: write the equation solved for {name}''.",
         pointer,
     )
-
-
-_POINTS = 3
-_ATTEMPTS = 60
-_SEED = 20_040_229
 
 
 def vanishes(tree: Expression) -> bool:
@@ -281,3 +287,236 @@ def _singular(names: Sequence[str]) -> InputError:
         "write equations that are independent in the accelerations.",
         "/equations",
     )
+
+
+@dataclass(frozen=True, slots=True)
+class OpaqueFraction:
+    """numerator / denominator without a common factor; the denominator is not the zero polynomial."""
+
+    numerator: Polynomial
+    denominator: Polynomial
+
+
+class OpaqueRing:
+    """Polynomials over the rationals in the atoms of some trees.
+
+    Symbols come first, velocities last, each by its number in `places` and then as they appear in
+    the trees: so printed products look like R sin(phi) phi'.
+    """
+
+    __slots__ = ("_context", "_index", "atoms")
+
+    def __init__(self, trees: Iterable[Expression], places: Mapping[Expression, int] | None = None) -> None:
+        found: dict[Expression, None] = {}
+        for tree in trees:
+            found.update(dict.fromkeys(atoms_of(tree)))
+        known = places or {}
+        self.atoms = tuple(sorted(found, key=lambda atom: (_rank(atom), known.get(atom, math.inf))))
+        self._index = {atom: place for place, atom in enumerate(self.atoms)}
+        names = tuple(f"a{place}" for place in range(max(1, len(self.atoms))))
+        self._context = flint.fmpq_mpoly_ctx.get(names, flint.Ordering.lex)
+
+    def constant(self, value: int | Fraction) -> Polynomial:
+        value = Fraction(value)
+        return self._context.constant(flint.fmpq(value.numerator, value.denominator))
+
+    def reduced(self, numerator: Polynomial, denominator: Polynomial) -> OpaqueFraction:
+        """The quotient in lowest terms."""
+        common = numerator.gcd(denominator)
+        if not common.is_constant():
+            numerator, denominator = divmod(numerator, common)[0], divmod(denominator, common)[0]
+        return OpaqueFraction(numerator, denominator)
+
+    def fraction(self, tree: Expression) -> OpaqueFraction:
+        """The tree as a quotient; ZeroDivisionError where it divides by the zero polynomial."""
+        match tree:
+            case Number(value):
+                return OpaqueFraction(self.constant(value), self.constant(1))
+            case Sum(terms):
+                return self.sum([self.fraction(term) for term in terms])
+            case Product(factors):
+                return self.product([self.fraction(factor) for factor in factors])
+            case _:
+                base, exponent = _whole_power(tree)
+                if base in self._index:
+                    inner = OpaqueFraction(self._context.gen(self._index[base]), self.constant(1))
+                else:
+                    inner = self.fraction(base)
+                return self._raised(inner, exponent)
+
+    def sum(self, fractions: Sequence[OpaqueFraction]) -> OpaqueFraction:
+        total = OpaqueFraction(self.constant(0), self.constant(1))
+        for part in fractions:
+            common = total.denominator.gcd(part.denominator)
+            left, right = divmod(part.denominator, common)[0], divmod(total.denominator, common)[0]
+            over = times(total.numerator, left) + times(part.numerator, right)
+            total = self.reduced(over, times(total.denominator, left))
+        return total
+
+    def product(self, fractions: Sequence[OpaqueFraction]) -> OpaqueFraction:
+        total = OpaqueFraction(self.constant(1), self.constant(1))
+        for part in fractions:
+            over = times(total.numerator, part.numerator)
+            total = self.reduced(over, times(total.denominator, part.denominator))
+        return total
+
+    def _raised(self, base: OpaqueFraction, exponent: int) -> OpaqueFraction:
+        over, under = (base.numerator, base.denominator) if exponent >= 0 else (base.denominator, base.numerator)
+        if under.is_zero():
+            raise ZeroDivisionError("a formula divides by zero")
+        return OpaqueFraction(over ** abs(exponent), under ** abs(exponent))
+
+    def tree(self, fraction: OpaqueFraction) -> Expression:
+        """The quotient as a tree, factored where that is cheap."""
+        content, over = self._factors(fraction.numerator)
+        under_content, under = self._factors(fraction.denominator)
+        below = [factor**-exponent for factor, exponent in under]
+        if len(under) > 1 or (under and (content / under_content).denominator != 1):
+            inside = multiply(*(factor**exponent for factor, exponent in under))
+            below = [inside**-1]
+        return multiply(number(content / under_content), *(f**k for f, k in over), *below)
+
+    def _factors(self, polynomial: Polynomial) -> tuple[Fraction, list[tuple[Expression, int]]]:
+        if polynomial.is_zero():
+            return Fraction(0), []
+        total, factors = Fraction(1), [(polynomial, 1)]
+        if len(polynomial) <= _FACTORED_TERMS:
+            try:
+                total, factors = factor_polynomial(polynomial)
+            except TooLarge:
+                factors = self._monomial_apart(polynomial)
+        result = []
+        for factor, exponent in factors:
+            scale = self._scale(factor)
+            total *= scale**exponent
+            result.append((self._sum_tree(factor, scale), exponent))
+        return total, sorted(result, key=lambda pair: self._index.get(pair[0], len(self.atoms)))
+
+    def _monomial_apart(self, polynomial: Polynomial) -> list[tuple[Polynomial, int]]:
+        """The powers of single atoms that divide a polynomial, and the rest."""
+        shared = polynomial.term_content()
+        powers = zip(self._context.gens(), shared.degrees(), strict=True)
+        rest = divmod(polynomial, shared / shared.leading_coefficient())[0]
+        return [(rest, 1), *((atom, int(k)) for atom, k in powers if k)]
+
+    def _scale(self, polynomial: Polynomial) -> Fraction:
+        """The content, with the sign of the leading term."""
+        scale = polynomial.term_content().leading_coefficient()
+        sign = -1 if polynomial.leading_coefficient() < 0 else 1
+        return sign * abs(Fraction(int(scale.p), int(scale.q)))
+
+    def _sum_tree(self, polynomial: Polynomial, scale: Fraction) -> Expression:
+        terms = []
+        for exponents, value in polynomial.to_dict().items():
+            powers = [self.atoms[k] ** int(e) for k, e in enumerate(exponents) if e]
+            terms.append(multiply(number(Fraction(int(value.p), int(value.q)) / scale), *powers))
+        return add(*terms)
+
+
+def _rank(atom: Expression) -> int:
+    return 0 if isinstance(atom, Symbol) else 2 if isinstance(atom, Velocity) else 1
+
+
+def times(left: Polynomial, right: Polynomial, most: int = MOST_TERMS) -> Polynomial:
+    """The product; LimitError where it could have too many terms."""
+    if len(left) * len(right) > most:
+        raise LimitError(
+            f"the accelerations cannot be solved for, a polynomial would have over {most:,} terms: "
+            "write the equations solved, or with fewer symbols.",
+            "/equations",
+        )
+    return left * right
+
+
+def common_denominator(ring: OpaqueRing, entries: Iterable[OpaqueFraction], most: int = MOST_TERMS) -> Polynomial:
+    """The least common multiple of the denominators; LimitError as `times`."""
+    common = ring.constant(1)
+    for entry in entries:
+        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0], most)
+    return common
+
+
+def cleared(entries: Iterable[OpaqueFraction], common: Polynomial, most: int = MOST_TERMS) -> list[Polynomial]:
+    """The entries times a multiple of their denominators."""
+    return [times(entry.numerator, divmod(common, entry.denominator)[0], most) for entry in entries]
+
+
+def solved_rows(
+    ring: OpaqueRing, matrix: Rows, right: Sequence[Polynomial], most: int = MOST_TERMS
+) -> tuple[Rows, Polynomial] | None:
+    """(d P^-1 D, d) for a matrix P and a diagonal matrix D; None where P is singular, d is +-det P.
+
+    Fraction-free Gauss-Jordan elimination (Bareiss 1968) of (P | D) to (d I | d P^-1 D). LimitError as `times`.
+    """
+    size, zero = len(matrix), ring.constant(0)
+    table = [[*row, *(right[i] if i == j else zero for j in range(size))] for i, row in enumerate(matrix)]
+    previous = ring.constant(1)
+    for column in range(size):
+        rows = [row for row in range(column, size) if not table[row][column].is_zero()]
+        if not rows:
+            return None
+        best = min(rows, key=lambda row: len(table[row][column]))
+        table[column], table[best] = table[best], table[column]
+        top, pivot = table[column], table[column][column]
+        for place, row in enumerate(table):
+            if place != column:
+                pairs = zip(row, top, strict=True)
+                table[place] = [
+                    divmod(times(pivot, a, most) - times(row[column], b, most), previous)[0] for a, b in pairs
+                ]
+        previous = pivot
+    return [row[size:] for row in table], previous
+
+
+def expanded_terms(tree: Expression) -> tuple[int, int]:
+    """An upper bound for the numbers of terms of numerator and denominator, capped."""
+    match tree:
+        case Sum(terms):
+            over, under = 0, 1
+            for part_over, part_under in map(expanded_terms, terms):
+                over, under = over * part_under + part_over * under, under * part_under
+        case Product(factors):
+            over, under = 1, 1
+            for part_over, part_under in map(expanded_terms, factors):
+                over, under = over * part_over, under * part_under
+        case _:
+            base, exponent = _whole_power(tree)
+            if base == tree or not isinstance(base, Sum | Product):
+                return 1, 1
+            pair = expanded_terms(base)
+            over, under = (min(_LARGE, size ** min(abs(exponent), 40)) for size in pair[:: 1 if exponent > 0 else -1])
+    return min(over, _LARGE), min(under, _LARGE)
+
+
+def _whole_power(tree: Expression) -> tuple[Expression, int]:
+    """(base, k) with tree = base^k; u^(p/q) is the p-th power of the atom u^(1/q)."""
+    match tree:
+        case Power(base, Number(value)) if value.denominator == 1:
+            return base, int(value)
+        case Power(base, Number(value)):
+            return Power(base, number(Fraction(1, value.denominator))), value.numerator
+        case _:
+            return tree, 1
+
+
+def atoms_of(tree: Expression) -> list[Expression]:
+    """The atoms in order of appearance; what stands inside an atom is not looked at."""
+    found: dict[Expression, None] = {}
+    stack = [tree]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Sum):
+            stack.extend(reversed(node.terms))
+        elif isinstance(node, Product):
+            stack.extend(reversed(node.factors))
+        elif not isinstance(node, Number):
+            base, _ = _whole_power(node)
+            if base == node or _is_root(base):
+                found[base] = None
+            else:
+                stack.append(base)
+    return list(found)
+
+
+def _is_root(base: Expression) -> bool:
+    return isinstance(base, Power) and isinstance(base.exponent, Number) and base.exponent.value.denominator != 1

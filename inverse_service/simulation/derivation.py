@@ -17,7 +17,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
-from inverse_service.mechanics.nonholonomic import geometry, motion
+from inverse_service.mechanics import constrained_motion
 from inverse_service.simulation import initial, motions
 from inverse_service.simulation.numeric_formulas import switching_functions
 from inverse_service.simulation.scene_data import EXACT, FreeLagrangian, Problem, Requested, Scene, Unavailable
@@ -198,8 +198,10 @@ def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:
         return found
     if scene.forces:
         return Unavailable("The kinetic energy couples too many coordinates for forces to be added.")
-    system = geometry.NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
-    return motion.equations_of_motion(system).accelerations
+    system = constrained_motion.NonholonomicSystem(
+        scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values)
+    )
+    return constrained_motion.equations_of_motion(system).accelerations
 
 
 @contextmanager

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 from inverse_service.sympy.result_objects import Result, result_of
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.many import Answers
-    from inverse_service.sympy.sympy_tensors import Conditions
+    from inverse_service.sympy.from_sympy import Conditions
+    from inverse_service.sympy.result_objects import Answers
 
 __all__ = ["Result", "document", "from_result", "helmholtz", "nonholonomic", "solve", "solve_many", "table"]
 
@@ -86,7 +86,7 @@ def asked(
 
 def _named(declared: Any) -> Any:
     """Declarations with SymPy objects as names, such as {k: 2}, [k], {V: [x]}, as a document has them."""
-    from inverse_service.sympy.symbol_names import declared_text
+    from inverse_service.sympy.from_sympy import declared_text
 
     if isinstance(declared, Mapping):
         return {declared_text(key): _named(value) for key, value in declared.items()}
@@ -129,7 +129,7 @@ def nonholonomic(
 
 def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> Conditions:
     """N, Phi, nabla Phi and R of a system, without a decision."""
-    from inverse_service.sympy.sympy_tensors import conditions_of
+    from inverse_service.sympy.from_sympy import conditions_of
 
     return conditions_of(system, coordinates, keys)
 
@@ -141,14 +141,14 @@ def solve_many(
 
     `output` keeps the answers in a file, so that an interrupted run goes on.
     """
-    from inverse_service.sympy.many import Answers, answers_to_many
+    from inverse_service.sympy.result_objects import Answers, answers_to_many
 
     return Answers(answers_to_many(systems, workers, None if output is None else Path(output), time_limit))
 
 
 def table(results: Iterable[Mapping[str, Any]]) -> Any:
     """One row a result: a pandas DataFrame where pandas is installed, else a list of dictionaries."""
-    from inverse_service.sympy.many import table_of
+    from inverse_service.sympy.result_objects import table_of
 
     return table_of(results)
 

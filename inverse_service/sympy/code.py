@@ -1,6 +1,9 @@
 """Programs in other languages by SymPy's printers, common parts computed once.
 
 Each quantity is a function of t, the coordinates, the velocities (the momenta, where H is over them) and parameters.
+
+Three languages are whole programs: SymPy; JAX and diffrax, the motion as a vector field f(t, y, args) with L, H and
+momenta of the same arguments; ModelingToolkit.jl, the motion as second-order equations with L and H as expressions.
 """
 
 from __future__ import annotations
@@ -16,18 +19,72 @@ from sympy.core.function import AppliedUndef
 from sympy.printing import c, cxx, rust
 from sympy.printing.codeprinter import CodePrinter, ccode, cxxcode
 from sympy.printing.fortran import FCodePrinter
+from sympy.printing.numpy import JaxPrinter
 from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
-from inverse_service.sympy.symbol_names import expression
+from inverse_service.sympy.from_sympy import expression
 
 if TYPE_CHECKING:
+    from inverse_service.sympy.from_sympy import Table
     from inverse_service.sympy.result_objects import Answer
-    from inverse_service.sympy.symbol_names import Table
+
 
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
+
+
+# Names that mean something in Mathematica or Maple; an underscore there is a pattern.
+_RESERVED = frozenset(("C", "D", "E", "I", "K", "N", "O", "Pi", "gamma", "Gamma", "Zeta", "Psi", "Chi"))
+# Words of JavaScript, Julia, MATLAB, Octave and Maple that are none of C, C++, Rust and Python.
+_FURTHER = """
+    arguments await debugger eval finally function implements instanceof interface package typeof undefined var with
+    abstract baremodule begin elseif end export global import isa local macro module mutable outer primitive quote
+    using where classdef endfor endfunction endif otherwise parfor persistent spmd until by description done elif fi
+    intersect minus mod od option proc stop subset then to union use
+"""
+# What the programs themselves call and define.
+_CALLED = "out math Math dummy pow fabs abs sign merge powi powf signum cbrt hypot M_PI M_E"
+# Names that no variable of a program may have.
+_WORDS = frozenset(
+    (*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, *_FURTHER.split())
+) | {*_CALLED.split(), *QUANTITIES}
+
+
+_FORTRAN = """subroutine {name}(out, {arguments})
+  implicit none
+  double precision, intent(out) :: out({size})
+  double precision, intent(in) :: {arguments}
+{declared}"""
+_C_OPENING = "void {name}(double *out, {arguments})\n{{"
+_C = (_C_OPENING, "    const double {} = {};", "    out[0] = {};", "    out[{place}] = {value};", "}", "double {}")
+_MATLAB = ("function out = {name}({arguments})", "    {} = {};", "    out = {};", "    out({place1}) = {value};", "end")
+_MATHEMATICA = ("{name}[{arguments}] := Module[{{{locals}}},", "  {} = {};", "  {}", "  {{{values}}}", "]", "{}_")
+_MAPLE = ("{name} := proc({arguments})\n  local {locals};", "  {} := {};", "  {};", "  [{values}];", "end proc:")
+_MAXIMA = ("{name}({arguments}) := block([{locals}],", "  {}: {},", "  {}", "  [{values}]", ")$")
+_JULIA = ("function {name}({arguments})", "    {} = {}", "    return {}", "    return [{values}]", "end")
+_RUST = (
+    "pub fn {name}({arguments}) -> Vec<f64> {{",
+    "    let {} = {};",
+    "    vec![{}]",
+    "    vec![{values}]",
+    "}",
+    "{}: f64",
+)
+_JAVASCRIPT = ("function {name}({arguments}) {{", "  const {} = {};", "  return {};", "  return [{values}];", "}")
+
+_JAX_HEAD = """import jax
+import jax.numpy as jnp
+
+jax.config.update("jax_enable_x64", True)
+"""
+# y = (q, v), or (q, p) for H over the momenta; args are the parameters.
+FUNCTION = "def {name}(t, y, args):\n{unpacked}    return {value}"
+
+_MODELINGTOOLKIT_HEAD = """using ModelingToolkit
+using ModelingToolkit: t_nounits as t, D_nounits as D
+"""
 
 
 @dataclass(frozen=True)
@@ -47,23 +104,6 @@ class Language:
     closing: str
     argument: str = "{}"
     comment: str = "// {}"
-
-
-# Names that mean something in Mathematica or Maple; an underscore there is a pattern.
-_RESERVED = frozenset(("C", "D", "E", "I", "K", "N", "O", "Pi", "gamma", "Gamma", "Zeta", "Psi", "Chi"))
-# Words of JavaScript, Julia, MATLAB, Octave and Maple that are none of C, C++, Rust and Python.
-_FURTHER = """
-    arguments await debugger eval finally function implements instanceof interface package typeof undefined var with
-    abstract baremodule begin elseif end export global import isa local macro module mutable outer primitive quote
-    using where classdef endfor endfunction endif otherwise parfor persistent spmd until by description done elif fi
-    intersect minus mod od option proc stop subset then to union use
-"""
-# What the programs themselves call and define.
-_CALLED = "out math Math dummy pow fabs abs sign merge powi powf signum cbrt hypot M_PI M_E"
-# Names that no variable of a program may have.
-_WORDS = frozenset(
-    (*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, *_FURTHER.split())
-) | {*_CALLED.split(), *QUANTITIES}
 
 
 class _RustPrinter(RustCodePrinter):  # type: ignore[misc]
@@ -128,27 +168,6 @@ def _fortran(expression: Any) -> str:
     return str(_FortranPrinter({"source_format": "free", "standard": 95}).doprint(expression))
 
 
-_FORTRAN = """subroutine {name}(out, {arguments})
-  implicit none
-  double precision, intent(out) :: out({size})
-  double precision, intent(in) :: {arguments}
-{declared}"""
-_C_OPENING = "void {name}(double *out, {arguments})\n{{"
-_C = (_C_OPENING, "    const double {} = {};", "    out[0] = {};", "    out[{place}] = {value};", "}", "double {}")
-_MATLAB = ("function out = {name}({arguments})", "    {} = {};", "    out = {};", "    out({place1}) = {value};", "end")
-_MATHEMATICA = ("{name}[{arguments}] := Module[{{{locals}}},", "  {} = {};", "  {}", "  {{{values}}}", "]", "{}_")
-_MAPLE = ("{name} := proc({arguments})\n  local {locals};", "  {} := {};", "  {};", "  [{values}];", "end proc:")
-_MAXIMA = ("{name}({arguments}) := block([{locals}],", "  {}: {},", "  {}", "  [{values}]", ")$")
-_JULIA = ("function {name}({arguments})", "    {} = {}", "    return {}", "    return [{values}]", "end")
-_RUST = (
-    "pub fn {name}({arguments}) -> Vec<f64> {{",
-    "    let {} = {};",
-    "    vec![{}]",
-    "    vec![{values}]",
-    "}",
-    "{}: f64",
-)
-_JAVASCRIPT = ("function {name}({arguments}) {{", "  const {} = {};", "  return {};", "  return [{values}];", "}")
 LANGUAGES: dict[str, Language] = {
     "python": Language(
         sympy.pycode, "import math\n\n", "def {name}({arguments}):", "    {} = {}", "    return {}",
@@ -375,29 +394,81 @@ def _integral_class(name: str, part: Mapping[str, Any], table: Table, text: Call
     ]
 
 
-def _jax_program(answer: Answer) -> str:
-    from inverse_service.sympy.jax_program import written
-
-    return written(answer)
-
-
-def _modelingtoolkit_program(answer: Answer) -> str:
-    from inverse_service.sympy.modelingtoolkit_program import written
-
-    return written(answer)
-
-
-# Programs that are more than one function for each quantity.
-WHOLE: dict[str, Callable[[Answer], str]] = {
-    "sympy": _sympy_program,
-    "jax": _jax_program,
-    "modelingtoolkit": _modelingtoolkit_program,
-}
-
-
 def _python_words(answer: Answer) -> dict[Any, str]:
     """A Python name for each symbol and coordinate that no name of SymPy hides."""
     table = answer._table
     taken = {*dir(sympy), "motion", "L", "H", "q", "x_", "residual", "time", "each", "print"}
     named = [(table.time_name, table.time), *table.coordinates.items(), *table.parameters.items()]
     return {each: f"{name}_" if name in taken or keyword.iskeyword(name) else name for name, each in named}
+
+
+def jax_program(answer: Answer) -> str:
+    """With `diffrax.ODETerm(vector_field)` the motion of y = (q, v); args are the parameters in their order."""
+    parts = [_jax_function(answer, "vector_field", _field(answer))]
+    for what in ("lagrangian", "momenta", "hamiltonian"):
+        quantity = quantity_of(answer, what)
+        if quantity is not None:
+            lines = [f"# {what}: where {one}" for one in conditions_of(answer, what)]
+            parts.append("\n".join([*lines, _jax_function(answer, what, quantity)]))
+    return _JAX_HEAD + "\n\n" + "\n\n\n".join(parts) + "\n"
+
+
+def _field(answer: Answer) -> list[Any]:
+    table = answer._table
+    return [*(table.velocity(name) for name in table.coordinates), *answer.accelerations]
+
+
+def _jax_function(answer: Answer, name: str, value: Any) -> str:
+    what = "accelerations" if name == "vector_field" else name
+    given = arguments_of(answer, what)
+    plain = plain_symbols(given, answer, LANGUAGES["python"])
+    values = list(value) if isinstance(value, list) else [value]
+    shown = [with_plain(each, plain) for each in values]
+    refuse_functions(shown, answer)
+    texts = [str(JaxPrinter().doprint(each)).replace("jax.numpy.", "jnp.") for each in shown]
+    size = 2 * len(answer._table.coordinates)
+    names = [str(plain[each]) for each in given[1:]]
+    state, parameters = names[:size], names[size:]
+    unpacked = f"    {', '.join(state)} = y\n" + (f"    ({', '.join(parameters)},) = args\n" if parameters else "")
+    whole = f"jnp.array([{', '.join(texts)}])" if isinstance(value, list) else texts[0]
+    return FUNCTION.format(name=name, unpacked=unpacked, value=whole)
+
+
+def modelingtoolkit_program(answer: Answer) -> str:
+    """`mtkcompile(motion)` reduces it to first order; momenta are the variables p_x."""
+    table = answer._table
+    given = arguments_of(answer, "accelerations")
+    plain = plain_symbols(given, answer, LANGUAGES["julia"])
+    names = {name: str(plain[each]) for name, each in table.coordinates.items()}
+    # D(x) is written where the printer of Julia would write the symbol of the velocity.
+    speeds = {plain[table.velocity(name)]: sympy.Symbol(f"D({names[name]})") for name in names}
+
+    def text(expression: Any) -> str:
+        shown = with_plain(expression, plain)
+        refuse_functions([shown], answer)
+        return str(sympy.julia_code(shown.subs(speeds)))
+
+    parameters = [str(plain[each]) for each in table.parameters.values()]
+    lines = [_MODELINGTOOLKIT_HEAD] + ([f"@parameters {' '.join(parameters)}"] if parameters else [])
+    lines.append(f"@variables {' '.join(f'{name}(t)' for name in names.values())}")
+    pairs = zip(names.values(), answer.accelerations, strict=True)
+    lines += ["equations = [", *(f"    D(D({name})) ~ {text(f)}," for name, f in pairs), "]"]
+    lines.append("@named motion = System(equations, t)")
+    if answer.lagrangian is not None:
+        lines += [f"# where {one}" for one in conditions_of(answer, "lagrangian")]
+        lines.append(f"L = {text(answer.lagrangian)}")
+    hamiltonian = answer.hamiltonian
+    if hamiltonian is not None:
+        if not hamiltonian.implicit:
+            lines.append(f"@variables {' '.join(map(str, hamiltonian.momenta))}")
+        lines += [f"# where {one}" for one in conditions_of(answer, "hamiltonian")]
+        lines.append(f"H = {text(hamiltonian.expr)}")
+    return "\n".join(lines) + "\n"
+
+
+# Programs that are more than one function for each quantity.
+WHOLE: dict[str, Callable[[Answer], str]] = {
+    "sympy": _sympy_program,
+    "jax": jax_program,
+    "modelingtoolkit": modelingtoolkit_program,
+}

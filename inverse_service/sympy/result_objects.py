@@ -1,27 +1,47 @@
-"""Results as dictionaries with attributes, and many of them as a table.
+"""Results as dictionaries with attributes, many of them as a table, and a motion as a picture.
 
 SymPy is imported by the first attribute that is an expression.
+
+`answers_to_many` solves many systems in order; `draw_motion` integrates by Runge-Kutta steps of order 4.
 """
 
 from __future__ import annotations
 
+import base64
 import html
+import importlib.util
+import io
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from inverse_service.errors import InputError, missing_extra
 from inverse_service.reading.reader import has_acceleration
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.axes import Axes
     from sympy import Expr, ImmutableMatrix, Symbol
 
-    from inverse_service.sympy.symbol_names import Table
+    from inverse_service.sympy.from_sympy import Table
+
 
 VARIATIONAL = {"variational": True, "not_variational": False}
+
+
+_LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
+
+COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
+
+STEPS = 2000
+START = 0.6  # of the first position; each further one is a third larger, velocities are 0
+LARGE = 1e6
 
 
 @dataclass(frozen=True)
@@ -88,7 +108,7 @@ class Verification:
     @property
     def holds(self) -> bool | None:
         """True where SymPy reduces all of them to 0, False where one differs from 0 in numbers, None where unsure."""
-        from inverse_service.sympy.sympy_tensors import is_zero
+        from inverse_service.sympy.from_sympy import is_zero
 
         verdicts = [is_zero(each) for each in (*self.euler_lagrange, self.hamiltonian) if each is not None]
         return False if False in verdicts else (None if None in verdicts else True)
@@ -120,17 +140,17 @@ class Answer(dict[str, Any]):
 
     @cached_property
     def _table(self) -> Table:
-        from inverse_service.sympy.symbol_names import table_of_result
+        from inverse_service.sympy.from_sympy import table_of_result
 
         table, integrals = self._given or table_of_result({"system": self._system}), self._shown.get("integrals")
         if not integrals:
             return table
-        from inverse_service.sympy.symbol_names import with_integrals
+        from inverse_service.sympy.from_sympy import with_integrals
 
         return with_integrals(table, integrals)
 
     def _expression(self, text: str) -> Expr:
-        from inverse_service.sympy.symbol_names import expression
+        from inverse_service.sympy.from_sympy import expression
 
         return expression(text, self._table)
 
@@ -165,7 +185,7 @@ class Answer(dict[str, Any]):
     @cached_property
     def domain(self) -> tuple[Any, ...]:
         """The conditions under which the answer holds and L is one, as relations."""
-        from inverse_service.sympy.symbol_names import relation
+        from inverse_service.sympy.from_sympy import relation
 
         return tuple(relation(text, self._table) for text in self._where)
 
@@ -212,7 +232,7 @@ class Answer(dict[str, Any]):
 
     def verify(self) -> Verification:
         """SymPy's own Euler-Lagrange residuals of L along the motion, and H - (p v - L); ValueError without L."""
-        from inverse_service.sympy.sympy_tensors import verification
+        from inverse_service.sympy.from_sympy import verification
 
         return verification(self)
 
@@ -279,7 +299,6 @@ class Result(Answer):
         `start` holds positions, then velocities (0.6, 0.8, … and 0 where left out); parameters are 1 where left out.
         Needs the extra `figures`.
         """
-        from inverse_service.sympy.motion_pictures import draw_motion
 
         return draw_motion(self, start, parameters or {}, time, axes)
 
@@ -321,7 +340,7 @@ class Result(Answer):
     @cached_property
     def conditions(self) -> Any:
         """Phi, nabla Phi and R as SymPy arrays, None where they were left out."""
-        from inverse_service.sympy.sympy_tensors import conditions_of_texts
+        from inverse_service.sympy.from_sympy import conditions_of_texts
 
         found = self.get("conditions")
         return None if found is None else conditions_of_texts(found, self._table)
@@ -395,13 +414,9 @@ class Result(Answer):
 
     def _picture(self) -> list[str]:
         """A motion as an image, nothing where none can be drawn."""
-        from inverse_service.sympy.motion_pictures import as_image
 
         found = as_image(self)
         return [] if found is None else [f'<img alt="a motion of the system" src="{found}">']
-
-
-_LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
 
 
 def result_of(data: Mapping[str, Any], names: Any = None) -> Result:
@@ -409,6 +424,202 @@ def result_of(data: Mapping[str, Any], names: Any = None) -> Result:
     data = dict(data)
     if not isinstance(names, Mapping):
         return Result(data, names)
-    from inverse_service.sympy.symbol_names import table_of_result
+    from inverse_service.sympy.from_sympy import table_of_result
 
     return Result(data, table_of_result(data, names))
+
+
+class Answers(Iterator[Result | dict[str, Any]]):
+    """The answers as they come, each once; `to_pandas` takes those that are left."""
+
+    def __init__(self, answers: Iterator[Result | dict[str, Any]]) -> None:
+        self._answers = answers
+
+    def __next__(self) -> Result | dict[str, Any]:
+        return next(self._answers)
+
+    def to_pandas(self) -> Any:
+        """A DataFrame with one row a result, see `row_of`; needs pandas."""
+        return _frame([row_of(answer) for answer in self])
+
+
+class Run(dict[str, Any]):
+    """The summary of a scene."""
+
+    def to_pandas(self) -> Any:
+        """A DataFrame with one row a method: its outcome, and every observed number; needs pandas."""
+        methods = self.get("methods") or []
+        return _frame([dict(_numbers(one)) for one in methods if isinstance(one, Mapping)])
+
+
+def _numbers(part: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Numbers and texts of nested objects, named by their path."""
+    for key, value in part.items():
+        if isinstance(value, Mapping):
+            yield from _numbers(value, f"{prefix}{key}.")
+        elif isinstance(value, int | float | str | None):
+            yield prefix + key, value
+
+
+def _frame(rows: list[dict[str, Any]]) -> Any:
+    try:
+        pandas = importlib.import_module("pandas")
+    except ImportError:
+        raise InputError("This needs pandas: run `pip install pandas`, or use `table(results)`.") from None
+    return pandas.DataFrame(rows)
+
+
+def answers_to_many(
+    systems: Iterable[Any], workers: int, output: Path | None, time_limit: float
+) -> Iterator[Result | dict[str, Any]]:
+    """The answers in the order of the systems."""
+    from inverse_service.service.documents.answers import of_input_error
+
+    readings = [_asked(system) for system in systems]
+    lines = [
+        json.dumps({**reading[0], "id": place}, default=str)
+        for place, reading in enumerate(readings)
+        if not isinstance(reading, InputError)
+    ]
+    answers = {each["id"]: each for each in _answered(lines, workers, output, time_limit)}
+    for place, reading in enumerate(readings):
+        if isinstance(reading, InputError):
+            problem = of_input_error(reading)
+            yield {"id": place, **problem, "error": problem}
+        elif str(answers[place].get("format", "")).startswith("inverse-service/"):
+            yield result_of(answers[place], reading[1])
+        else:
+            yield answers[place]
+
+
+def _asked(system: Any) -> tuple[dict[str, Any], Any] | InputError:
+    from inverse_service.sympy import asked
+
+    try:
+        return asked(system)
+    except InputError as error:
+        return error
+
+
+def _answered(lines: list[str], workers: int, output: Path | None, time_limit: float) -> list[dict[str, Any]]:
+    """The answers to the lines, from a batch of its own, so that a script needs no guard against being imported."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "systems.ndjson", output or Path(folder) / "results.ndjson"
+        source.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+        command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(target)]
+        command += ["--workers", str(workers), "--time-limit", str(time_limit)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False) if lines else None
+        found = [json.loads(line) for line in target.read_text("utf-8").splitlines()] if target.exists() else []
+    if done is not None and len(found) < len(lines):
+        raise InputError(done.stderr.strip()[-500:] or "The systems could not be answered.")
+    return found
+
+
+def table_of(results: Iterable[Mapping[str, Any]]) -> Any:
+    """One row a result."""
+    rows = [row_of(result) for result in results]
+    if importlib.util.find_spec("pandas") is None:
+        return rows
+    return importlib.import_module("pandas").DataFrame(rows)
+
+
+def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns that are compared first: verdicts, L, H, where they hold, how many multipliers, seconds, size.
+
+    All of them are of the first of the `branches`, but the verdicts: "mixed" where the branches differ.
+    """
+    from inverse_service.service.documents.text_page import branches_of, common_verdict, conditions_of, first_answer
+
+    if not isinstance(result, Mapping):
+        raise InputError("A table needs results.")
+    row = {key: result.get(key) for key in COLUMNS}
+    for key in ("verdict", "verdict_with_time"):
+        row[key] = common_verdict(branches_of(result), key)
+    if error := result.get("error"):
+        row |= {"verdict": "error", "reason": error["detail"]}
+    first = first_answer(result)
+    for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")):
+        row[letter] = (first.get(key) or {}).get("text")
+    space, system = result.get("solution_space") or {}, result.get("system") or {}
+    seconds = (result.get("provenance") or {}).get("seconds") or {}
+    row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
+    row |= {"seconds": sum(seconds.values()) if seconds else None}
+    return row | {"where": ", ".join(conditions_of(first)), "branches": len(branches_of(result))}
+
+
+def draw_motion(
+    result: Result, start: Sequence[float] | None, parameters: Mapping[str, float], time: float, axes: Axes | None
+) -> Axes:
+    """(x, x') for one coordinate, the path of the first two for more; InputError where the motion has no numbers."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise missing_extra(error) or error from None
+    names = list(result._table.coordinates)
+    states = motion(result, start, parameters, time)
+    if axes is None:
+        axes = Figure(figsize=(4, 3), layout="constrained").subplots()
+    columns, labels = ((0, 1), (names[0], f"{names[0]}'")) if len(names) == 1 else ((0, 1), (names[0], names[1]))
+    axes.plot(states[:, columns[0]], states[:, columns[1]], linewidth=1)
+    axes.plot(*states[0, list(columns)], "o", markersize=4)
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    if names[1:]:
+        axes.set_aspect("equal", adjustable="datalim")
+    return axes
+
+
+def motion(
+    result: Result, start: Sequence[float] | None, parameters: Mapping[str, float], time: float
+) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """The states (q, v) at 0, …, `time`, cut off where they leave every bound; shape (steps + 1, 2 n)."""
+    import numpy as np
+
+    n, known = len(result._table.coordinates), list(result._table.parameters)
+    if unknown := [name for name in parameters if name not in known]:
+        raise InputError(f"{unknown[0]} is not a parameter of the system: it has {', '.join(known) or 'none'}.")
+    if result._table.functions:
+        raise InputError("A motion needs a formula for each arbitrary function: give it by 'where'.")
+    usual = [*(START * (1 + k / 3) for k in range(n)), *[0.0] * n]
+    state = np.array(usual if start is None else start, dtype=float)
+    if state.shape != (2 * n,):
+        raise InputError(f"A start has {2 * n} numbers: the positions, then the velocities.")
+    values, force, step = (
+        [float(parameters.get(name, 1)) for name in known],
+        result.lambdify("accelerations"),
+        time / STEPS,
+    )
+
+    def rate(t: float, y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        return np.concatenate([y[n:], np.array(force(t, *y, *values), dtype=float)])
+
+    states = [state]
+    with np.errstate(all="ignore"):
+        for place in range(STEPS):
+            t = place * step
+            try:
+                first = rate(t, state)
+                second = rate(t + step / 2, state + step / 2 * first)
+                third = rate(t + step / 2, state + step / 2 * second)
+                last = rate(t + step, state + step * third)
+            except (ArithmeticError, TypeError, ValueError):
+                break
+            state = state + step / 6 * (first + 2 * second + 2 * third + last)
+            if not (np.abs(state) < LARGE).all():
+                break
+            states.append(state)
+    return np.array(states)
+
+
+def as_image(result: Result) -> str | None:
+    """A PNG as an address for HTML; None where matplotlib is absent or the motion cannot be drawn."""
+    if importlib.util.find_spec("matplotlib") is None or not result.get("verdict") or len(result.branches) > 1:
+        return None
+    try:
+        axes = draw_motion(result, None, {}, 20.0, None)
+    except (InputError, ValueError):
+        return None
+    stream = io.BytesIO()
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.savefig(stream, format="png", dpi=90)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()

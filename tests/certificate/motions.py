@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from inverse_service.constrained.existence import AnalyzedMotion, analyze_motion
-from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion, equations_of_motion
+from inverse_service.mechanics.constrained_motion import ConstrainedMotion, equations_of_motion, read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 
 SLEIGH = "((x'-a*sin(phi)*phi')^2+(y'+a*cos(phi)*phi')^2)/2"

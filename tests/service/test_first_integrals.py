@@ -8,7 +8,7 @@ import pytest
 import sympy
 
 import inverse_service
-from inverse_service.sympy.symbol_names import expression, table_of_result
+from inverse_service.sympy.from_sympy import expression, table_of_result
 
 W1, W2, W3 = "(ph'*sin(th)*sin(ps)+th'*cos(ps))", "(ph'*sin(th)*cos(ps)-th'*sin(ps))", "(ph'*cos(th)+ps')"
 TOP = f"A/2*{W1}^2+B/2*{W2}^2+C/2*{W3}^2"

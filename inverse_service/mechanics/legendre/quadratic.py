@@ -13,9 +13,7 @@ from inverse_service.errors import LimitError
 from inverse_service.expressions.collecting import expand
 from inverse_service.expressions.collecting_trees import Term, merge_powers, terms_tree
 from inverse_service.expressions.tree import HALF, ONE, ZERO, Expression, Number, Product, Sum, Symbol, add
-from inverse_service.mechanics.legendre.blocks import Block, Branch, degrees, without
-from inverse_service.mechanics.legendre.short_forms import separated, shortest, trigonometric
-from inverse_service.mechanics.opaque_fractions import (
+from inverse_service.mechanics.implicit_equations import (
     OpaqueRing,
     Polynomial,
     Rows,
@@ -24,6 +22,8 @@ from inverse_service.mechanics.opaque_fractions import (
     solved_rows,
     times,
 )
+from inverse_service.mechanics.legendre.blocks import Block, Branch, degrees, without
+from inverse_service.mechanics.legendre.short_forms import separated, shortest, trigonometric
 
 Matrix = tuple[tuple[Expression, ...], ...]
 

@@ -36,7 +36,7 @@ from inverse_service.expressions.tree import (
     walk,
 )
 from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.mechanics.opaque_fractions import MOST_TERMS, OpaqueRing, expanded_terms
+from inverse_service.mechanics.implicit_equations import MOST_TERMS, OpaqueRing, expanded_terms
 
 # Terms met on the way (`Budget`) in exact work on one tree.
 _WORK = 20_000

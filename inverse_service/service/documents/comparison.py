@@ -17,8 +17,7 @@ from inverse_service.service.documents.preparing import is_motion, is_nonholonom
 
 if TYPE_CHECKING:
     from api_schemas.system import SystemDocument
-    from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
-    from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
+    from inverse_service.mechanics.constrained_motion import ConstrainedMotion, NonholonomicSystem
 
 
 def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
@@ -124,7 +123,7 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
 
 
 def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
-    from inverse_service.mechanics.nonholonomic.constraint_reading import read_motion
+    from inverse_service.mechanics.constrained_motion import read_motion
 
     constraints = [f"{name}' = {w}" for name, w in system["velocities"].items()]
     return read_motion(

@@ -9,10 +9,10 @@ from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardRes
 from inverse_service.decision.solutions import Hamiltonian, SolveOptions
 from inverse_service.expressions import tree as trees
 from inverse_service.expressions.collecting import collect
+from inverse_service.mechanics.constrained_motion import read_lagrangian
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, momenta
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.nonholonomic.constraint_reading import read_lagrangian
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import translate

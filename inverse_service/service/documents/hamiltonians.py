@@ -143,7 +143,7 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool 
     As many as those, and independent; None where the document has none or it is not settled.
     """
     from inverse_service.constrained.hamiltonise import rank_at_point
-    from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
+    from inverse_service.mechanics.constrained_motion import equations_of_motion
     from inverse_service.service.documents import translate_nonholonomic
 
     if not isinstance(document, dict) or "lagrangian" not in document:

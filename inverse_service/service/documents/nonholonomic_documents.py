@@ -22,11 +22,10 @@ from inverse_service.deadline import now
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
+from inverse_service.mechanics.constrained_motion import TIME_LIMIT, equations_of_motion
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.method_advice import for_constraints
-from inverse_service.mechanics.nonholonomic.associated_systems import AssociatedSystem
-from inverse_service.mechanics.nonholonomic.geometry import TIME_LIMIT
-from inverse_service.mechanics.nonholonomic.motion import equations_of_motion
+from inverse_service.mechanics.paper_class import AssociatedSystem
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import accepting, documents, translate, translate_nonholonomic
 from inverse_service.service.documents.growing import Growing

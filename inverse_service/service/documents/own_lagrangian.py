@@ -83,7 +83,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
 
 def _read(schema: Any, system: SecondOrderSystem, text: str) -> tuple[Expression, SecondOrderSystem]:
     """L, and the system with the constants and functions that occur in L alone, where the document asks to guess."""
-    from inverse_service.mechanics.nonholonomic.constraint_reading import read_lagrangian
+    from inverse_service.mechanics.constrained_motion import read_lagrangian
 
     declared = Declared(system.coordinates, schema.parameters, system.names.functions, schema.where)
     known = known_names(declared, {POINTER: text}, order=1)

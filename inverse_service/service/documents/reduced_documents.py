@@ -16,9 +16,8 @@ from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression
+from inverse_service.mechanics.constrained_motion import ConstrainedMotion, read_motion
 from inverse_service.mechanics.first_integrals import first_integrals
-from inverse_service.mechanics.nonholonomic.constraint_reading import read_motion
-from inverse_service.mechanics.nonholonomic.motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import clock_part as clocks
 from inverse_service.service.documents import documents, translate, translate_nonholonomic

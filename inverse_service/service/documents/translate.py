@@ -42,8 +42,8 @@ from inverse_service.reading.names import declared_name
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
     from api_schemas.result import LagrangianDocument
+    from inverse_service.mechanics.constrained_motion import NonholonomicSystem
     from inverse_service.mechanics.first_integrals import FirstIntegral
-    from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
     from inverse_service.service.documents.accepting import Asking
 
     AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument

@@ -18,10 +18,13 @@ from inverse_service.expressions.notation import row
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
 from inverse_service.field.exact_field import TooLarge
+from inverse_service.mechanics.constrained_motion import (
+    EquationsOfMotion,
+    NonholonomicSystem,
+    read_multiples,
+    read_nonholonomic,
+)
 from inverse_service.mechanics.first_integrals import FirstIntegral
-from inverse_service.mechanics.nonholonomic.constraint_reading import read_multiples, read_nonholonomic
-from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem
-from inverse_service.mechanics.nonholonomic.motion import EquationsOfMotion
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import translate

@@ -21,11 +21,9 @@ from inverse_service.expressions import derivative, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.integrators.trajectory import Array
+from inverse_service.mechanics.constrained_motion import NonholonomicSystem, eliminate_multipliers, frames, geometry
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.nonholonomic.associated_systems import KINDS, AssociatedSystem, associated
-from inverse_service.mechanics.nonholonomic.geometry import NonholonomicSystem, frames, geometry
-from inverse_service.mechanics.nonholonomic.motion import eliminate_multipliers
-from inverse_service.mechanics.nonholonomic.paper_class import recognized
+from inverse_service.mechanics.paper_class import KINDS, AssociatedSystem, associated, recognized
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition
 from inverse_service.service.documents import documents, plain_data

@@ -16,7 +16,7 @@ from inverse_service.errors import DocumentRefused, InputError
 from inverse_service.expressions import derivative, pieces
 from inverse_service.expressions import tree as trees
 from inverse_service.field.tower import to_kernels
-from inverse_service.mechanics.nonholonomic.constraint_reading import read_nonholonomic
+from inverse_service.mechanics.constrained_motion import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.reading.names import Names

@@ -29,9 +29,15 @@ from inverse_service.field.exact_field import Budget, TooLarge, exact_ring
 from inverse_service.field.real_point import find_real_point, requirements
 from inverse_service.field.tower import to_kernels
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics.nonholonomic.geometry import ORDERS, TERM_LIMIT, Frame, Geometry, NonholonomicSystem
-from inverse_service.mechanics.nonholonomic.integrals import measure_density
-from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
+from inverse_service.mechanics.constrained_motion import (
+    ORDERS,
+    TERM_LIMIT,
+    EliminatedMotion,
+    Frame,
+    Geometry,
+    NonholonomicSystem,
+)
+from inverse_service.mechanics.nonholonomic_integrals import measure_density
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, branches_of
 from inverse_service.search.terms import collected
 

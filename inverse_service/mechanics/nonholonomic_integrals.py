@@ -1,15 +1,13 @@
 """What a nonholonomic motion keeps: an invariant measure with a density N(q), and scaled velocities.
 
-Distributions of vector fields on (t, q): brackets, Frobenius, and the equations X_k(phi) = h_k.
+Distributions of vector fields on (t, q): brackets, Frobenius, and the equations X_k(phi) = h_k. A row is the
+components of a field in the variables (t or not, then q), followed by the value h that a function phi is to have along
+it; h = 0 where only the distribution matters.
 
-A row is the components of a field in the variables (t or not, then q), followed by the value h that
-a function phi is to have along it; h = 0 where only the distribution matters.
-
-Whether constraints on velocities are constraints on positions in disguise (Frobenius).
-
-The distribution of the constraints is closed under brackets; k constraints of which j survive as the
-annihilator of the closure are j holonomic ones and k - j nonholonomic ones. Constraints with a
-velocity-free term or with t are looked at on (t, q), with the field d/dt + drift.
+Constraints on velocities may be constraints on positions in disguise (Frobenius). The distribution of the constraints
+is closed under brackets; k constraints of which j survive as the annihilator of the closure are j holonomic ones and k
+- j nonholonomic ones. Constraints with a velocity-free term or with t are looked at on (t, q), with the field d/dt +
+drift.
 """
 
 from __future__ import annotations
@@ -24,13 +22,15 @@ from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velo
 from inverse_service.field.exact_field import Quotient, sum_of
 from inverse_service.field.matrices import determinant, dot, reduced_rows
 from inverse_service.field.real_point import RealTable, find_real_point
+from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry
 from inverse_service.mechanics.first_integrals import FirstIntegral
-from inverse_service.mechanics.nonholonomic.geometry import Frame, Geometry
-from inverse_service.mechanics.nonholonomic.motion import EliminatedMotion
 from inverse_service.mechanics.potential import Potential, factors_of, potential
 
 Partial = Callable[[Quotient], Quotient]
 Field = tuple[Quotient, ...]
+
+
+Status = Literal["found", "does_not_exist", "not_found"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,9 +175,6 @@ def _scales(parts: Geometry, form: Sequence[Quotient]) -> list[Quotient]:
             elements = [element for _, element in factors_of(ring, slope)]
             scales += [other for element in elements for other in (element, element.inverse(), element * element)]
     return scales[: 2 * bounds.CANDIDATES]
-
-
-Status = Literal["found", "does_not_exist", "not_found"]
 
 
 @dataclass(frozen=True, slots=True)

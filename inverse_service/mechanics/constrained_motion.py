@@ -1,0 +1,620 @@
+"""A Lagrangian with constraints on the velocities: read, written in exact functions of (t, q), and its motion.
+
+    L = 1/2 g_ij v^i v^j + b_i v^i - V,     w^a = w^a_i v^i + c^a = 0,     v = B u + drift
+
+with g, b, V, w, c functions of (t, q); u are the velocities of the free coordinates, the columns of
+B span the distribution of the constraints.
+
+The multipliers are eliminated exactly by d'Alembert's principle: d/dt(dL/dv) - dL/dq = lambda_a w^a with w^a(v) + c^a
+= 0. With v = B u + drift the free accelerations follow from B^T (g a - F) = 0, a = B u' + (dB/dt) u + d(drift)/dt, so
+that g needs to be regular on the distribution of the constraints only. Source: A. M. Bloch, Nonholonomic Mechanics and
+Control, 2003, chapter 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import combinations
+
+from inverse_service.deadline import now
+from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.printing import to_text
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
+from inverse_service.field.exact_field import (
+    Budget,
+    Derivation,
+    ExactRing,
+    Quotient,
+    TooLarge,
+    exact_ring,
+    quotient_tree,
+    sum_of,
+)
+from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
+from inverse_service.mechanics.second_order_system import Functions
+from inverse_service.mechanics.writing import readable
+from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
+from inverse_service.reading.names import Names, escaped
+from inverse_service.reading.reader import placed_at, read_equations, read_formula, without_accelerations
+
+TERM_LIMIT = 20_000
+TIME_LIMIT = 20.0
+# Derivatives of arbitrary functions provided for: two for the motion, more for brackets of brackets.
+ORDERS = 5
+Matrix = tuple[tuple[Quotient, ...], ...]
+
+# Coordinates of a system with constraints.
+MOST_CONSTRAINED = 12
+
+
+@dataclass(frozen=True, slots=True)
+class NonholonomicSystem:
+    """L(t, q, v) with the constraints w(t, q, v) = 0, one tree each, linear in the velocities.
+
+    Parameters are generic constants; those with values were substituted. That L is quadratic and the
+    constraints are linear is seen where the equations of motion are made (`geometry`).
+    """
+
+    coordinates: tuple[str, ...]
+    lagrangian: Expression
+    constraints: tuple[Expression, ...]
+    parameters: tuple[str, ...] = ()
+    functions: Functions = ()
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """The parts of L and of the constraints over `ring`; variables of the ring are t, q, v in this order.
+
+    `mass` is g (n x n), `linear` is b (n), `potential` is V; `rows` are w (k x n), `offsets` are c (k).
+    """
+
+    system: NonholonomicSystem
+    ring: ExactRing
+    mass: Matrix
+    linear: tuple[Quotient, ...]
+    potential: Quotient
+    rows: Matrix
+    offsets: tuple[Quotient, ...]
+
+    @property
+    def size(self) -> int:
+        return len(self.system.coordinates)
+
+    @property
+    def zero(self) -> Quotient:
+        return self.ring.constant(0)
+
+    def velocity(self, place: int) -> Quotient:
+        """The velocity of a coordinate as a generator."""
+        return self.ring.atoms[Velocity(self.system.coordinates[place])]
+
+    def by_coordinate(self, place: int, element: Quotient) -> Quotient:
+        return self.ring.partial(1 + place)(element)
+
+    def by_velocity(self, place: int, element: Quotient) -> Quotient:
+        return self.ring.partial(1 + self.size + place)(element)
+
+    def by_time(self, element: Quotient) -> Quotient:
+        return self.ring.partial(0)(element)
+
+    def depends_on_position(self, element: Quotient) -> bool:
+        """Whether t or a coordinate enters."""
+        return any(not self.ring.partial(k)(element).is_zero for k in range(1 + self.size))
+
+    def tree(self, element: Quotient) -> Expression:
+        """The element as a formula for people."""
+        return readable(self.ring, element)
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """v = basis u + drift: u the velocities of the coordinates `free`; both index tuples ascend.
+
+    `basis` has n rows and a column for each free coordinate, `drift` n entries (zero for constraints
+    without a velocity-free term).
+    """
+
+    free: tuple[int, ...]
+    dependent: tuple[int, ...]
+    basis: Matrix
+    drift: tuple[Quotient, ...]
+
+
+def geometry(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> Geometry:
+    """The parts of a system; InputError where L is not quadratic or a constraint is not linear in the velocities.
+
+    Dependent, contradicting and velocity-free constraints are refused too, each with its pointer.
+    """
+    try:
+        return _geometry(system, Budget(TERM_LIMIT, now() + time_limit))
+    except ZeroDivisionError:
+        raise InputError("the Lagrangian or a constraint divides by zero: write it without that.") from None
+    except TooLarge as error:
+        raise too_large(error) from None
+
+
+def too_large(error: TooLarge) -> LimitError:
+    """The refusal of a document that needs too large expressions."""
+    return LimitError(f"the equations of motion are too large to be written out, {error}: use fewer symbols.")
+
+
+def _geometry(system: NonholonomicSystem, budget: Budget) -> Geometry:
+    names = system.coordinates
+    coordinates, velocities = [Symbol(name) for name in names], [Velocity(name) for name in names]
+    trees = [system.lagrangian, *system.constraints]
+    ring = exact_ring(trees, [TIME, *coordinates, *velocities], ORDERS, budget)
+    mass, linear, potential = _lagrangian_parts(ring, ring.value(system.lagrangian), names)
+    parts = [_constraint_parts(ring, tree, place, names) for place, tree in enumerate(system.constraints)]
+    rows, offsets = tuple(row for row, _ in parts), tuple(offset for _, offset in parts)
+    found = Geometry(system, ring, mass, linear, potential, rows, offsets)
+    _refuse_dependent(found)
+    return found
+
+
+def _lagrangian_parts(
+    ring: ExactRing, lagrangian: Quotient, names: Sequence[str]
+) -> tuple[Matrix, tuple[Quotient, ...], Quotient]:
+    """g, b, V; InputError where a third derivative in the velocities does not vanish."""
+    n = len(names)
+    by = [ring.partial(1 + n + place) for place in range(n)]
+    momenta = [by[i](lagrangian) for i in range(n)]
+    mass = tuple(tuple(by[j](momenta[i]) for j in range(n)) for i in range(n))
+    for i in range(n):
+        for j in range(n):
+            if _holds_velocity(ring, mass[i][j], by):
+                raise InputError(
+                    f"the Lagrangian is not quadratic in the velocities ({names[i]}' enters otherwise): write a "
+                    "kinetic energy of degree 2, terms linear in the velocities, and a potential.",
+                    "/lagrangian",
+                )
+    speeds = [ring.atoms[Velocity(name)] for name in names]
+    linear = tuple(
+        _less(momentum, [entry * speed for entry, speed in zip(row, speeds, strict=True)])
+        for momentum, row in zip(momenta, mass, strict=True)
+    )
+    half = [
+        (entry * speeds[i] * speeds[j]).scaled(Fraction(1, 2))
+        for i, row in enumerate(mass)
+        for j, entry in enumerate(row)
+    ]
+    kinetic = sum_of(ring.constant(0), half)
+    rest = _less(lagrangian, [b * speed for b, speed in zip(linear, speeds, strict=True)])
+    return mass, linear, kinetic - rest
+
+
+def _holds_velocity(ring: ExactRing, element: Quotient, by: Sequence[Derivation]) -> bool:
+    """Whether a velocity enters, if only by its sign as in v/sqrt(v^2), whose derivative is zero."""
+    if any(not derivative(element).is_zero for derivative in by):
+        return True
+    return any(isinstance(node, Velocity) for node in walk(quotient_tree(ring, element)))
+
+
+def _less(first: Quotient, terms: Sequence[Quotient]) -> Quotient:
+    for term in terms:
+        first = first - term
+    return first
+
+
+def _constraint_parts(
+    ring: ExactRing, tree: Expression, place: int, names: Sequence[str]
+) -> tuple[tuple[Quotient, ...], Quotient]:
+    """w_i and c of one constraint; InputError where it is not linear in the velocities, or has none."""
+    n, pointer = len(names), f"/constraints/{place}"
+    value = ring.value(tree)
+    by = [ring.partial(1 + n + k) for k in range(n)]
+    row = tuple(by[k](value) for k in range(n))
+    for k, entry in enumerate(row):
+        if _holds_velocity(ring, entry, by):
+            raise InputError(
+                f"constraint {place + 1} is not linear in the velocities ({names[k]}' enters otherwise): only "
+                "constraints w_i(q) v^i + c(q) = 0 are accepted.",
+                pointer,
+            )
+    offset = _less(value, [entry * ring.atoms[Velocity(name)] for entry, name in zip(row, names, strict=True)])
+    if all(entry.is_zero for entry in row):
+        if offset.is_zero:
+            raise InputError(f"constraint {place + 1} is zero identically: leave it out.", pointer)
+        raise InputError(
+            f"constraint {place + 1} contains no velocity, it restricts the positions (a holonomic constraint): "
+            "eliminate a coordinate, or write its derivative in time.",
+            pointer,
+        )
+    return row, offset
+
+
+def _refuse_dependent(parts: Geometry) -> None:
+    """InputError for constraints that follow from or contradict the ones before them, and for too many."""
+    n = parts.size
+    for count in range(2, len(parts.rows) + 1):
+        table = [[*row, offset] for row, offset in zip(parts.rows[:count], parts.offsets[:count], strict=True)]
+        found = reduced_rows(table, range(n))
+        if not found.dropped:
+            continue
+        left = found.dropped[0][1][n]
+        pointer = f"/constraints/{count - 1}"
+        if left.is_zero:
+            raise InputError(
+                f"constraint {count} is redundant, it follows from those before it: leave it out.", pointer
+            )
+        raise InputError(
+            f"constraint {count} contradicts those before it, together they require "
+            f"{to_text(parts.tree(left))} = 0: leave one of them out.",
+            pointer,
+        )
+    if len(parts.rows) >= n:
+        raise InputError(
+            f"{len(parts.rows)} independent constraints leave {n} coordinates no freedom: give fewer constraints.",
+            "/constraints",
+        )
+
+
+def frames(parts: Geometry) -> list[Frame]:
+    """The frames of all choices of dependent coordinates, the most convenient one first.
+
+    Preferred: coordinates that L does not contain, a minor of the constraints that is constant (no
+    singular positions), short entries, later coordinates.
+    """
+    n, k = parts.size, len(parts.rows)
+    one = parts.ring.constant(1)
+    choices = []
+    for dependent in combinations(range(n), k):
+        minor = determinant([[row[column] for column in dependent] for row in parts.rows], one)
+        if minor.is_zero:
+            continue
+        held = sum(_in_lagrangian(parts, place) for place in dependent)
+        choices.append(((held, parts.depends_on_position(minor), weight(minor), [-d for d in dependent]), dependent))
+    return [frame(parts, dependent) for _, dependent in sorted(choices)]
+
+
+def _in_lagrangian(parts: Geometry, place: int) -> bool:
+    elements = [*(entry for row in parts.mass for entry in row), *parts.linear, parts.potential]
+    return any(not parts.by_coordinate(place, element).is_zero for element in elements)
+
+
+def frame(parts: Geometry, dependent: tuple[int, ...]) -> Frame:
+    """The frame with these dependent coordinates, whose minor must not vanish."""
+    n = parts.size
+    free = tuple(place for place in range(n) if place not in dependent)
+    table = [[*row, offset] for row, offset in zip(parts.rows, parts.offsets, strict=True)]
+    found = reduced_rows(table, dependent)
+    solved = dict(zip(found.pivots, found.rows, strict=True))
+    zero, one = parts.zero, parts.ring.constant(1)
+    basis = tuple(
+        tuple(-solved[place][column] for column in free)
+        if place in solved
+        else tuple(one if column == place else zero for column in free)
+        for place in range(n)
+    )
+    drift = tuple(-solved[place][n] if place in solved else zero for place in range(n))
+    return Frame(free, dependent, basis, drift)
+
+
+@dataclass(frozen=True, slots=True)
+class ConstrainedMotion:
+    """The equations over (t, q, u): s' = w for the `dependent` coordinates, u' = F for the velocities u of the `free`.
+
+    `dependent_velocities[i]` is the velocity of coordinate dependent[i] (first-order equations),
+    `free_accelerations[i]` the acceleration of free[i] (second-order equations).
+    """
+
+    coordinates: tuple[str, ...]
+    free: tuple[str, ...]
+    dependent: tuple[str, ...]
+    dependent_velocities: tuple[Expression, ...]
+    free_accelerations: tuple[Expression, ...]
+    parameters: tuple[str, ...] = ()
+    functions: Functions = ()
+
+    @property
+    def depends_on_time(self) -> bool:
+        trees = (*self.dependent_velocities, *self.free_accelerations)
+        return any(holds(tree, TIME) for tree in trees)
+
+    @property
+    def on_constraints(self) -> dict[Expression, Expression]:
+        """The dependent velocities by the free ones."""
+        return {Velocity(name): w for name, w in zip(self.dependent, self.dependent_velocities, strict=True)}
+
+    def rate(self, tree: Expression) -> Expression:
+        """The derivative along the motion of a function of t, q and the free velocities."""
+        rates, forces = self.on_constraints, zip(self.free, self.free_accelerations, strict=True)
+        speeds = [differentiate(tree, Symbol(q)) * rates.get(Velocity(q), Velocity(q)) for q in self.coordinates]
+        return add(differentiate(tree, TIME), *speeds, *(differentiate(tree, Velocity(u)) * f for u, f in forces))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EquationsOfMotion(ConstrainedMotion):
+    """The motion of a Lagrangian, with what is known of it.
+
+    `accelerations` are those of all coordinates, in the order of the system, and `multipliers` the lambda_a, one for
+    each constraint; both hold free velocities only.
+    """
+
+    system: NonholonomicSystem
+    accelerations: tuple[Expression, ...]
+    multipliers: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EliminatedMotion:
+    """The motion in exact functions: `velocities` v(t, q, u) and `accelerations` a(t, q, u), each n.
+
+    `inertia` is the mass matrix G = B^T g B of the free velocities.
+    """
+
+    geometry: Geometry
+    frame: Frame
+    velocities: tuple[Quotient, ...]
+    accelerations: tuple[Quotient, ...]
+    inertia: tuple[tuple[Quotient, ...], ...]
+    multipliers: tuple[Quotient, ...]
+
+    def rate(self, element: Quotient) -> Quotient:
+        """The derivative along the motion of a function of (t, q, u)."""
+        parts = self.geometry
+        terms = [parts.by_time(element)]
+        terms += [self.velocities[k] * parts.by_coordinate(k, element) for k in range(parts.size)]
+        terms += [self.accelerations[k] * parts.by_velocity(k, element) for k in self.frame.free]
+        return sum_of(parts.zero, terms)
+
+
+def equations_of_motion(system: NonholonomicSystem) -> EquationsOfMotion:
+    """The equations of motion in the most convenient free coordinates.
+
+    InputError where L or a constraint is outside what `geometry` accepts, or where L is singular on
+    the distribution of the constraints; LimitError where the equations are too large.
+    """
+    parts = geometry(system)
+    try:
+        return written(eliminate_multipliers(parts, frames(parts)[0]))
+    except TooLarge as error:
+        raise too_large(error) from None
+
+
+def written(motion: EliminatedMotion) -> EquationsOfMotion:
+    """The motion as trees."""
+    parts, choice = motion.geometry, motion.frame
+    names = parts.system.coordinates
+    accelerations = tuple(parts.tree(element) for element in motion.accelerations)
+    return EquationsOfMotion(
+        names,
+        tuple(names[k] for k in choice.free),
+        tuple(names[k] for k in choice.dependent),
+        tuple(parts.tree(motion.velocities[k]) for k in choice.dependent),
+        tuple(accelerations[k] for k in choice.free),
+        parts.system.parameters,
+        parts.system.functions,
+        system=parts.system,
+        accelerations=accelerations,
+        multipliers=tuple(parts.tree(element) for element in motion.multipliers),
+    )
+
+
+def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:
+    """The motion with a given frame; InputError where B^T g B is singular."""
+    n, m = parts.size, len(choice.free)
+    speeds = [parts.velocity(k) for k in choice.free]
+    velocities = tuple(dot(parts.zero, row, speeds) + drift for row, drift in _rows(choice))
+    bias = tuple(
+        dot(parts.zero, [_rate(parts, velocities, entry) for entry in row], speeds) + _rate(parts, velocities, drift)
+        for row, drift in _rows(choice)
+    )
+    force = _force(parts, velocities)
+    columns = [[row[j] for row in choice.basis] for j in range(m)]
+    lowered = [[dot(parts.zero, row, column) for row in parts.mass] for column in columns]
+    inertia = tuple(tuple(dot(parts.zero, lowered[i], columns[j]) for j in range(m)) for i in range(m))
+    left = [force[i] - dot(parts.zero, parts.mass[i], bias) for i in range(n)]
+    solved = solve_square(inertia, [dot(parts.zero, column, left) for column in columns])
+    if solved is None:
+        raise InputError(
+            "the Lagrangian is singular on the constraints, its kinetic energy does not determine the accelerations of "
+            f"{', '.join(parts.system.coordinates[k] for k in choice.free)}: give these motions a mass.",
+            "/lagrangian",
+        )
+    accelerations = tuple(dot(parts.zero, row, solved) + extra for row, extra in zip(choice.basis, bias, strict=True))
+    multipliers = _multipliers(parts, choice, accelerations, force)
+    return EliminatedMotion(parts, choice, velocities, accelerations, inertia, multipliers)
+
+
+def _rows(choice: Frame) -> list[tuple[tuple[Quotient, ...], Quotient]]:
+    return list(zip(choice.basis, choice.drift, strict=True))
+
+
+def _rate(parts: Geometry, velocities: Sequence[Quotient], element: Quotient) -> Quotient:
+    """The derivative in time of a function of (t, q)."""
+    terms = [velocities[k] * parts.by_coordinate(k, element) for k in range(parts.size)]
+    return sum_of(parts.zero, [parts.by_time(element), *terms])
+
+
+def _force(parts: Geometry, velocities: Sequence[Quotient]) -> list[Quotient]:
+    """F with d/dt(dL/dv) - dL/dq = g a - F, the velocities put in."""
+    n = parts.size
+    half = Fraction(1, 2)
+    found = []
+    for i in range(n):
+        terms = [-parts.by_coordinate(i, parts.potential), -_rate(parts, velocities, parts.linear[i])]
+        for j in range(n):
+            terms.append(velocities[j] * parts.by_coordinate(i, parts.linear[j]))
+            terms.append(-(velocities[j] * _rate(parts, velocities, parts.mass[i][j])))
+            slopes = [parts.by_coordinate(i, parts.mass[j][k]) for k in range(n)]
+            terms.append((velocities[j] * dot(parts.zero, slopes, velocities)).scaled(half))
+        found.append(sum_of(parts.zero, terms))
+    return found
+
+
+def _multipliers(
+    parts: Geometry, choice: Frame, accelerations: Sequence[Quotient], force: Sequence[Quotient]
+) -> tuple[Quotient, ...]:
+    """lambda_a from the dependent rows of g a - F = lambda_a w^a."""
+    matrix = [[row[place] for row in parts.rows] for place in choice.dependent]
+    right = [dot(parts.zero, parts.mass[i], accelerations) - force[i] for i in choice.dependent]
+    solved = solve_square(matrix, right)
+    assert solved is not None, "the minor of the dependent coordinates does not vanish"
+    return solved
+
+
+def motion_on(system: NonholonomicSystem, accelerations: Mapping[str, Expression]) -> ConstrainedMotion:
+    """The motion with these accelerations of the free coordinates on the constraints of a system.
+
+    InputError where the constraints do not give the velocities of the others by theirs.
+    """
+    names = system.coordinates
+    parts = geometry(system)
+    dependent = tuple(place for place, name in enumerate(names) if name not in accelerations)
+    choice = next((found for found in frames(parts) if found.dependent == dependent), None)
+    if choice is None:
+        listed = ", ".join(names[place] for place in dependent)
+        raise InputError(f"the constraints do not determine the velocities of {listed} from the others.", "/motion")
+    speeds = [parts.velocity(place) for place in choice.free]
+    rates = [dot(parts.zero, choice.basis[place], speeds) + choice.drift[place] for place in dependent]
+    velocities = tuple(parts.tree(rate) for rate in rates)
+    free, bound = (tuple(names[place] for place in places) for places in (choice.free, dependent))
+    forces = tuple(accelerations[name] for name in free)
+    found = ConstrainedMotion(names, free, bound, velocities, forces, system.parameters, system.functions)
+    return replace(found, free_accelerations=tuple(substitute(force, found.on_constraints) for force in forces))
+
+
+def read_nonholonomic(
+    coordinates: Sequence[str] | None,
+    lagrangian: str,
+    constraints: Sequence[str] | str,
+    parameters: Parameters = (),
+    functions: Mapping[str, Sequence[str]] | None = None,
+    name: str = "",
+    most: int = MOST_CONSTRAINED,
+    where: Mapping[str, str] | None = None,
+) -> NonholonomicSystem:
+    """The system of a document; a constraint is a formula that is zero, or an equation.
+
+    `constraints` is a list, or one text with the constraints separated by semicolons. InputError with
+    JSON pointer and column for anything that is wrong, LimitError for too many coordinates.
+    """
+    declared = Declared(coordinates, parameters, functions or {}, where or {}, most)
+    known = known_names(declared, {"/lagrangian": lagrangian, **_by_pointer(constraints)}, order=1)
+    names = known.remaining()
+    return NonholonomicSystem(
+        coordinates=names.coordinates,
+        lagrangian=known.put_in(read_lagrangian(lagrangian, known.names)),
+        constraints=tuple(known.put_in(tree) for tree in _constraints(constraints, known.names, most)),
+        parameters=names.parameters,
+        functions=tuple(names.functions.items()),
+        name=name,
+    )
+
+
+def read_motion(
+    coordinates: Sequence[str] | None,
+    motion: Mapping[str, str],
+    constraints: Sequence[str] | str,
+    parameters: Parameters = (),
+    functions: Mapping[str, Sequence[str]] | None = None,
+    where: Mapping[str, str] | None = None,
+) -> ConstrainedMotion:
+    """A motion given by the accelerations of the free coordinates on the constraints.
+
+    InputError where the free coordinates are not as many as the constraints leave, or do not fix the others.
+    """
+    texts = {f"/motion/{name}": text for name, text in motion.items()}
+    declared = Declared(coordinates or None, parameters, functions or {}, where or {}, MOST_CONSTRAINED)
+    known = known_names(declared, texts | _by_pointer(constraints), order=1)
+    names, trees = known.remaining(), _constraints(constraints, known.names, MOST_CONSTRAINED)
+    free = {known.names.spelling(name): name for name in motion}
+    strange = next((name for key, name in free.items() if key not in names.coordinates), None)
+    if strange is not None:
+        raise InputError(f"there is a motion for '{strange}', which is not a coordinate.", "/motion")
+    if len(free) + len(trees) != len(names.coordinates):
+        raise InputError(
+            f"{len(names.coordinates)} coordinates with {len(trees)} constraints leave "
+            f"{len(names.coordinates) - len(trees)} free velocities: give their accelerations, not {len(free)}.",
+            "/motion",
+        )
+    system = NonholonomicSystem(
+        names.coordinates, ZERO, tuple(map(known.put_in, trees)), names.parameters, tuple(names.functions.items())
+    )
+    read = {
+        key: known.put_in(_formula(motion[name], known.names, f"the acceleration of {name}", f"/motion/{name}"))
+        for key, name in free.items()
+    }
+    return motion_on(system, read)
+
+
+def _formula(text: str, names: Names, what: str, pointer: str) -> Expression:
+    with placed_at(pointer):
+        tree = substitute(read_formula(text, names), dict(names.definitions))
+    return without_accelerations(tree, what, pointer)
+
+
+def read_lagrangian(text: str, names: Names) -> Expression:
+    """L(t, q, q') of a text; InputError where an acceleration is in it, or no velocity."""
+    pointer = "/lagrangian"
+    tree = _formula(text, names, "the Lagrangian", pointer)
+    if not any(isinstance(node, Velocity) for node in walk(tree)):
+        raise InputError("the Lagrangian contains no velocity: write kinetic minus potential energy.", pointer)
+    return _smooth(tree, pointer)
+
+
+def _smooth(tree: Expression, pointer: str) -> Expression:
+    """The tree; InputError where it is piecewise and its derivatives are looked for."""
+    with placed_at(pointer):
+        for leaf in {node for node in walk(tree) if isinstance(node, Symbol | Velocity)}:
+            differentiate(tree, leaf)
+    return tree
+
+
+def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> list[Expression]:
+    found: list[Expression] = []
+    for pointer, text in _by_pointer(constraints).items():
+        with placed_at(pointer):
+            pairs = read_equations(text, replace(names, forms=True))
+        for left, right in pairs:
+            tree = substitute(left - right, dict(names.definitions))
+            found.append(_smooth(without_accelerations(tree, f"constraint {len(found) + 1}", pointer), pointer))
+    if not found:
+        raise InputError(
+            "there are no constraints: give at least one, or send the equations of motion as a system.", "/constraints"
+        )
+    if len(found) > most:
+        raise LimitError(f"there are {len(found)} constraints: the limit is {most}; write fewer.", "/constraints")
+    return found
+
+
+def _by_pointer(constraints: Sequence[str] | str) -> dict[str, str]:
+    if isinstance(constraints, str):
+        return {"/constraints": constraints}
+    return {f"/constraints/{place}": text for place, text in enumerate(constraints)}
+
+
+def read_multiples(
+    multiples: Mapping[str, str],
+    system: NonholonomicSystem,
+    parameters: Parameters,
+    pointer: str = "/multiples",
+) -> tuple[Expression, ...]:
+    """What a user adds to each acceleration, in the order of the coordinates; 0 where nothing is said.
+
+    InputError for a key that is no coordinate, and for what `read_formula` refuses.
+    """
+    named = Declared(parameters=parameters).named_parameters()
+    known = tuple(dict.fromkeys((*system.parameters, *named)))
+    names = Names(system.coordinates, known, dict(system.functions))
+    values = parameter_values(named)
+    found: dict[str, Expression] = {}
+    for key, text in multiples.items():
+        place = f"{pointer}/{escaped(key)}"
+        name = names.spelling(key)
+        if name not in system.coordinates:
+            raise InputError(
+                f"there is a multiple for a name that is not a coordinate: the coordinates are "
+                f"{', '.join(system.coordinates)}.",
+                place,
+            )
+        with placed_at(place):
+            tree = with_values(read_formula(text, names), values)
+        found[name] = without_accelerations(tree, f"the multiple for {name}", place)
+    zero = read_formula("0", names)
+    return tuple(found.get(name, zero) for name in system.coordinates)

@@ -1,1 +1,0 @@
-"""Nonholonomic systems: geometry, motion, associated second-order systems, the class of the paper."""
