@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+import inverse_service
 from inverse_service.kernels.machine_code import shipped
+from inverse_service.kernels.machine_code.kernels import KERNELS
 
 QUESTIONS = """
 import sys
@@ -51,3 +53,11 @@ def test_a_library_of_other_sources_is_not_loaded(tmp_path: Path, monkeypatch: p
 
 def test_every_processor_has_a_library_that_it_runs() -> None:
     assert all(targets[-1][1] == frozenset() for targets in shipped.TARGETS.values())
+
+
+def test_no_kernel_of_the_solver_is_called_through_its_compiler() -> None:
+    """Code that cannot be stored would be compiled anew in each process, and be missing in a wheel."""
+    inverse_service.solve({"equations": "m x'' + d x' + k x = 0", "parameters": "guess"})
+    called = {kernel.name: kernel for kernel in KERNELS if kernel._entries}
+    assert {name for name, kernel in called.items() if len(list(kernel.entries)) < len(kernel._entries)} == set()
+    assert called

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import dis
 import hashlib
 import importlib.util
 import sys
@@ -93,7 +94,8 @@ def used(work: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _names(code: CodeType) -> Iterator[str]:
-    yield from code.co_names
+    """Of globals: an attribute may have the name of one that the function does not know."""
+    yield from dict.fromkeys(found.argval for found in dis.get_instructions(code) if found.opname == "LOAD_GLOBAL")
     for part in code.co_consts:
         if isinstance(part, CodeType):
             yield from _names(part)
