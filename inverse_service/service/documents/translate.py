@@ -148,8 +148,10 @@ def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any
     """The fields of the main answer, and what is said of the other question."""
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
+    proven = _proven(main, time)
     return answer_fields(main, solution.system) | {
-        "certificate": _certificate(main, time),
+        "certificate": None if proven.certificate is None else plain(proven.certificate),
+        "exceptions": list(proven.exceptions),
         "verdict_with_time": time.verdict if time is not None else None,
         "with_time": None if other is None else schemas.OtherAnswer(**answer_fields(other, solution.system)),
         "first_integrals": [integral_part(one) for one in solution.first_integrals],
@@ -203,14 +205,13 @@ def answers_time(solution: solutions.Solution, time_dependent: bool | None) -> b
     return solution.autonomous is None or (wants_time and solution.with_time is not None)
 
 
-def _certificate(main: solutions.Answer, time: solutions.Answer | None) -> dict[str, Any] | None:
-    """The certificate of the main answer, or the one that proves both.
+def _proven(main: solutions.Answer, time: solutions.Answer | None) -> solutions.Answer:
+    """The answer whose certificate is shown: the main one, or the one that proves both.
 
     Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
     """
     covers = time is not None and time.verdict == main.verdict == "not_variational" and time.certificate is not None
-    certificate = time.certificate if covers and time is not None else main.certificate
-    return None if certificate is None else plain(certificate)
+    return time if covers and time is not None else main
 
 
 def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[str, Any]:
