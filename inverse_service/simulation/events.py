@@ -385,7 +385,6 @@ ZENO = "the times between two such events, which become ever shorter"
 ZENO_REMEDY = "stop before, or let the motion go on without the event from there"
 MANY = "After {} events the run was ended at t = {:.12g}."
 NO_MOTION = "more than one motion begins, or none goes on, where {} = 0"
-TOO_MANY_ZEROS = f"more than {MOST_TOGETHER} switching functions that are zero at once"
 BEGIN_ELSEWHERE = "begin elsewhere"
 
 Integrate = Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory | data.Unavailable]

@@ -216,6 +216,11 @@ class Kernel:
         """The kinds for which it was compiled to machine code that needs nothing of numba."""
         return (kinds for kinds, entry in self._entries.items() if entry is not None)
 
+    @property
+    def unstorable(self) -> Iterator[Kinds]:
+        """The kinds for which numba has to call it, compiled anew in each process."""
+        return (kinds for kinds, entry in self._entries.items() if entry is None)
+
     def __repr__(self) -> str:
         return f"<kernel {self.name}>"
 
