@@ -6,27 +6,24 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from api_schemas import result
-from api_schemas.base import MAX_COORDINATES, MAX_EQUATIONS, Document, ParseAnswer, ParsedFormula
-from api_schemas.system import Formula as FormulaText
-from api_schemas.system import Name, QuestionDocument, Text, shape
+from api_schemas import base, result, system
 
 MAX_FAMILIES = 20
 Kind = Literal["first", "second", "third", "search", "any"]
 Constraints = Annotated[
-    Annotated[list[Text], Field(min_length=1, max_length=MAX_EQUATIONS), Tag("<list>")]
-    | Annotated[Text, Tag("<text>")],
-    Discriminator(shape),
+    Annotated[list[system.Text], Field(min_length=1, max_length=base.MAX_EQUATIONS), Tag("<list>")]
+    | Annotated[system.Text, Tag("<text>")],
+    Discriminator(system.shape),
 ]
-Multiples = Annotated[dict[Name, FormulaText], Field(min_length=1, max_length=MAX_COORDINATES)]
+Multiples = Annotated[dict[system.Name, system.Formula], Field(min_length=1, max_length=base.MAX_COORDINATES)]
 Families = Annotated[
     Annotated[Multiples, Tag("<mapping>")]
     | Annotated[list[Multiples], Field(min_length=1, max_length=MAX_FAMILIES), Tag("<list>")],
-    Discriminator(shape),
+    Discriminator(system.shape),
 ]
 
 
-class NonholonomicDocument(QuestionDocument):
+class NonholonomicDocument(system.QuestionDocument):
     """A Lagrangian with constraints linear in the velocities.
 
     `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
@@ -38,14 +35,14 @@ class NonholonomicDocument(QuestionDocument):
     of them are decided at once they ask what leaving `associated` out asks.
     """
 
-    lagrangian: Text
+    lagrangian: system.Text
     constraints: Constraints
     associated: Kind | None = None
     search: dict[str, Any] | None = None
     multiples: Families | None = None
 
 
-class MotionDocument(QuestionDocument):
+class MotionDocument(system.QuestionDocument):
     """A motion on constraints as it is: `motion` gives the accelerations of the free coordinates on the constraints.
 
     The velocities of the other coordinates follow from the constraints, which may be affine and depend on t.
@@ -56,14 +53,14 @@ class MotionDocument(QuestionDocument):
     associated: Literal["any"] | None = None
 
 
-class NonholonomicParseAnswer(ParseAnswer):
+class NonholonomicParseAnswer(base.ParseAnswer):
     """What was understood; `equations` are the accelerations of the motion, by the free velocities."""
 
-    lagrangian: ParsedFormula
-    constraints: list[ParsedFormula]
+    lagrangian: base.ParsedFormula
+    constraints: list[base.ParsedFormula]
 
 
-class MotionPart(Document):
+class MotionPart(base.Document):
     """The reduced equations: first order for `dependent` coordinates, second order for `free` ones.
 
     `accelerations` are those of all coordinates, `multipliers` the lambda_a of d/dt(dL/dv) - dL/dq =
@@ -78,7 +75,7 @@ class MotionPart(Document):
     multipliers: list[result.Formula]
 
 
-class IntegrabilityPart(Document):
+class IntegrabilityPart(base.Document):
     """How many of the constraints are holonomic in disguise; `growth` are the ranks of the derived flag."""
 
     holonomic: bool
@@ -90,7 +87,7 @@ class IntegrabilityPart(Document):
     parts: list[str] = Field(default_factory=list)
 
 
-class MeasurePart(Document):
+class MeasurePart(base.Document):
     """The invariant measure: `density` N for dq dp, p the momenta of the free velocities; `in_velocities` for dq du."""
 
     status: Literal["found", "does_not_exist", "not_found"]
@@ -100,7 +97,7 @@ class MeasurePart(Document):
     parts: list[str] = Field(default_factory=list)
 
 
-class ClassPart(Document):
+class ClassPart(base.Document):
     """Membership of the class s' = -A(r1) r2'; the roles of the coordinates, A, N and K if it is a member."""
 
     member: bool
@@ -115,7 +112,7 @@ class ClassPart(Document):
     potential: bool = False
 
 
-class AssociatedPart(Document):
+class AssociatedPart(base.Document):
     """One associated second-order system and its answer; `verdict` is null where the kind is not defined."""
 
     kind: str
@@ -134,7 +131,7 @@ class AssociatedPart(Document):
     steps: list[result.ExplanationStep] = Field(default_factory=list)
 
 
-class StatementPart(Document):
+class StatementPart(base.Document):
     """One part of the claim that the flow of H holds the motion, and what its test said."""
 
     text: str
@@ -142,7 +139,7 @@ class StatementPart(Document):
     parts: list[str] = Field(default_factory=list)
 
 
-class TrajectoryPart(Document):
+class TrajectoryPart(base.Document):
     """Both flows in floats from one start: largest difference of positions, of the constraints and of H."""
 
     time: float
@@ -155,7 +152,7 @@ class TrajectoryPart(Document):
     energy: float
 
 
-class HamiltonisationPart(Document):
+class HamiltonisationPart(base.Document):
     """L, H and the constraints in phase space of one Lagrangian of an associated system, with proof.
 
     `checked` is the independent checker's verdict on the Lagrangian, `holds` says that every statement
@@ -173,7 +170,7 @@ class HamiltonisationPart(Document):
     trajectory: TrajectoryPart | None = None
 
 
-class NonholonomicPart(Document):
+class NonholonomicPart(base.Document):
     """Everything found out about a nonholonomic system; `main` names the associated system of the main fields."""
 
     lagrangian: result.Formula
@@ -195,14 +192,14 @@ class MotionLagrangianPart(result.LagrangianPart):
     transverse_momenta: list[result.Formula]
 
 
-class BelongsTo(Document):
+class BelongsTo(base.Document):
     """The associated system that a Lagrangian belongs to; `equations` is empty where it is too long to be solved."""
 
     kind: str
     equations: dict[str, str] = Field(default_factory=dict)
 
 
-class AnyAssociatedPart(Document):
+class AnyAssociatedPart(base.Document):
     """Whether any associated system whatsoever has a regular Lagrangian, and so whether the motion has one.
 
     `certificate` proves `verdict`, and `verdict_with_time` too unless there is `certificate_with_time`; `image` are the
@@ -225,7 +222,7 @@ class AnyAssociatedPart(Document):
     explanation: list[result.ExplanationStep] = Field(default_factory=list)
 
 
-class ReducedPart(Document):
+class ReducedPart(base.Document):
     """The equations of the free coordinates alone, where these do not contain the others, and their own answer.
 
     `reconstruction` gives the velocities of the others, as `statement` says; `with_clock` is the answer with

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from api_schemas.base import MAX_FORWARD, Document, ParseAnswer, ParsedFormula
+from api_schemas import base
 from api_schemas.system import Name, NamedDocument, Text
 
 FORMAT: Final = "inverse-service/result/1"
@@ -16,14 +16,14 @@ Checked = Literal["valid", "incomplete", "invalid"]
 TextMatrix = list[list[str]]
 
 
-class Formula(Document):
+class Formula(base.Document):
     """A formula in plain text and in LaTeX."""
 
     text: str
     latex: str
 
 
-class ExplanationStep(Document):
+class ExplanationStep(base.Document):
     """One step of the explanation: its sentence, and where it has formulas its words and formulas in turn.
 
     Even places of `parts` are words, odd ones formulas; a formula after the end of the sentence is shown below it.
@@ -65,7 +65,7 @@ class HamiltonianPart(Formula):
     domain: list[str] = Field(default_factory=list)
 
 
-class IntegralPart(Document):
+class IntegralPart(base.Document):
     """A function in L that is known by its partial derivatives: {"arguments": ["t"], "derivatives": {"t": "f(t)"}}."""
 
     arguments: list[str]
@@ -83,7 +83,7 @@ class FirstIntegralPart(Formula):
     domain: list[str] = Field(default_factory=list)
 
 
-class SolutionSpacePart(Document):
+class SolutionSpacePart(base.Document):
     """Size of the space of multipliers."""
 
     order: int
@@ -93,7 +93,7 @@ class SolutionSpacePart(Document):
     statement: str
 
 
-class ConditionsPart(Document):
+class ConditionsPart(base.Document):
     """Phi and nabla_Phi as n x n texts, R as n x n x n texts."""
 
     Phi: TextMatrix
@@ -101,7 +101,7 @@ class ConditionsPart(Document):
     R: list[TextMatrix]
 
 
-class UnderstoodSystem(Document):
+class UnderstoodSystem(base.Document):
     """The system as understood: canonical equations, one text and one LaTeX line a coordinate.
 
     As a rule `equations` are the accelerations; a text with x'' in it is an equation E = 0, not solved for them.
@@ -119,7 +119,7 @@ class UnderstoodSystem(Document):
     time: str = "t"
 
 
-class CaseNode(Document):
+class CaseNode(base.Document):
     """The system where all conditions hold and none of those of its children.
 
     A condition is an equation between parameters, or what a function is. `dimension` counts the parameters that stay
@@ -136,7 +136,7 @@ class CaseNode(Document):
     children: list[CaseNode] = Field(default_factory=list)
 
 
-class VariationalCase(Document):
+class VariationalCase(base.Document):
     """A largest case with a Lagrangian; each of `exceptions` is a list of conditions inside it."""
 
     conditions: list[Formula]
@@ -144,7 +144,7 @@ class VariationalCase(Document):
     exceptions: list[list[Formula]] = Field(default_factory=list)
 
 
-class SpecialCasesPart(Document):
+class SpecialCasesPart(base.Document):
     """The tree of cases from the generic one down; those with the verdict of what contains them are left out.
 
     `variational_when` answers the question of the result, `variational_when_with_time` L(t, q, q').
@@ -161,7 +161,7 @@ class SpecialCasesPart(Document):
     reasons: list[str] = Field(default_factory=list)
 
 
-class OtherAnswer(Document):
+class OtherAnswer(base.Document):
     """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result.
 
     `explanation` are the steps that convince, `details` those that say how it was found and what else proves it.
@@ -192,7 +192,7 @@ class BranchPart(OtherAnswer):
     first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
 
 
-class NotAnsweredPart(Document):
+class NotAnsweredPart(base.Document):
     """A cell of the system without an answer: where it is, a point of it if one is known, and why."""
 
     domain: list[str] = Field(default_factory=list)
@@ -200,7 +200,7 @@ class NotAnsweredPart(Document):
     reason: str
 
 
-class KindPart(Document):
+class KindPart(base.Document):
     """Whether there is a regular Lagrangian of a kind; with friction, `dissipation` is D in E_i = dD/dv_i.
 
     `near` is the real point that the certificate speaks of.
@@ -215,7 +215,7 @@ class KindPart(Document):
     near: dict[str, str] = Field(default_factory=dict)
 
 
-class InsteadPart(Document):
+class InsteadPart(base.Document):
     """What there is instead of L(q, q'): an L(t, q, q') ("time"), or a natural L with friction D ("rayleigh").
 
     Or the L(q, q') of other `equations`: with `conditions` on the parameters ("parameters"), of the reduced system of
@@ -233,7 +233,7 @@ class InsteadPart(Document):
     checked: Checked
 
 
-class ClockPart(Document):
+class ClockPart(base.Document):
     """The answer for L(q, q') with dtau = `factor` dt: the equations for d2q/dtau2, q' being dq/dtau."""
 
     factor: str
@@ -247,7 +247,7 @@ class ClockPart(Document):
     domain: list[str] = Field(default_factory=list)
 
 
-class AdvicePart(Document):
+class AdvicePart(base.Document):
     """The method of simulation that fits what was found, and why; `order` and `alpha` where the method has them."""
 
     method: str
@@ -256,7 +256,7 @@ class AdvicePart(Document):
     reason: str
 
 
-class IncompletePart(Document):
+class IncompletePart(base.Document):
     """A part of the result that is not there: why, and what a longer time limit would do."""
 
     part: str
@@ -305,14 +305,14 @@ FORWARD_FORMAT: Final = "inverse-service/forward/1"
 class LagrangianDocument(NamedDocument):
     """A Lagrangian L(t, q, q') alone: its equations of motion, momenta and Hamiltonian are asked for."""
 
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=MAX_FORWARD)] | None = None
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_FORWARD)] | None = None
     lagrangian: Text
 
 
-class ForwardParseAnswer(ParseAnswer):
+class ForwardParseAnswer(base.ParseAnswer):
     """What was understood; `equations` are the accelerations of the motion."""
 
-    lagrangian: ParsedFormula
+    lagrangian: base.ParsedFormula
 
 
 class ConservedQuantity(Formula):
@@ -321,7 +321,7 @@ class ConservedQuantity(Formula):
     name: str
 
 
-class ForwardResult(Document):
+class ForwardResult(base.Document):
     """The equations q'' = f of a Lagrangian, p_i = dL/dv_i, H, and what the symmetries of its letters conserve."""
 
     format: Literal["inverse-service/forward/1"] = FORWARD_FORMAT

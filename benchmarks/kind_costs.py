@@ -42,7 +42,7 @@ class Checks:
 
     def __init__(self) -> None:
         self.seconds = 0.0
-        kind_answers.check_certificate = self.check  # type: ignore[attr-defined,assignment]
+        kind_answers.check_certificate = self.check  # type: ignore[attr-defined]
 
     def check(self, certificate: object, **options: Any) -> Any:
         began = time.thread_time()

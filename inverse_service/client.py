@@ -23,8 +23,7 @@ from urllib.parse import quote, urlencode
 
 import httpx
 
-from inverse_service import __version__
-from inverse_service.errors import InverseServiceError
+from inverse_service import __version__, errors
 
 ADDRESS: Final = "http://127.0.0.1:8000"
 TIMEOUT, PATIENCE = 60.0, 30.0
@@ -54,7 +53,7 @@ class Answer(dict[str, Any]):
         raise AttributeError(f"The answer has no {name}; it has {', '.join(self)}.")
 
 
-class ClientError(InverseServiceError):
+class ClientError(errors.InverseServiceError):
     """Root of the client's errors; `problem` is the problem document (RFC 9457) where there is one."""
 
     code = "client"

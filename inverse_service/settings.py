@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
-from inverse_service.errors import InputError
+from inverse_service import errors
 
 PREFIX = "INVERSE_SERVICE_"
 LOG_LEVELS = ("debug", "info", "warning", "error")
@@ -112,7 +112,7 @@ def _whole(environment: Mapping[str, str], name: str, default: int, low: int, hi
     if not text:
         return default
     if not (text.isascii() and text.isdigit() and len(text) < 12 and low <= int(text) <= high):
-        raise InputError(f"The setting {PREFIX}{name} must be an integer from {low} to {high}.")
+        raise errors.InputError(f"The setting {PREFIX}{name} must be an integer from {low} to {high}.")
     return int(text)
 
 
@@ -127,7 +127,7 @@ def _seconds(
     except ValueError:
         value = float("nan")
     if not low <= value <= high:
-        raise InputError(f"The setting {PREFIX}{name} must be a number of {unit} from {low:g} to {high:g}.")
+        raise errors.InputError(f"The setting {PREFIX}{name} must be a number of {unit} from {low:g} to {high:g}.")
     return value
 
 
@@ -141,7 +141,7 @@ def _addresses(environment: Mapping[str, str]) -> tuple[str, ...]:
         try:
             ipaddress.ip_network(text)
         except ValueError:
-            raise InputError(
+            raise errors.InputError(
                 f"The setting {PREFIX}PROXIES must be a list of addresses or networks such as 127.0.0.1, 10.0.0.0/8."
             ) from None
     return found
@@ -151,7 +151,7 @@ def _origins(environment: Mapping[str, str], name: str) -> tuple[str, ...]:
     origins = tuple(_listed(environment, name))
     for origin in origins:
         if not _ORIGIN.fullmatch(origin):
-            raise InputError(
+            raise errors.InputError(
                 f"The setting {PREFIX}{name} must be a list such as https://a.example, https://b.example, or *."
             )
     return origins
@@ -162,7 +162,7 @@ def _api_keys(environment: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     text = environment.get(PREFIX + "API_KEYS")
     found = tuple(read_key(part.strip()) for part in (text or "").split(",") if part.strip())
     if text is not None and not found:
-        raise InputError(f"The setting {PREFIX}API_KEYS holds no key; {_KEYS}. Unset it to ask for none.")
+        raise errors.InputError(f"The setting {PREFIX}API_KEYS holds no key; {_KEYS}. Unset it to ask for none.")
     return found
 
 
@@ -171,7 +171,7 @@ def read_key(text: str) -> tuple[str, str]:
     name, _, digest = text.lower().rpartition(":")
     name = name or digest[:8]
     if not _KEY_NAME.fullmatch(name) or not _DIGEST.fullmatch(digest):
-        raise InputError(f"The setting {PREFIX}API_KEYS holds something that is no key; {_KEYS}.")
+        raise errors.InputError(f"The setting {PREFIX}API_KEYS holds something that is no key; {_KEYS}.")
     return name, digest
 
 
@@ -181,11 +181,11 @@ def _refuse_unknown(environment: Mapping[str, str]) -> None:
         if name.startswith(PREFIX) and name.removeprefix(PREFIX) not in known:
             near = difflib.get_close_matches(name.removeprefix(PREFIX), known, 1)
             hint = f"did you mean {PREFIX}{near[0]}?" if near else "docs/reference/settings.md lists all."
-            raise InputError(f"There is no setting {name[:80]}; {hint}")
+            raise errors.InputError(f"There is no setting {name[:80]}; {hint}")
 
 
 def _log_level(environment: Mapping[str, str]) -> str:
     text = environment.get(PREFIX + "LOG_LEVEL", "").strip().lower() or "info"
     if text not in LOG_LEVELS:
-        raise InputError(f"The setting {PREFIX}LOG_LEVEL must be one of {', '.join(LOG_LEVELS)}.")
+        raise errors.InputError(f"The setting {PREFIX}LOG_LEVEL must be one of {', '.join(LOG_LEVELS)}.")
     return text

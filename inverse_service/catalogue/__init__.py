@@ -14,17 +14,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from inverse_service.errors import InputError
+from inverse_service import errors
 
 Kind = Literal["system", "nonholonomic"]
 
 FILES = ("paper.json", "nonholonomic.json", "known.json")
 
 
-class UnknownSystem(InputError, KeyError):
+class UnknownSystem(errors.InputError, KeyError):
     """The catalogue has no system of this name; a KeyError too."""
 
-    __str__ = InputError.__str__
+    __str__ = errors.InputError.__str__
 
 
 def names(kind: Kind = "system") -> tuple[str, ...]:

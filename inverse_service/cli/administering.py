@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inverse_service.cli.exits import write
-from inverse_service.errors import InputError
+from inverse_service import errors
+from inverse_service.cli import exits
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.store import JobStore
@@ -76,7 +76,7 @@ def priority(
         if not batch:
             store.rank_client(name, RANKS[rank])
         elif store.batch(name) is None:
-            raise InputError("There is no batch of this id.")
+            raise errors.InputError("There is no batch of this id.")
         else:
             _say({"jobs": store.prioritise_batch(name, {-1: -1, 0: BULK, 1: BULK + 1}[RANKS[rank]])})
 
@@ -105,4 +105,4 @@ def _store() -> Iterator[JobStore]:
 
 
 def _say(value: object) -> None:
-    write(json.dumps(value, ensure_ascii=False) + "\n")
+    exits.write(json.dumps(value, ensure_ascii=False) + "\n")

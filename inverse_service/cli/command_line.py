@@ -13,8 +13,7 @@ from typing import Annotated, Literal
 import typer
 
 from inverse_service import __version__
-from inverse_service.cli.administering import admin
-from inverse_service.cli.exits import exit_codes
+from inverse_service.cli import administering, exits
 
 application = typer.Typer(
     name="inverse-service",
@@ -24,7 +23,7 @@ application = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
     rich_markup_mode=None,
 )
-application.add_typer(admin, name="admin")
+application.add_typer(administering.admin, name="admin")
 
 
 # How `solve` writes its result.
@@ -83,7 +82,7 @@ def run() -> None:
         sys.argv[1] = f"--{sys.argv[1]}"
     # What goes wrong is said in one sentence; the log with its tracebacks belongs to the service.
     logging.getLogger("inverse_service").addHandler(logging.NullHandler())
-    with exit_codes():
+    with exits.exit_codes():
         application()
 
 

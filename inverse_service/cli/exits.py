@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from enum import IntEnum
 from pathlib import Path
 
-from inverse_service.errors import InputError, InverseServiceError, LimitError, missing_extra
+from inverse_service import errors
 
 
 class ExitCode(IntEnum):
@@ -27,9 +27,9 @@ def exit_codes() -> Iterator[None]:
     """Turn every exception into one sentence on standard error and its exit code."""
     try:
         yield
-    except InputError as error:
+    except errors.InputError as error:
         stop(f"{_place(error)}{error.detail}", ExitCode.BAD_INPUT)
-    except InverseServiceError as error:
+    except errors.InverseServiceError as error:
         stop(error.detail, ExitCode.FAULT)
     except KeyboardInterrupt:
         stop("Interrupted.", ExitCode.INTERRUPTED)
@@ -39,7 +39,7 @@ def exit_codes() -> Iterator[None]:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.DONE)
     except Exception as error:  # the last boundary: a person gets a sentence, never a traceback
-        missing = missing_extra(error) if isinstance(error, ImportError) else None
+        missing = errors.missing_extra(error) if isinstance(error, ImportError) else None
         if missing is not None:
             stop(missing.detail, ExitCode.BAD_INPUT)
         stop(f"The program failed ({type(error).__name__}); that is a fault of the program.", ExitCode.FAULT)
@@ -52,7 +52,7 @@ def stop(sentence: str, code: ExitCode) -> None:
     sys.exit(code)
 
 
-def _place(error: InputError) -> str:
+def _place(error: errors.InputError) -> str:
     column = f"column {error.column}" if error.column is not None else ""
     if column in error.detail:  # once is enough
         column = ""
@@ -67,7 +67,7 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     """The bytes of a file or of standard input; raises InputError where there is none or too much."""
     try:
         if name == "-" and sys.stdin is None:
-            raise InputError("Standard input is closed; name a file.")
+            raise errors.InputError("Standard input is closed; name a file.")
         if name == "-":
             data = sys.stdin.buffer.read(limit + 1)
         else:
@@ -76,18 +76,18 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "the name is not a file name"
         shown = "".join(c if c.isprintable() else "?" for c in name[:200])
-        raise InputError(
+        raise errors.InputError(
             f"The file '{shown}' cannot be read: {reason}; name a file, or - for standard input."
         ) from None
     if len(data) > limit:
-        raise LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
+        raise errors.LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
     return data
 
 
 def write(text: str, target: Path | None = None) -> None:
     """Write to standard output, or to a file; raises InputError where it takes no more: a full disk, or closed."""
     if target is None and sys.stdout is None:
-        raise InputError("Standard output is closed; send it to a file.")
+        raise errors.InputError("Standard output is closed; send it to a file.")
     try:
         if target is not None:
             target.write_text(text, encoding="utf-8")
@@ -97,4 +97,6 @@ def write(text: str, target: Path | None = None) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise InputError(f"The output cannot be written: {(error.strerror or 'it is closed').lower()}.") from None
+        raise errors.InputError(
+            f"The output cannot be written: {(error.strerror or 'it is closed').lower()}."
+        ) from None

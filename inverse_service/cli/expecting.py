@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from inverse_service.errors import InputError
-from inverse_service.service.jobs.batch import open_source, read_answers, read_lines
+from inverse_service import errors
+from inverse_service.service.jobs import batch
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +29,8 @@ def judged(output: Path, expected: Path | None) -> Iterator[Judged]:
     A line of `expected` has an `id` and keys of a result with their values, such as verdict. InputError for others.
     """
     wanted = {} if expected is None else _wanted(expected)
-    with open_source(output) as stream:
-        for line, answer in read_answers(stream):
+    with batch.open_source(output) as stream:
+        for line, answer in batch.read_answers(stream):
             name = _name(answer["id"], line.number)
             yield _judged(name, answer, wanted.pop(name, {}))
     yield from (Judged(name, "", differences=("no answer",)) for name in wanted)
@@ -38,11 +38,13 @@ def judged(output: Path, expected: Path | None) -> Iterator[Judged]:
 
 def _wanted(path: Path) -> dict[str, Mapping[str, Any]]:
     found: dict[str, Mapping[str, Any]] = {}
-    with open_source(path) as stream:
-        for line in read_lines(stream):
+    with batch.open_source(path) as stream:
+        for line in batch.read_lines(stream):
             value = _object(line.raw)
             if value is None or len(value) < 2 or "id" not in value:
-                raise InputError(f"Line {line.number} of the expected answers has no 'id' and key, such as 'verdict'.")
+                raise errors.InputError(
+                    f"Line {line.number} of the expected answers has no 'id' and key, such as 'verdict'."
+                )
             found[_name(value["id"], line.number)] = value
     return found
 
@@ -88,7 +90,7 @@ def write_junit(path: Path, lines: list[Judged]) -> None:
     try:
         ElementTree.ElementTree(suite).write(path, encoding="utf-8", xml_declaration=True)
     except OSError as error:
-        raise InputError(f"The report cannot be written: {error.strerror}.") from None
+        raise errors.InputError(f"The report cannot be written: {error.strerror}.") from None
 
 
 def _plain(text: str) -> str:

@@ -18,16 +18,12 @@ from mcp.server.mcpserver import MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import BaseModel, Field
 
-from inverse_service import __version__
+from inverse_service import __version__, errors, settings
 from inverse_service.cli.exits import ExitCode
-from inverse_service.errors import InputError
-from inverse_service.service.documents import answers
-from inverse_service.service.documents.plain_data import read_document, read_json
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.model import JobOptions, read_options, split_options
+from inverse_service.service.documents import answers, plain_data
+from inverse_service.service.jobs import model, tasks
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
 from inverse_service.service.jobs.workers import Workers
-from inverse_service.settings import read_settings
 
 INSTRUCTIONS = (
     "Decides whether q'' = f(t, q, q') comes from a Lagrangian; a second program checks each proof. Give "
@@ -83,7 +79,7 @@ class Tools:
     """The tools on a pool of worker processes."""
 
     def __init__(self) -> None:
-        self._settings = read_settings()
+        self._settings = settings.read_settings()
         self._workers = Workers(self._settings.workers, self._settings.memory_limit)
         self._results: OrderedDict[str, str] = OrderedDict()
 
@@ -107,9 +103,9 @@ class Tools:
         self, system: System, time_limit: Annotated[float | None, Field(description="seconds", gt=0)] = None
     ) -> Solved:
         """Does a system come from a Lagrangian? Verdict, L and H, proof; each answer is checked before it leaves."""
-        server = JobOptions(self._settings.time_limit, self._settings.memory_limit)
-        document, given = split_options(_document(system))
-        options = read_options(given if time_limit is None else {"time_limit": time_limit}, server)
+        server = model.JobOptions(self._settings.time_limit, self._settings.memory_limit)
+        document, given = model.split_options(_document(system))
+        options = model.read_options(given if time_limit is None else {"time_limit": time_limit}, server)
         asked, so_far = tasks.solve_options(options), dict[str, Any]()
 
         def hear(value: Any) -> None:
@@ -142,7 +138,7 @@ class Tools:
 
     async def simulate(self, scene: Annotated[dict[str, Any], Field(description="a Scene document")]) -> Simulated:
         """Integrate a scene (system, initial values, step, methods): how each method ended, and its observed errors."""
-        plain = _value(lambda: read_json(json.dumps(scene)))
+        plain = _value(lambda: plain_data.read_json(json.dumps(scene)))
         limit = self._settings.time_limit
         found = (await self._run(tasks.simulate_task, plain, limit, seconds=limit))["result"]
         kept = ("label", "outcome", "steps", "energy", "doubt")
@@ -172,14 +168,20 @@ def _document(system: str | dict[str, Any]) -> Any:
     """A document; undeclared names of a text are constants."""
     if isinstance(system, str) and not system.lstrip().startswith("{"):
         return {"equations": system, "parameters": "guess"}
-    return _value(lambda: read_document(system, "") if isinstance(system, str) else read_json(json.dumps(system)))
+    return _value(
+        lambda: (
+            plain_data.read_document(system, "")
+            if isinstance(system, str)
+            else plain_data.read_json(json.dumps(system))
+        )
+    )
 
 
 def _value(work: Any) -> Any:
     """What work gives; what it refuses, and what fails, is a fault of the tool in one sentence."""
     try:
         return work()
-    except InputError as error:
+    except errors.InputError as error:
         cures = [f"Write {' or '.join(place.instead)}." for place in error.places if place.instead]
         raise ToolError(" ".join([error.detail, *cures])) from None
     except Exception as error:

@@ -13,9 +13,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, cast
 
-from inverse_service import __version__
+from inverse_service import __version__, errors
 from inverse_service.cli.exits import ExitCode
-from inverse_service.errors import InputError
 from inverse_service.settings import Settings, read_settings
 
 log = logging.getLogger(__name__)
@@ -161,7 +160,7 @@ def _listen(host: str, port: int) -> socket.socket:
     except (OSError, UnicodeError) as error:
         code = getattr(error, "errno", None)
         reason = os.strerror(code).lower() if code is not None and code > 0 else "there is no such address"
-        raise InputError(
+        raise errors.InputError(
             f"Port {port} of {host} cannot be listened on: {reason}; choose another --port or --host."
         ) from None
     # Connections inherit it. Without it each answer waits 40 ms for an acknowledgement (Nagle): asyncio only sets it

@@ -10,14 +10,10 @@ from pathlib import Path
 from shutil import get_terminal_size
 from typing import Any
 
-from inverse_service.cli.exits import ExitCode, read_bytes, write
-from inverse_service.cli.solve_command import time_limit_or
-from inverse_service.errors import InputError, WorkerFailed
-from inverse_service.service.documents.plain_data import read_document
-from inverse_service.service.documents.text_page import notes_of_formulas
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.workers import run_alone
-from inverse_service.settings import read_settings
+from inverse_service import errors, settings
+from inverse_service.cli import exits, solve_command
+from inverse_service.service.documents import plain_data, text_page
+from inverse_service.service.jobs import tasks, workers
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
 QUANTITIES = (
@@ -35,13 +31,13 @@ NARROWEST = 80
 
 def simulate_file(
     name: str, output: Path | None, time_limit: float | None, figures: bool, moving: Path | None = None
-) -> ExitCode:
+) -> exits.ExitCode:
     """Run the scene in a process of its own; write DIR, or the summary on standard output.
 
     Exit 0 where at least one method got through, 1 where none did.
     """
-    limit = time_limit_or(DEFAULT_SECONDS, time_limit)
-    document = read_document(read_bytes(name), name)
+    limit = solve_command.time_limit_or(DEFAULT_SECONDS, time_limit)
+    document = plain_data.read_document(exits.read_bytes(name), name)
     folder = None if output is None else made_folder(output)
     found = value_in_time(tasks.simulate_task, document, limit)
     summary = without_points(found["result"])
@@ -50,19 +46,19 @@ def simulate_file(
 
         animate(moving, summary, found["tables"])
     if folder is None:
-        write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
+        exits.write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
     else:
         write_files(folder, document, found, summary, figures)
         _show(page(summary), folder)
     completed = any(method["outcome"] in ("completed", "partly") for method in summary["methods"])
-    return ExitCode.DONE if completed else ExitCode.OPEN
+    return exits.ExitCode.DONE if completed else exits.ExitCode.OPEN
 
 
 def value_in_time(task: Any, document: Any, limit: float) -> Any:
     """What the task gives; a limit is an error that names it and what to do."""
-    outcome = run_alone(task, (document, limit), limit, read_settings().memory_limit)
+    outcome = workers.run_alone(task, (document, limit), limit, settings.read_settings().memory_limit)
     if outcome.status == "deadline":
-        raise WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
+        raise errors.WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
     from inverse_service.service.jobs.outcome import value_of
 
     return value_of(outcome)
@@ -73,7 +69,9 @@ def made_folder(output: Path) -> Path:
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"The directory of --output cannot be created: {error.strerror}; name another.") from None
+        raise errors.InputError(
+            f"The directory of --output cannot be created: {error.strerror}; name another."
+        ) from None
     return output
 
 
@@ -211,24 +209,26 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
         elif stopped:
             lines.append(f"{method['label']}: {stopped['sentence']}")
         lines += [f"{method['label']}: {method[key]}" for key in ("note", "doubt") if method.get(key)]
-        lines += [f"{method['label']}: {note}" for note in notes_of_formulas(method)]
+        lines += [f"{method['label']}: {note}" for note in text_page.notes_of_formulas(method)]
     return lines
 
 
 def measure_file(
     name: str, output: Path | None, time_limit: float | None, long: bool = False, evaluations: bool = False
-) -> ExitCode:
+) -> exits.ExitCode:
     """Measure the scene in a process of its own: the table of prices on a terminal, JSON into a pipe, and all runs with
     the picture into DIR."""
-    limit = time_limit_or(MEASURING_SECONDS, time_limit)
-    document = read_document(read_bytes(name), name)
+    limit = solve_command.time_limit_or(MEASURING_SECONDS, time_limit)
+    document = plain_data.read_document(exits.read_bytes(name), name)
     folder = None if output is None else made_folder(output)
     if long and isinstance(document, dict):
         document = document | {"long": True}
     result = value_in_time(tasks.work_precision_task, document, limit)
     if folder is None:
-        write(price_list(result) if sys.stdout.isatty() else json.dumps(result, ensure_ascii=False, indent=2) + "\n")
-        return ExitCode.DONE
+        exits.write(
+            price_list(result) if sys.stdout.isatty() else json.dumps(result, ensure_ascii=False, indent=2) + "\n"
+        )
+        return exits.ExitCode.DONE
     from inverse_service.service.figures.style import save
     from inverse_service.service.figures.time_series import precision_figure
 
@@ -238,11 +238,11 @@ def measure_file(
     (folder / "work-precision.json").write_text(text + "\n", encoding="utf-8")
     (folder / "work-precision.csv").write_text(comma_table(result), encoding="utf-8")
     _show(price_list(result), folder)
-    return ExitCode.DONE
+    return exits.ExitCode.DONE
 
 
 def _show(page: str, folder: Path) -> None:
-    write(page)
+    exits.write(page)
     print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
 
 

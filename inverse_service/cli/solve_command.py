@@ -11,16 +11,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from inverse_service import catalogue
-from inverse_service.cli.exits import ExitCode, read_bytes, write
+from inverse_service import catalogue, errors
+from inverse_service.cli import exits
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.errors import InputError
-from inverse_service.reading.document_names import AND_GUESS, GUESS
-from inverse_service.service.documents.plain_data import read_document
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.model import JobOptions, read_options, split_options
-from inverse_service.service.jobs.warming import PATIENCE, warm_first, warm_up
-from inverse_service.service.jobs.workers import run_alone
+from inverse_service.reading import document_names
+from inverse_service.service.documents import plain_data
+from inverse_service.service.jobs import model, tasks, warming, workers
 from inverse_service.settings import read_settings
 
 MAX_TIME_LIMIT = 86_400.0
@@ -42,15 +38,15 @@ def solve_file(
     output: Path | None = None,
     progress: bool = False,
     named: Mapping[str, str | None] | None = None,
-) -> ExitCode:
+) -> exits.ExitCode:
     """Solve the document in a process of its own and print the result, or write it to a file.
 
     `progress`: a line on standard error for each part as it is finished. `named` declares names, as a document does.
     """
     settings = read_settings()
     limit = time_limit_or(settings.time_limit, time_limit)
-    document, given = split_options(with_declared(given_document(name, guess), named or {}))
-    asked = read_options(given, JobOptions(limit, settings.memory_limit, seed))
+    document, given = model.split_options(with_declared(given_document(name, guess), named or {}))
+    asked = model.read_options(given, model.JobOptions(limit, settings.memory_limit, seed))
     if special_cases and isinstance(document, dict):
         document = {**document, "special_cases": True}
     if kinds and isinstance(document, dict):
@@ -60,12 +56,12 @@ def solve_file(
     warm_alone(settings.memory_limit)
     options = SolveOptions(seed=asked.seed, time_limit=asked.time_limit)
     result = _solve(document, options, asked.memory_limit, progress)
-    write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
+    exits.write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
     if (result.get("guessed") or result.get("readings")) and form != "text":
         _say_what_was_guessed(result)
-    return ExitCode.OPEN if _is_open(result) else ExitCode.DONE
+    return exits.ExitCode.OPEN if _is_open(result) else exits.ExitCode.DONE
 
 
 def _say_what_was_guessed(result: dict[str, Any]) -> None:
@@ -94,11 +90,11 @@ def _is_open(result: dict[str, Any]) -> bool:
     return bool(result.get("not_answered")) or any(answer.get("verdict") == "undetermined" for answer in answers)
 
 
-def warm_alone(memory_limit: int) -> ExitCode:
+def warm_alone(memory_limit: int) -> exits.ExitCode:
     """Compile what is missing in a process of its own, before any clock starts; said on standard error."""
     say = functools.partial(print, file=sys.stderr, flush=True)
-    warm_first(say, lambda: run_alone(warm_up, (), PATIENCE, memory_limit))
-    return ExitCode.DONE
+    warming.warm_first(say, lambda: workers.run_alone(warming.warm_up, (), warming.PATIENCE, memory_limit))
+    return exits.ExitCode.DONE
 
 
 def given_document(name: str, guess: bool | None) -> Any:
@@ -107,14 +103,14 @@ def given_document(name: str, guess: bool | None) -> Any:
     `guess`: whether undeclared names are constants; left out, they are where equations are given as they are.
     """
     if name == "-" or _is_file(name):
-        document = read_document(read_bytes(name), name)
+        document = plain_data.read_document(exits.read_bytes(name), name)
     elif "=" in name or "''" in name or name.startswith("{") or _CALLED.match(name):
-        document = read_document(name, "") if "=" in name or name.startswith("{") else {"equations": name}
+        document = plain_data.read_document(name, "") if "=" in name or name.startswith("{") else {"equations": name}
         guess = guess if guess is not None else "equations" in document and "parameters" not in document
     elif name in catalogue.names():
         document = catalogue.document(name)
     else:
-        document = read_document(read_bytes(name), name)
+        document = plain_data.read_document(exits.read_bytes(name), name)
     return with_guess(document) if guess and isinstance(document, dict) else document
 
 
@@ -131,7 +127,11 @@ def with_declared(document: Any, named: Mapping[str, str | None]) -> Any:
         words = [word for word in re.split(r"[,;\s]+", re.sub(r"\s*=\s*", "=", given["parameters"])) if word]
         values = {name: value or None for name, _, value in (word.partition("=") for word in words)}
         before = document.get("parameters") or ()
-        earlier = before if isinstance(before, dict) else dict.fromkeys([AND_GUESS] if before == GUESS else before)
+        earlier = (
+            before
+            if isinstance(before, dict)
+            else dict.fromkeys([document_names.AND_GUESS] if before == document_names.GUESS else before)
+        )
         found["parameters"] = {**values, **earlier}
     return found
 
@@ -140,8 +140,10 @@ def with_guess(document: dict[str, Any]) -> dict[str, Any]:
     """The same document, its undeclared names taken as constants."""
     named = document.get("parameters") or ()
     if isinstance(named, dict):
-        return document | {"parameters": {**named, AND_GUESS: None}}
-    return document | {"parameters": [*named, AND_GUESS] if isinstance(named, list) and named else GUESS}
+        return document | {"parameters": {**named, document_names.AND_GUESS: None}}
+    return document | {
+        "parameters": [*named, document_names.AND_GUESS] if isinstance(named, list) and named else document_names.GUESS
+    }
 
 
 def _is_file(name: str) -> bool:
@@ -155,14 +157,14 @@ def time_limit_or(default: float, given: float | None) -> float:
     """The time limit that was given, or the default; raises InputError where it is no such time."""
     limit = default if given is None else given
     if not 0 < limit <= MAX_TIME_LIMIT:
-        raise InputError(f"--time-limit must be a number of seconds above 0 and at most {MAX_TIME_LIMIT:.0f}.")
+        raise errors.InputError(f"--time-limit must be a number of seconds above 0 and at most {MAX_TIME_LIMIT:.0f}.")
     return limit
 
 
 def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bool) -> dict[str, Any]:
     """The result, or what is finished of it where a limit ended the process."""
     shown = _Shown(progress, sys.stderr.isatty())
-    outcome = run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit, shown.report)
+    outcome = workers.run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit, shown.report)
     shown.clear()
     if outcome.status == "done":  # the schemas of what follows take 0.06 s to load
         found: dict[str, Any] = outcome.value
@@ -171,7 +173,7 @@ def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bo
     from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, result_document, with_understood
 
     if outcome.status in ("deadline", "memory") and shown.so_far is None:
-        understood = run_alone(tasks.understand_task, (document,), UNDERSTAND_DEADLINE, memory_limit)
+        understood = workers.run_alone(tasks.understand_task, (document,), UNDERSTAND_DEADLINE, memory_limit)
         outcome = with_understood(outcome, understood)
     return result_document(outcome, options, memory_limit, shown.so_far)
 
@@ -240,11 +242,11 @@ def show_stage(text: str) -> None:
     sys.stderr.flush()
 
 
-def _proof(result: dict[str, Any], form: str, asked: JobOptions) -> str:
+def _proof(result: dict[str, Any], form: str, asked: model.JobOptions) -> str:
     """The verdict for another prover, worked out in a process of its own too."""
-    outcome = run_alone(tasks.proof_task, (result, form, asked.seed), asked.time_limit, asked.memory_limit)
+    outcome = workers.run_alone(tasks.proof_task, (result, form, asked.seed), asked.time_limit, asked.memory_limit)
     if outcome.status in ("deadline", "memory"):
-        raise InputError("No proof was written within the limits of time and memory.")
+        raise errors.InputError("No proof was written within the limits of time and memory.")
     if outcome.status != "done":
         raise RuntimeError(outcome.detail or outcome.status)
     return str(outcome.value)
@@ -266,10 +268,10 @@ def _written(result: dict[str, Any], form: str, explain: bool) -> str:
     return text_page(result, explain)
 
 
-def list_catalogue(name: str | None, form: str | None) -> ExitCode:
+def list_catalogue(name: str | None, form: str | None) -> exits.ExitCode:
     """Print the list of names, or one system; raises InputError for a name that is not there."""
-    write((_all(form or "text") if name is None else _one(name, form or "json")) + "\n")
-    return ExitCode.DONE
+    exits.write((_all(form or "text") if name is None else _one(name, form or "json")) + "\n")
+    return exits.ExitCode.DONE
 
 
 def _all(form: str) -> str:

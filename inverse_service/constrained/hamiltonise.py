@@ -18,39 +18,19 @@ import numpy as np
 from flint import nmod_mat
 from numpy.typing import NDArray
 
-from inverse_service import bounds
-from inverse_service.errors import InputError, IrreducibleAtoms
-from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
+from inverse_service import bounds, errors
+from inverse_service.expressions import derivative, printing
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.functions import FUNCTION
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    PI,
-    TIME,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    number,
-    substitute,
-    walk,
-)
+from inverse_service.field import real_point, reduction
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate
-from inverse_service.field.real_point import find_real_point
-from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.tower import draw_point, to_kernels
+from inverse_service.mechanics import writing
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
-from inverse_service.mechanics.legendre.on_constraints import constraint_images
+from inverse_service.mechanics.legendre import on_constraints
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.mechanics.writing import tidied
 
 Verdict = Literal["holds", "fails", "not settled"]
 
@@ -73,7 +53,7 @@ State = NDArray[np.float64]
 
 
 def values_modulo_primes(
-    expressions: Sequence[Expression], variables: Sequence[Variable], points: int = 2, seed: int = 1
+    expressions: Sequence[ex.Expression], variables: Sequence[Variable], points: int = 2, seed: int = 1
 ) -> list[tuple[Point, list[int]]] | None:
     """The residues of all expressions at `points` random points, each over a prime of its own.
 
@@ -81,24 +61,24 @@ def values_modulo_primes(
     """
     kernels = [to_kernels(expression) for expression in expressions]
     try:
-        table = find_real_point(kernels, variables, seed)
-        tower = reduce_atoms(kernels, variables, table)
+        table = real_point.find_real_point(kernels, variables, seed)
+        tower = reduction.reduce_atoms(kernels, variables, table)
         found = []
         for attempt in range(bounds.ATTEMPTS):
             point = draw_point(tower, seed * bounds.ATTEMPTS + attempt)
-            known: dict[Expression, int] = {}
+            known: dict[ex.Expression, int] = {}
             try:
                 found.append((point, [evaluate(kernel, point, known) for kernel in kernels]))
             except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
                 continue
             if len(found) == points:
                 return found
-    except (IrreducibleAtoms, KeyError):
+    except (errors.IrreducibleAtoms, KeyError):
         return None
     return None
 
 
-def vanish(expressions: Sequence[Expression], variables: Sequence[Variable], seed: int = 1) -> bool | None:
+def vanish(expressions: Sequence[ex.Expression], variables: Sequence[Variable], seed: int = 1) -> bool | None:
     """True where all vanish at two points, False where one does not, None where it was not settled.
 
     A nonzero rational function of degree d vanishes at a random point with probability about d/2^61.
@@ -109,7 +89,9 @@ def vanish(expressions: Sequence[Expression], variables: Sequence[Variable], see
     return None if found is None else all(not any(values) for _, values in found)
 
 
-def rank_at_point(matrix: Sequence[Sequence[Expression]], variables: Sequence[Variable], seed: int = 1) -> int | None:
+def rank_at_point(
+    matrix: Sequence[Sequence[ex.Expression]], variables: Sequence[Variable], seed: int = 1
+) -> int | None:
     """The rank of a matrix of expressions at a random point, which is its generic rank (almost surely)."""
     flat = [entry for row in matrix for entry in row]
     if not flat:
@@ -137,9 +119,9 @@ class Hamiltonisation:
     occurs, or no start was found.
     """
 
-    lagrangian: Expression
+    lagrangian: ex.Expression
     transform: LegendreTransform | None
-    images: tuple[Expression, ...]
+    images: tuple[ex.Expression, ...]
     statements: tuple[Statement, ...]
     comparison: Comparison | None
 
@@ -152,10 +134,10 @@ class Hamiltonisation:
 def hamiltonise(
     motion: EquationsOfMotion,
     associated: SecondOrderSystem,
-    lagrangian: Expression,
+    lagrangian: ex.Expression,
     seed: int = 1,
     known: LegendreTransform | None = None,
-    known_images: Sequence[Expression] = (),
+    known_images: Sequence[ex.Expression] = (),
 ) -> Hamiltonisation:
     """The report for one Lagrangian of one associated system.
 
@@ -165,10 +147,11 @@ def hamiltonise(
     names = associated.coordinates
     try:
         transform = known or legendre(lagrangian, names)
-    except InputError:
+    except errors.InputError:
         return Hamiltonisation(lagrangian, None, (), (), None)
     images = tuple(known_images) or tuple(
-        without_constants(tidied(image)) for image in constraint_images(motion.system.constraints, transform, names)
+        without_constants(writing.tidied(image))
+        for image in on_constraints.constraint_images(motion.system.constraints, transform, names)
     )
     work = _Work(motion, associated, lagrangian, transform, images, seed)
     statements = [work.restriction(), work.euler_lagrange()]
@@ -178,20 +161,20 @@ def hamiltonise(
     return Hamiltonisation(lagrangian, transform, images, tuple(statements), work.comparison())
 
 
-def without_constants(tree: Expression) -> Expression:
+def without_constants(tree: ex.Expression) -> ex.Expression:
     """The tree without number factors."""
-    if not isinstance(tree, Product):
+    if not isinstance(tree, ex.Product):
         return tree
-    return multiply(*(factor for factor in tree.factors if not isinstance(factor, Number)))
+    return ex.multiply(*(factor for factor in tree.factors if not isinstance(factor, ex.Number)))
 
 
 @dataclass(frozen=True, slots=True)
 class _Work:
     motion: EquationsOfMotion
     associated: SecondOrderSystem
-    lagrangian: Expression
+    lagrangian: ex.Expression
     transform: LegendreTransform
-    images: tuple[Expression, ...]
+    images: tuple[ex.Expression, ...]
     seed: int
 
     @property
@@ -199,24 +182,24 @@ class _Work:
         return self.associated.coordinates
 
     @property
-    def variables(self) -> list[Symbol | Velocity]:
+    def variables(self) -> list[ex.Symbol | ex.Velocity]:
         """t, q, v and the parameters."""
-        found: list[Symbol | Velocity] = [TIME, *map(Symbol, self.names), *map(Velocity, self.names)]
-        return [*found, *map(Symbol, self.associated.parameters)]
+        found: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, self.names), *map(ex.Velocity, self.names)]
+        return [*found, *map(ex.Symbol, self.associated.parameters)]
 
     @property
-    def lifted(self) -> dict[Expression, Expression]:
+    def lifted(self) -> dict[ex.Expression, ex.Expression]:
         """Each momentum as a function of (q, v)."""
         return dict(zip(self.transform.symbols, self.transform.momenta, strict=True))
 
-    def _tested(self, text: str, trees: Sequence[Expression]) -> Statement:
+    def _tested(self, text: str, trees: Sequence[ex.Expression]) -> Statement:
         found = vanish(trees, self.variables, self.seed)
         return Statement(text, "not settled" if found is None else "holds" if found else "fails")
 
     def restriction(self) -> Statement:
         """f on the constraints is the nonholonomic acceleration."""
         pairs = zip(self.associated.accelerations, self.motion.accelerations, strict=True)
-        trees = [substitute(f, self.motion.on_constraints) - a for f, a in pairs]
+        trees = [ex.substitute(f, self.motion.on_constraints) - a for f, a in pairs]
         return self._tested("On the constraints the associated system has the accelerations of the motion.", trees)
 
     def euler_lagrange(self) -> Statement:
@@ -228,9 +211,9 @@ class _Work:
         h = self.transform.hamiltonian
         trees = []
         for name, symbol in zip(self.names, self.transform.symbols, strict=True):
-            trees.append(substitute(differentiate(h, symbol), self.lifted) - Velocity(name))
-            slope = differentiate(self.lagrangian, Symbol(name))
-            trees.append(substitute(differentiate(h, Symbol(name)), self.lifted) + slope)
+            trees.append(ex.substitute(derivative.differentiate(h, symbol), self.lifted) - ex.Velocity(name))
+            slope = derivative.differentiate(self.lagrangian, ex.Symbol(name))
+            trees.append(ex.substitute(derivative.differentiate(h, ex.Symbol(name)), self.lifted) + slope)
         return self._tested(
             "With `p = dL/dv` the canonical equations of H are the Euler-Lagrange equations of L.", trees
         )
@@ -242,43 +225,46 @@ class _Work:
         tested = self._tested(text, trees)
         if tested.verdict != "holds":
             return tested
-        slopes = [[self._restricted(differentiate(tree, p)) for p in self.transform.symbols] for tree in self.images]
+        slopes = [
+            [self._restricted(derivative.differentiate(tree, p)) for p in self.transform.symbols]
+            for tree in self.images
+        ]
         rank = rank_at_point(slopes, self.variables, self.seed)
         if rank is None:
             return Statement(text, "not settled")
         return Statement(text, "holds" if rank == len(self.images) else "fails")
 
-    def _restricted(self, tree: Expression) -> Expression:
+    def _restricted(self, tree: ex.Expression) -> ex.Expression:
         """A function of (q, p) at p = dL/dv on the constraints, over (q, u)."""
-        return substitute(substitute(tree, self.lifted), self.motion.on_constraints)
+        return ex.substitute(ex.substitute(tree, self.lifted), self.motion.on_constraints)
 
     def invariance(self) -> Statement:
         """{P, H} = 0 on the submanifold."""
         h = self.transform.hamiltonian
         trees = []
         for image in self.images:
-            terms = [differentiate(image, TIME)]
+            terms = [derivative.differentiate(image, ex.TIME)]
             for name, p in zip(self.names, self.transform.symbols, strict=True):
-                q = Symbol(name)
-                terms.append(differentiate(image, q) * differentiate(h, p))
-                terms.append(-(differentiate(image, p) * differentiate(h, q)))
-            trees.append(self._restricted(add(*terms)))
+                q = ex.Symbol(name)
+                terms.append(derivative.differentiate(image, q) * derivative.differentiate(h, p))
+                terms.append(-(derivative.differentiate(image, p) * derivative.differentiate(h, q)))
+            trees.append(self._restricted(ex.add(*terms)))
         return self._tested("The flow of H keeps the constraints in phase space.", trees)
 
     def comparison(self) -> Comparison | None:
         """Both flows in floats from one start."""
-        if any(node == TIME for f in (*self.motion.accelerations, self.lagrangian) for node in walk(f)):
+        if any(node == ex.TIME for f in (*self.motion.accelerations, self.lagrangian) for node in ex.walk(f)):
             return None
-        positions = tuple(map(Symbol, self.names))
-        rates = [self.motion.on_constraints.get(Velocity(name), Velocity(name)) for name in self.names]
-        speeds = tuple(map(Velocity, self.motion.free))
+        positions = tuple(map(ex.Symbol, self.names))
+        rates = [self.motion.on_constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in self.names]
+        speeds = tuple(map(ex.Velocity, self.motion.free))
         first = Flow((*positions, *speeds), (*rates, *self.motion.free_accelerations))
         h, symbols = self.transform.hamiltonian, self.transform.symbols
-        forward = [differentiate(h, p) for p in symbols]
-        backward = [-differentiate(h, q) for q in positions]
+        forward = [derivative.differentiate(h, p) for p in symbols]
+        backward = [-derivative.differentiate(h, q) for q in positions]
         second = Flow((*positions, *symbols), (*forward, *backward))
-        momenta = [substitute(p, self.motion.on_constraints) for p in self.transform.momenta]
-        constants = [Symbol(name) for name in self.associated.parameters]
+        momenta = [ex.substitute(p, self.motion.on_constraints) for p in self.transform.momenta]
+        constants = [ex.Symbol(name) for name in self.associated.parameters]
         return compare(first, second, momenta, [h, *self.images], constants, self.seed)
 
 
@@ -286,8 +272,8 @@ class _Work:
 class Flow:
     """x' = rates(x) for the variables in this order; no other names may occur in the rates."""
 
-    variables: tuple[Expression, ...]
-    rates: tuple[Expression, ...]
+    variables: tuple[ex.Expression, ...]
+    rates: tuple[ex.Expression, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,34 +287,34 @@ class Comparison:
     time: float
     step: float
     parameters: Mapping[str, float]
-    functions: Mapping[str, Expression]
+    functions: Mapping[str, ex.Expression]
     start: Mapping[str, float]
     difference: float
     constraint: float
     energy: float
 
 
-def sample_functions(trees: Sequence[Expression], seed: int = 1) -> Definitions:
+def sample_functions(trees: Sequence[ex.Expression], seed: int = 1) -> derivative.Definitions:
     """A polynomial for each arbitrary function that occurs, over symbols of its own."""
     source = random.Random(f"functions {seed}")
-    found: dict[str, tuple[tuple[str, ...], Expression]] = {}
-    for node in (node for tree in trees for node in walk(tree)):
-        if isinstance(node, Arbitrary) and node.name not in found:
+    found: dict[str, tuple[tuple[str, ...], ex.Expression]] = {}
+    for node in (node for tree in trees for node in ex.walk(tree)):
+        if isinstance(node, ex.Arbitrary) and node.name not in found:
             arguments = tuple(f"argument_{k}" for k in range(len(node.arguments)))
-            terms: list[Expression] = [number(Fraction(source.randrange(6, 14), 10))]
-            for argument in map(Symbol, arguments):
+            terms: list[ex.Expression] = [ex.number(Fraction(source.randrange(6, 14), 10))]
+            for argument in map(ex.Symbol, arguments):
                 terms.append(Fraction(source.randrange(2, 9), 10) * argument)
                 terms.append(Fraction(source.randrange(1, 5), 10) * argument**2)
-            found[node.name] = (arguments, add(*terms))
+            found[node.name] = (arguments, ex.add(*terms))
     return found
 
 
-def numerical(trees: Sequence[Expression], variables: Sequence[Expression]) -> Callable[[State], State]:
+def numerical(trees: Sequence[ex.Expression], variables: Sequence[ex.Expression]) -> Callable[[State], State]:
     """The trees as one function of the state; InputError for a name that is not among the variables."""
-    places: dict[Expression, int] = {}
+    places: dict[ex.Expression, int] = {}
     steps: list[Callable[[list[float]], float]] = []
     for tree in trees:
-        for node in reversed(list(walk(tree))):  # parts before what they are parts of
+        for node in reversed(list(ex.walk(tree))):  # parts before what they are parts of
             if node not in places and node not in variables:
                 steps.append(_step(node, places, variables))
                 places[node] = len(variables) + len(steps) - 1
@@ -344,32 +330,32 @@ def numerical(trees: Sequence[Expression], variables: Sequence[Expression]) -> C
 
 
 def _step(
-    node: Expression, places: Mapping[Expression, int], variables: Sequence[Expression]
+    node: ex.Expression, places: Mapping[ex.Expression, int], variables: Sequence[ex.Expression]
 ) -> Callable[[list[float]], float]:
     """The value of a node from those before it."""
 
-    def place(part: Expression) -> int:
+    def place(part: ex.Expression) -> int:
         return variables.index(part) if part in variables else places[part]
 
     match node:
-        case Number(value):
+        case ex.Number(value):
             constant = float(value)
             return lambda values: constant
-        case Sum(terms):
+        case ex.Sum(terms):
             parts = [place(term) for term in terms]
             return lambda values: math.fsum(values[k] for k in parts)
-        case Product(factors):
+        case ex.Product(factors):
             parts = [place(factor) for factor in factors]
             return lambda values: math.prod(values[k] for k in parts)
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             below, above = place(base), place(exponent)
             return lambda values: math.pow(values[below], values[above])
-        case Apply(name, argument) if name in _FUNCTIONS:
+        case ex.Apply(name, argument) if name in _FUNCTIONS:
             function, inner = _FUNCTIONS[name], place(argument)
             return lambda values: function(values[inner])
-        case _ if node == PI:
+        case _ if node == ex.PI:
             return lambda values: math.pi
-    raise InputError(f"{to_text(node)} has no value in floats.")
+    raise errors.InputError(f"{printing.to_text(node)} has no value in floats.")
 
 
 def integrated(flow: Flow, start: State) -> list[State]:
@@ -390,9 +376,9 @@ def integrated(flow: Flow, start: State) -> list[State]:
 def compare(
     nonholonomic: Flow,
     hamiltonian: Flow,
-    momenta: Sequence[Expression],
-    observed: Sequence[Expression],
-    constants: Sequence[Symbol],
+    momenta: Sequence[ex.Expression],
+    observed: Sequence[ex.Expression],
+    constants: Sequence[ex.Symbol],
     seed: int = 1,
 ) -> Comparison | None:
     """Both flows from the same random point of the constraints; None where no start was found.
@@ -405,11 +391,11 @@ def compare(
     source = random.Random(f"flow {seed}")
     for _ in range(_STARTS):
         values = {name: Fraction(source.randrange(50, 200), 100) for name in constants}
-        table: dict[Expression, Expression] = {name: number(value) for name, value in values.items()}
-        placed = [substitute(define_functions(tree, samples), table) for tree in trees]
+        table: dict[ex.Expression, ex.Expression] = {name: ex.number(value) for name, value in values.items()}
+        placed = [ex.substitute(derivative.define_functions(tree, samples), table) for tree in trees]
         try:
             return _compared(nonholonomic, hamiltonian, placed, len(momenta), (values, samples), source)
-        except (ArithmeticError, ValueError, RuntimeError, InputError):
+        except (ArithmeticError, ValueError, RuntimeError, errors.InputError):
             continue
     return None
 
@@ -417,9 +403,9 @@ def compare(
 def _compared(
     nonholonomic: Flow,
     hamiltonian: Flow,
-    placed: Sequence[Expression],
+    placed: Sequence[ex.Expression],
     count: int,
-    chosen: tuple[Mapping[Symbol, Fraction], Definitions],
+    chosen: tuple[Mapping[ex.Symbol, Fraction], derivative.Definitions],
     source: random.Random,
 ) -> Comparison:
     m, n = len(nonholonomic.rates), len(hamiltonian.rates)
@@ -438,7 +424,9 @@ def _compared(
         step=STEP,
         parameters={name.name: float(value) for name, value in chosen[0].items()},
         functions={name: body for name, (_, body) in chosen[1].items()},
-        start={to_text(variable): float(value) for variable, value in zip(first.variables, start, strict=True)},
+        start={
+            printing.to_text(variable): float(value) for variable, value in zip(first.variables, start, strict=True)
+        },
         difference=float(np.abs(one[:, : n // 2] - other[:, : n // 2]).max(initial=0.0)),
         constraint=float(np.abs(observed[:, 1:]).max(initial=0.0)),
         energy=float(np.abs(observed[:, 0] - observed[0, 0]).max()),

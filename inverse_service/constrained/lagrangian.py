@@ -17,42 +17,23 @@ from fractions import Fraction
 from functools import reduce
 from itertools import combinations, count, islice
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.constrained.reduced import reduced_system
 from inverse_service.deadline import OutOfTime, check, left, now, until
-from inverse_service.decision.deciding import Analysis, analyze
+from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    holds,
-    substitute,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, TooLarge, exact_ring, factor_trees, quotient_tree
-from inverse_service.field.matrices import solve_square
-from inverse_service.field.tower import to_kernels
+from inverse_service.expressions import collecting, derivative
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, matrices, tower
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
-from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, hessian
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search.ansatz import make_sampler, solve_ansatz
+from inverse_service.search import ansatz, protocol
 from inverse_service.search.factors import position_monomials, products
 from inverse_service.search.material import Material, distinct, gather
 from inverse_service.search.members import best_members
-from inverse_service.search.protocol import describe
 from inverse_service.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times, tree_of
-from inverse_service.solving.solving import solve
+from inverse_service.solving import solving
 
 # With 4,000 terms the inclined knife edge, which needs v^-3, has none.
 _MOST_TERMS, _MOST_PRODUCTS = 6_000, 30_000
@@ -65,40 +46,40 @@ _WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1
 class JetOnConstraints:
     """L = l + lambda_a (s^a' - w^a) + …: l and the lambda_a along the constraints."""
 
-    on_constraints: Expression
-    transverse_momenta: tuple[Expression, ...]
+    on_constraints: ex.Expression
+    transverse_momenta: tuple[ex.Expression, ...]
 
 
-def jet_of(lagrangian: Expression, motion: ConstrainedMotion) -> JetOnConstraints:
+def jet_of(lagrangian: ex.Expression, motion: ConstrainedMotion) -> JetOnConstraints:
     """Of any L on the tangent bundle."""
     rates = motion.on_constraints
-    momenta = [differentiate(lagrangian, Velocity(name)) for name in motion.dependent]
-    on, *transverse = (_short(substitute(tree, rates)) for tree in (lagrangian, *momenta))
+    momenta = [derivative.differentiate(lagrangian, ex.Velocity(name)) for name in motion.dependent]
+    on, *transverse = (_short(ex.substitute(tree, rates)) for tree in (lagrangian, *momenta))
     return JetOnConstraints(on, tuple(transverse))
 
 
-def _short(tree: Expression) -> Expression:
+def _short(tree: ex.Expression) -> ex.Expression:
     try:
         return tree_of(terms_of(tree))
     except TooManyTerms:
-        return collect(tree)
+        return collecting.collect(tree)
 
 
-def own_system(lagrangian: Expression, motion: ConstrainedMotion, deadline: float) -> SecondOrderSystem | None:
+def own_system(lagrangian: ex.Expression, motion: ConstrainedMotion, deadline: float) -> SecondOrderSystem | None:
     """The Euler-Lagrange equations of a regular L, solved for the accelerations; None where that is too large."""
     names = motion.coordinates
-    matrix = hessian(lagrangian, names)
-    right = [-tree for tree in euler_lagrange_sums(lagrangian, names, [ZERO] * len(names))]
+    matrix = euler_lagrange.hessian(lagrangian, names)
+    right = [-tree for tree in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names))]
     trees = [*right, *(entry for row in matrix for entry in row)]
-    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
     try:
-        ring = exact_ring(trees, variables, 0, Budget(bounds.TERMS, deadline), slopes=False)
+        ring = exact_field.exact_ring(trees, variables, 0, exact_field.Budget(bounds.TERMS, deadline), slopes=False)
         values = [[ring.value(entry) for entry in row] for row in matrix]
-        solved = solve_square(values, [ring.value(tree) for tree in right])
+        solved = matrices.solve_square(values, [ring.value(tree) for tree in right])
         if solved is None:
             return None
-        found = tuple(quotient_tree(ring, entry) for entry in solved)
-    except (TooLarge, ZeroDivisionError):
+        found = tuple(exact_field.quotient_tree(ring, entry) for entry in solved)
+    except (exact_field.TooLarge, ZeroDivisionError):
         return None
     return SecondOrderSystem(names, found, motion.parameters, motion.functions)
 
@@ -108,60 +89,60 @@ class ClosedFunctions:
     """As many functions R(q) as velocities are free, with R'' = G(R, R') along the motion: this system, and each R."""
 
     system: SecondOrderSystem
-    functions: Mapping[str, Expression]
+    functions: Mapping[str, ex.Expression]
 
 
 def closed_coordinates(motion: ConstrainedMotion) -> Iterator[ClosedFunctions]:
     """The free coordinates, if their equations contain no others."""
     system = reduced_system(motion)
     if system is not None:
-        yield ClosedFunctions(system, {name: Symbol(name) for name in motion.free})
+        yield ClosedFunctions(system, {name: ex.Symbol(name) for name in motion.free})
 
 
 def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[ClosedFunctions]:
     """Other coordinates of which that holds, or factors of the forces such as x cos(phi) + y sin(phi)."""
-    found = dict[str, Expression]({name: Symbol(name) for name in motion.coordinates})
+    found = dict[str, ex.Expression]({name: ex.Symbol(name) for name in motion.coordinates})
     taken = {*motion.coordinates, *motion.parameters, *dict(motion.functions)}
-    with suppress(TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
-        for tree in _position_factors(motion, Budget(bounds.TERMS, deadline))[: bounds.FEW]:
+    with suppress(exact_field.TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
+        for tree in _position_factors(motion, exact_field.Budget(bounds.TERMS, deadline))[: bounds.FEW]:
             name = next(name for k in count(1) if (name := f"R_{k}") not in taken)
             taken.add(name)
             found[name] = tree
     for chosen in combinations(found, len(motion.free)):
         functions, system = {name: found[name] for name in chosen}, None
-        with suppress(TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
+        with suppress(exact_field.TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
             check()
-            system = _system_of(motion, functions, Budget(bounds.TERMS, deadline))
+            system = _system_of(motion, functions, exact_field.Budget(bounds.TERMS, deadline))
         if system is not None and chosen != motion.free:
             yield ClosedFunctions(system, functions)
 
 
-def _position_factors(motion: ConstrainedMotion, budget: Budget) -> list[Expression]:
+def _position_factors(motion: ConstrainedMotion, budget: exact_field.Budget) -> list[ex.Expression]:
     """What the parts of the forces of each degree in the velocities are products of, if it is a sum."""
-    velocities = [Velocity(name) for name in motion.free]
-    still: dict[Expression, Expression] = dict.fromkeys(velocities, ZERO)
-    slopes = [differentiate(f, v) for f in motion.free_accelerations for v in velocities]
-    trees = [substitute(f, still) for f in (*motion.free_accelerations, *slopes)]
-    ring = exact_ring(trees, [Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
+    velocities = [ex.Velocity(name) for name in motion.free]
+    still: dict[ex.Expression, ex.Expression] = dict.fromkeys(velocities, ex.ZERO)
+    slopes = [derivative.differentiate(f, v) for f in motion.free_accelerations for v in velocities]
+    trees = [ex.substitute(f, still) for f in (*motion.free_accelerations, *slopes)]
+    ring = exact_field.exact_ring(trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
     values = [value for tree in trees if not (value := ring.value(tree)).is_zero]
-    factors = dict.fromkeys(part for value in values for part in factor_trees(ring, value))
-    return [part for part in factors if isinstance(part, Sum) and _solved_for(part, motion.coordinates)]
+    factors = dict.fromkeys(part for value in values for part in exact_field.factor_trees(ring, value))
+    return [part for part in factors if isinstance(part, ex.Sum) and _solved_for(part, motion.coordinates)]
 
 
-def _solved_for(tree: Expression, names: Sequence[str]) -> str | None:
+def _solved_for(tree: ex.Expression, names: Sequence[str]) -> str | None:
     """A coordinate in which the tree is linear."""
     for name in names:
-        slope = differentiate(tree, Symbol(name))
-        if slope != ZERO and Symbol(name) not in walk(slope):
+        slope = derivative.differentiate(tree, ex.Symbol(name))
+        if slope != ex.ZERO and ex.Symbol(name) not in ex.walk(slope):
             return name
     return None
 
 
 def _system_of(
-    motion: ConstrainedMotion, functions: Mapping[str, Expression], budget: Budget
+    motion: ConstrainedMotion, functions: Mapping[str, ex.Expression], budget: exact_field.Budget
 ) -> SecondOrderSystem | None:
     """R'' = G(R, R') for R at the place of coordinates; None where G contains others."""
-    table: dict[Expression, Expression] = {}
+    table: dict[ex.Expression, ex.Expression] = {}
     others = [name for name in motion.coordinates if name not in functions]
     for name, tree in functions.items():
         if name not in motion.coordinates:
@@ -169,41 +150,49 @@ def _system_of(
             if solved is None:
                 return None
             others.remove(solved)
-            rest = substitute(tree, {Symbol(solved): ZERO})
-            table[Symbol(solved)] = (Symbol(name) - rest) / differentiate(tree, Symbol(solved))
+            rest = ex.substitute(tree, {ex.Symbol(solved): ex.ZERO})
+            table[ex.Symbol(solved)] = (ex.Symbol(name) - rest) / derivative.differentiate(tree, ex.Symbol(solved))
     rates = [motion.rate(tree) for tree in functions.values()]
     speeds = _free_velocities(motion, rates, list(functions), budget)
     if speeds is None:
         return None
-    forces = [substitute(substitute(motion.rate(rate), speeds), table) for rate in rates]
+    forces = [ex.substitute(ex.substitute(motion.rate(rate), speeds), table) for rate in rates]
     return _without(motion, others, list(functions), forces, budget)
 
 
 def _free_velocities(
-    motion: ConstrainedMotion, rates: Sequence[Expression], names: Sequence[str], budget: Budget
-) -> dict[Expression, Expression] | None:
+    motion: ConstrainedMotion, rates: Sequence[ex.Expression], names: Sequence[str], budget: exact_field.Budget
+) -> dict[ex.Expression, ex.Expression] | None:
     """The free velocities by those of the functions; None where these do not fix them."""
-    free: list[Symbol | Velocity] = [Velocity(name) for name in motion.free]
-    matrix = [[differentiate(rate, u) for u in free] for rate in rates]
-    still: dict[Expression, Expression] = dict.fromkeys(free, ZERO)
-    right = [Velocity(name) - substitute(rate, still) for name, rate in zip(names, rates, strict=True)]
+    free: list[ex.Symbol | ex.Velocity] = [ex.Velocity(name) for name in motion.free]
+    matrix = [[derivative.differentiate(rate, u) for u in free] for rate in rates]
+    still: dict[ex.Expression, ex.Expression] = dict.fromkeys(free, ex.ZERO)
+    right = [ex.Velocity(name) - ex.substitute(rate, still) for name, rate in zip(names, rates, strict=True)]
     trees = [*right, *(entry for row in matrix for entry in row)]
-    ring = exact_ring(trees, [Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
-    solved = solve_square([[ring.value(e) for e in row] for row in matrix], [ring.value(tree) for tree in right])
-    return None if solved is None else {u: quotient_tree(ring, e) for u, e in zip(free, solved, strict=True)}
+    ring = exact_field.exact_ring(trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
+    solved = matrices.solve_square(
+        [[ring.value(e) for e in row] for row in matrix], [ring.value(tree) for tree in right]
+    )
+    return (
+        None if solved is None else {u: exact_field.quotient_tree(ring, e) for u, e in zip(free, solved, strict=True)}
+    )
 
 
 def _without(
-    motion: ConstrainedMotion, others: Sequence[str], names: Sequence[str], forces: Sequence[Expression], budget: Budget
+    motion: ConstrainedMotion,
+    others: Sequence[str],
+    names: Sequence[str],
+    forces: Sequence[ex.Expression],
+    budget: exact_field.Budget,
 ) -> SecondOrderSystem | None:
     """The system, if its forces depend on no other coordinate."""
-    ring = exact_ring(forces, [Symbol(name) for name in others], 1, budget)
+    ring = exact_field.exact_ring(forces, [ex.Symbol(name) for name in others], 1, budget)
     values = [ring.value(force) for force in forces]
     if not all(ring.partial(place)(value).is_zero for place in range(len(others)) for value in values):
         return None
-    nowhere: dict[Expression, Expression] = {Symbol(name): ZERO for name in others}
-    plain = tuple(substitute(quotient_tree(ring, value), nowhere) for value in values)
-    held = {node.name for tree in plain for node in walk(tree) if isinstance(node, Arbitrary)}
+    nowhere: dict[ex.Expression, ex.Expression] = {ex.Symbol(name): ex.ZERO for name in others}
+    plain = tuple(ex.substitute(exact_field.quotient_tree(ring, value), nowhere) for value in values)
+    held = {node.name for tree in plain for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
     kept = tuple(function for function in motion.functions if function[0] in held)
     return SecondOrderSystem(tuple(names), plain, motion.parameters, kept)
 
@@ -218,7 +207,7 @@ def lagrangian_of_closed(
     """
     end = now() + time_limit
     for one in islice(closed, bounds.FEW):
-        solution = solve(one.system, SolveOptions(with_time, seed, max(left(end), 0.1), conditions=False))
+        solution = solving.solve(one.system, SolveOptions(with_time, seed, max(left(end), 0.1), conditions=False))
         answer = solution.with_time if with_time else solution.autonomous
         if answer is not None and answer.lagrangian is not None:
             return on_whole_motion(motion, one, answer.lagrangian)
@@ -227,20 +216,20 @@ def lagrangian_of_closed(
 
 def on_whole_motion(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangian: Lagrangian) -> Lagrangian:
     """L(R, R') with half the squares of the constraints: regular, and its flow keeps the constraints."""
-    table: dict[Expression, Expression] = {}
+    table: dict[ex.Expression, ex.Expression] = {}
     for name, tree in closed.functions.items():
-        slopes = [differentiate(tree, Symbol(q)) * Velocity(q) for q in motion.coordinates]
-        table |= {Symbol(name): tree, Velocity(name): add(*slopes)}
+        slopes = [derivative.differentiate(tree, ex.Symbol(q)) * ex.Velocity(q) for q in motion.coordinates]
+        table |= {ex.Symbol(name): tree, ex.Velocity(name): ex.add(*slopes)}
     pairs = zip(motion.dependent, motion.dependent_velocities, strict=True)
-    squares = [(Velocity(name) - w) ** Fraction(2) for name, w in pairs]
-    half = Number(Fraction(1, 2))
-    whole = add(substitute(lagrangian.expression, table), *(half * square for square in squares))
+    squares = [(ex.Velocity(name) - w) ** Fraction(2) for name, w in pairs]
+    half = ex.Number(Fraction(1, 2))
+    whole = ex.add(ex.substitute(lagrangian.expression, table), *(half * square for square in squares))
     return replace(
         lagrangian,
         expression=whole,
-        multiplier=hessian(whole, motion.coordinates),
-        nonzero=tuple(substitute(tree, table) for tree in lagrangian.nonzero),
-        positive=tuple(substitute(tree, table) for tree in lagrangian.positive),
+        multiplier=euler_lagrange.hessian(whole, motion.coordinates),
+        nonzero=tuple(ex.substitute(tree, table) for tree in lagrangian.nonzero),
+        positive=tuple(ex.substitute(tree, table) for tree in lagrangian.positive),
     )
 
 
@@ -256,32 +245,40 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
     """Lagrangians on the whole tangent bundle, simplest first, of the first ansatz that has any within the time."""
     try:
         with until(deadline):
-            constrained = {v: to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, Velocity)}
-            analysis = replace(analyze(_plain(first_system(motion), deadline)), constrained=constrained)
+            constrained = {
+                v: tower.to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, ex.Velocity)
+            }
+            analysis = replace(deciding.analyze(_plain(first_system(motion), deadline)), constrained=constrained)
             return _first_found(motion, gather(analysis, with_time), analysis, seed)
-    except (IrreducibleAtoms, TooManyTerms, OutOfTime):
+    except (errors.IrreducibleAtoms, TooManyTerms, OutOfTime):
         return []
 
 
 def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
     """The same accelerations over sines and cosines, all relations used: 1/(1 + tan(x)^2) as cos(x)^2."""
-    trees = [to_kernels(f) for f in system.accelerations]
-    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
+    trees = [tower.to_kernels(f) for f in system.accelerations]
+    variables: list[ex.Symbol | ex.Velocity] = [
+        ex.TIME,
+        *map(ex.Symbol, system.coordinates),
+        *map(ex.Velocity, system.coordinates),
+    ]
     try:
-        ring = exact_ring(trees, variables, 0, Budget(bounds.TERMS, deadline), slopes=False)
-        return replace(system, accelerations=tuple(quotient_tree(ring, ring.value(tree)) for tree in trees))
-    except (TooLarge, ZeroDivisionError):
+        ring = exact_field.exact_ring(trees, variables, 0, exact_field.Budget(bounds.TERMS, deadline), slopes=False)
+        return replace(system, accelerations=tuple(exact_field.quotient_tree(ring, ring.value(tree)) for tree in trees))
+    except (exact_field.TooLarge, ZeroDivisionError):
         return system
 
 
-def _first_found(motion: ConstrainedMotion, material: Material, analysis: Analysis, seed: int) -> list[Lagrangian]:
+def _first_found(
+    motion: ConstrainedMotion, material: Material, analysis: deciding.Analysis, seed: int
+) -> list[Lagrangian]:
     squares = _squares(motion)
     for candidates in _families(motion, material):
-        sampler = make_sampler(analysis, [item for key in candidates for item in key])
-        space = solve_ansatz(sampler, candidates, seed)
+        sampler = ansatz.make_sampler(analysis, [item for key in candidates for item in key])
+        space = ansatz.solve_ansatz(sampler, candidates, seed)
         members = best_members(replace(space, combinations=(*space.combinations, *squares)), seed)
         if members:
-            return [describe(analysis, tree_of(member.terms), "along the constraints") for member in members]
+            return [protocol.describe(analysis, tree_of(member.terms), "along the constraints") for member in members]
     return []
 
 
@@ -298,7 +295,7 @@ def _squares(motion: ConstrainedMotion) -> list[dict[Monomial, Fraction]]:
 
 
 def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Monomial]]:
-    transverse = [EMPTY, *(monomial(Velocity(name)) for name in motion.dependent)]
+    transverse = [EMPTY, *(monomial(ex.Velocity(name)) for name in motion.dependent)]
     before = 0
     for (degree, low, high, letters, coordinates), inverted in itertools.product(_WIDTHS, _inverted(motion)):
         shapes = _shapes(motion, inverted, degree, low, high)
@@ -318,16 +315,16 @@ def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Mo
 def _is_reduced(key: Monomial) -> bool:
     """Whether neither sin^2 + cos^2 = 1 nor (u^a)^(1/a) = u makes it a sum of others that are there too."""
     return not any(
-        (isinstance(letter, Sum) and e >= 1) or (isinstance(letter, Apply) and letter.function == "sin" and e > 1)
+        (isinstance(letter, ex.Sum) and e >= 1) or (isinstance(letter, ex.Apply) and letter.function == "sin" and e > 1)
         for letter, e in key
     )
 
 
 def _shapes(
-    motion: ConstrainedMotion, inverted: Sequence[Velocity], degree: int, low: int, high: int
+    motion: ConstrainedMotion, inverted: Sequence[ex.Velocity], degree: int, low: int, high: int
 ) -> list[Monomial]:
     """Powers low … high of the inverted free velocities, products of the others to a degree."""
-    moving = [Velocity(name) for name in motion.free if Velocity(name) not in inverted]
+    moving = [ex.Velocity(name) for name in motion.free if ex.Velocity(name) not in inverted]
     found = [EMPTY]
     for v in inverted:
         found = [times(key, monomial(v), e) for key in found for e in range(low, high + 1)]
@@ -339,25 +336,25 @@ def _shapes(
     return products(found, upper)
 
 
-def _inverted(motion: ConstrainedMotion) -> list[tuple[Velocity, ...]]:
+def _inverted(motion: ConstrainedMotion) -> list[tuple[ex.Velocity, ...]]:
     """Which free velocities may stand in denominators: those that move by themselves, or those that keep their sign."""
-    pairs = [(Velocity(name), name, f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)]
+    pairs = [(ex.Velocity(name), name, f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)]
     alone = tuple(v for v, name, f in pairs if _is_alone(motion, name, f))
-    kept = tuple(v for v, _, f in pairs if collect(substitute(f, {v: ZERO})) == ZERO)
+    kept = tuple(v for v, _, f in pairs if collecting.collect(ex.substitute(f, {v: ex.ZERO})) == ex.ZERO)
     return list(dict.fromkeys(chosen if len(chosen) < len(pairs) else () for chosen in (alone, kept)))
 
 
-def _is_alone(motion: ConstrainedMotion, name: str, f: Expression) -> bool:
+def _is_alone(motion: ConstrainedMotion, name: str, f: ex.Expression) -> bool:
     """Whether the motion of a coordinate depends on no other."""
-    every: list[Expression] = [*map(Symbol, motion.coordinates), *map(Velocity, motion.free)]
-    return not holds(f, *(leaf for leaf in every if leaf not in (Symbol(name), Velocity(name))))
+    every: list[ex.Expression] = [*map(ex.Symbol, motion.coordinates), *map(ex.Velocity, motion.free)]
+    return not ex.holds(f, *(leaf for leaf in every if leaf not in (ex.Symbol(name), ex.Velocity(name))))
 
 
 def _functions(
     motion: ConstrainedMotion, material: Material, letters: int, coordinates: int
 ) -> tuple[list[Monomial], list[Monomial], list[Monomial]]:
     """Parameters as f holds them, products of letters of the motion, and of coordinates: to be multiplied."""
-    names = [monomial(Symbol(name)) for name in motion.coordinates]
+    names = [monomial(ex.Symbol(name)) for name in motion.coordinates]
     powers: list[Monomial] = [EMPTY]
     for degree in range(1, coordinates + 1):
         for chosen in itertools.combinations_with_replacement(names, degree):
@@ -369,12 +366,12 @@ def _functions(
 
 def _constants(motion: ConstrainedMotion, material: Material) -> list[Monomial]:
     """What each term of f holds of parameters, such as g*sin(alpha)."""
-    moving: list[Expression] = [TIME, *map(Symbol, motion.coordinates), *map(Velocity, motion.coordinates)]
+    moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, motion.coordinates), *map(ex.Velocity, motion.coordinates)]
     found: list[Monomial] = []
     for terms in material.motion.forces:
         for key in terms:
             part = frozenset(
-                (letter, e) for letter, e in key if not isinstance(letter, Number) and not holds(letter, *moving)
+                (letter, e) for letter, e in key if not isinstance(letter, ex.Number) and not ex.holds(letter, *moving)
             )
             found += [part] if part else []
     return distinct(found)

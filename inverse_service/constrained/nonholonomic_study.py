@@ -8,49 +8,21 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal, TypeVar
 
-from inverse_service.constrained.answering import KnownLagrangian, MotionAnswer, answer_motion
+from inverse_service import errors
+from inverse_service.constrained import answering
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise, vanish
 from inverse_service.constrained.reduced import Known, confirmed, solution_with
 from inverse_service.deadline import now
-from inverse_service.decision.solutions import Answer, Solution, SolveOptions
-from inverse_service.errors import InputError
-from inverse_service.explanation.wording import with_conditions
-from inverse_service.expressions.tree import ZERO, Expression, Symbol, Velocity, substitute
+from inverse_service.decision import solutions
+from inverse_service.explanation import wording
+from inverse_service.expressions import tree as ex
 from inverse_service.field.exact_field import TooLarge
+from inverse_service.mechanics import constrained_motion, nonholonomic_integrals, paper_class, second_order_system
 from inverse_service.mechanics import first_integrals as kept
-from inverse_service.mechanics.constrained_motion import (
-    TIME_LIMIT,
-    EliminatedMotion,
-    EquationsOfMotion,
-    NonholonomicSystem,
-    eliminate_multipliers,
-    frames,
-    geometry,
-    too_large,
-    written,
-)
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.legendre.transform import LegendreTransform
-from inverse_service.mechanics.nonholonomic_integrals import (
-    Integrability,
-    MeasureDensity,
-    integrability,
-    measure_density,
-    scaled_velocities,
-)
-from inverse_service.mechanics.paper_class import (
-    KINDS,
-    AssociatedSystem,
-    Kind,
-    PaperClass,
-    associated,
-    propose_lagrangians,
-    recognized,
-    with_multiples,
-)
-from inverse_service.mechanics.second_order_system import MOST_BRANCHES, branches_of, on_branch
+from inverse_service.solving import solving
 from inverse_service.solving.confirming import Progress
-from inverse_service.solving.solving import solve
 
 # Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
 _SHARE_OF_SOLVING = 0.85
@@ -61,11 +33,11 @@ T = TypeVar("T")
 class MotionReport:
     """The motion and what it keeps; `reason` says why the system is outside the paper's class, if it is."""
 
-    exact: EliminatedMotion
-    motion: EquationsOfMotion
-    integrability: Integrability | None
-    density: MeasureDensity
-    member: PaperClass | None
+    exact: constrained_motion.EliminatedMotion
+    motion: constrained_motion.EquationsOfMotion
+    integrability: nonholonomic_integrals.Integrability | None
+    density: nonholonomic_integrals.MeasureDensity
+    member: paper_class.PaperClass | None
     reason: str
 
 
@@ -83,12 +55,12 @@ class Report:
 class AssociatedAnswer:
     """An associated system, its solution (None where it is not defined) and its Hamiltonisations."""
 
-    associated: AssociatedSystem
-    solution: Solution | None
+    associated: paper_class.AssociatedSystem
+    solution: solutions.Solution | None
     reports: tuple[Report, ...] = ()
 
     @property
-    def answer(self) -> Answer | None:
+    def answer(self) -> solutions.Answer | None:
         """The answer for L(q, q'), or for L(t, q, q') where that is the only question."""
         if self.solution is None:
             return None
@@ -104,23 +76,28 @@ class Study:
     main: int
 
 
-def motion_report(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> MotionReport:
+def motion_report(
+    system: constrained_motion.NonholonomicSystem, time_limit: float = constrained_motion.TIME_LIMIT
+) -> MotionReport:
     """The motion and what it keeps, in the coordinates of the paper's class where the system belongs to it.
 
     What cannot be found in `time_limit` seconds is left out; LimitError where that is the motion itself.
     """
-    parts = geometry(system, time_limit)
+    parts = constrained_motion.geometry(system, time_limit)
     try:
-        member, reason = recognized(parts)
-        exact = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
-        motion = written(exact)
+        member, reason = paper_class.recognized(parts)
+        exact = constrained_motion.eliminate_multipliers(
+            parts, member.frame if member is not None else constrained_motion.frames(parts)[0]
+        )
+        motion = constrained_motion.written(exact)
     except TooLarge as error:
-        raise too_large(error) from None
+        raise constrained_motion.too_large(error) from None
     found = MotionReport(
         exact,
         motion,
-        _or_none(lambda: integrability(parts, exact.frame)),
-        _or_none(lambda: measure_density(exact)) or MeasureDensity("not_found"),
+        _or_none(lambda: nonholonomic_integrals.integrability(parts, exact.frame)),
+        _or_none(lambda: nonholonomic_integrals.measure_density(exact))
+        or nonholonomic_integrals.MeasureDensity("not_found"),
         member,
         reason,
     )
@@ -132,7 +109,7 @@ def motion_report(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) ->
 def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple[FirstIntegral, ...]:
     """What is constant along the motion; velocities that only stretch are proposed."""
     motion, exact = report.motion, report.exact
-    proposed = _or_none(lambda: tuple(scaled_velocities(exact))) or ()
+    proposed = _or_none(lambda: tuple(nonholonomic_integrals.scaled_velocities(exact))) or ()
     return kept.first_integrals(motion, motion.system.lagrangian, (), seed, time_limit, proposed)
 
 
@@ -144,41 +121,43 @@ def _or_none(work: Callable[[], T]) -> T | None:
 
 
 def associated_systems(
-    report: MotionReport, kind: Kind | None, families: Sequence[Sequence[Expression]] = ()
-) -> tuple[AssociatedSystem, ...]:
+    report: MotionReport, kind: paper_class.Kind | None, families: Sequence[Sequence[ex.Expression]] = ()
+) -> tuple[paper_class.AssociatedSystem, ...]:
     """The systems asked for: one kind, all three, or one kind with each of the families of multiples added.
 
     InputError where a multiple does not vanish on the constraints.
     """
     if not families:
-        return tuple(_associated(report, each) for each in ([kind] if kind else KINDS))
+        return tuple(_associated(report, each) for each in ([kind] if kind else paper_class.KINDS))
     base = _associated(report, kind or "first")
     if base.system is None:
-        raise InputError(base.explanation, "/associated")
+        raise errors.InputError(base.explanation, "/associated")
     return tuple(
-        with_multiples(base, _vanishing(report.motion, family, place, len(families)), f"family {place + 1}")
+        paper_class.with_multiples(base, _vanishing(report.motion, family, place, len(families)), f"family {place + 1}")
         for place, family in enumerate(families)
     )
 
 
-def _associated(report: MotionReport, kind: Kind) -> AssociatedSystem:
+def _associated(report: MotionReport, kind: paper_class.Kind) -> paper_class.AssociatedSystem:
     try:
-        return associated(report.exact, report.member, report.reason, kind)
+        return paper_class.associated(report.exact, report.member, report.reason, kind)
     except TooLarge as problem:
-        return AssociatedSystem(kind, None, f"The {kind} system is too large to be written out: {problem}.")
+        return paper_class.AssociatedSystem(kind, None, f"The {kind} system is too large to be written out: {problem}.")
 
 
-def _vanishing(motion: EquationsOfMotion, family: Sequence[Expression], place: int, count: int) -> Sequence[Expression]:
+def _vanishing(
+    motion: constrained_motion.EquationsOfMotion, family: Sequence[ex.Expression], place: int, count: int
+) -> Sequence[ex.Expression]:
     """The family, each member zero on the constraints; InputError where one is not, or where that is not settled."""
     system = motion.system
     for name, tree in zip(system.coordinates, family, strict=True):
         pointer = "/multiples" + (f"/{place}" if count > 1 else "") + f"/{name}"
-        names: list[Symbol | Velocity] = [*map(Velocity, system.coordinates)]
-        names += map(Symbol, (*system.coordinates, *system.parameters, "t"))
-        found = tree == ZERO or vanish([substitute(tree, motion.on_constraints)], names)
+        names: list[ex.Symbol | ex.Velocity] = [*map(ex.Velocity, system.coordinates)]
+        names += map(ex.Symbol, (*system.coordinates, *system.parameters, "t"))
+        found = tree == ex.ZERO or vanish([ex.substitute(tree, motion.on_constraints)], names)
         if not found:
             what = "does not vanish" if found is False else "could not be shown to vanish"
-            raise InputError(
+            raise errors.InputError(
                 f"the multiple for {name} {what} on the constraints: write a sum of multiples of them, such as "
                 "mu*(constraint).",
                 pointer,
@@ -187,7 +166,10 @@ def _vanishing(motion: EquationsOfMotion, family: Sequence[Expression], place: i
 
 
 def study(
-    report: MotionReport, systems: Sequence[AssociatedSystem], options: SolveOptions, progress: Progress | None = None
+    report: MotionReport,
+    systems: Sequence[paper_class.AssociatedSystem],
+    options: solutions.SolveOptions,
+    progress: Progress | None = None,
 ) -> Study:
     """Each system decided and, where it is variational, carried to H and the constraints in phase space.
 
@@ -203,12 +185,15 @@ def study(
     main = _main(answers)
     solution = answers[main].solution
     if solution is not None and options.conditions:
-        answers[main] = replace(answers[main], solution=with_conditions(solution))
+        answers[main] = replace(answers[main], solution=wording.with_conditions(solution))
     return Study(report, tuple(answers), main)
 
 
 def study_branches(
-    report: MotionReport, systems: Sequence[AssociatedSystem], options: SolveOptions, progress: Progress | None = None
+    report: MotionReport,
+    systems: Sequence[paper_class.AssociatedSystem],
+    options: solutions.SolveOptions,
+    progress: Progress | None = None,
 ) -> Iterator[Study]:
     """A study on each of the branches of the system that is the main one on the first; each has its share of the time.
 
@@ -225,26 +210,28 @@ def study_branches(
         yield replace(study(report, fitting, share, progress), main=fitting.index(main))
 
 
-def on_branches(one: AssociatedSystem) -> tuple[AssociatedSystem, ...]:
+def on_branches(one: paper_class.AssociatedSystem) -> tuple[paper_class.AssociatedSystem, ...]:
     """The system on each of its branches, that of the first answer first; itself where they are too many to solve."""
-    branches = () if one.system is None else branches_of(one.system)
-    return tuple(replace(one, system=each) for each in branches if len(branches) <= MOST_BRANCHES) or (one,)
+    branches = () if one.system is None else second_order_system.branches_of(one.system)
+    return tuple(
+        replace(one, system=each) for each in branches if len(branches) <= second_order_system.MOST_BRANCHES
+    ) or (one,)
 
 
 def answer_about(
     found: Study,
-    options: SolveOptions,
+    options: solutions.SolveOptions,
     deadline: float,
     progress: Progress | None,
-    reduced: Answer | None = None,
-    tell: Callable[[MotionAnswer], None] | None = None,
-) -> MotionAnswer:
+    reduced: solutions.Answer | None = None,
+    tell: Callable[[answering.MotionAnswer], None] | None = None,
+) -> answering.MotionAnswer:
     """Whether any associated system has a Lagrangian; those found for the known ones are answers.
 
     `reduced` is the answer for the reduced system.
     """
     motion, main = found.report.motion, found.answers[found.main].solution
-    return answer_motion(
+    return answering.answer_motion(
         motion,
         tuple(_known_lagrangians(found)),
         options.time_dependent,
@@ -257,7 +244,7 @@ def answer_about(
     )
 
 
-def _known_lagrangians(found: Study) -> Iterator[KnownLagrangian]:
+def _known_lagrangians(found: Study) -> Iterator[answering.KnownLagrangian]:
     for one in found.answers:
         system, solution = one.associated.system, one.solution
         if system is None or solution is None:
@@ -267,7 +254,7 @@ def _known_lagrangians(found: Study) -> Iterator[KnownLagrangian]:
                 continue
             tree = answer.lagrangian.expression
             report = next((each.found for each in one.reports if each.found.lagrangian == tree), None)
-            yield KnownLagrangian(one.associated.kind, system, answer.lagrangian, with_time, report)
+            yield answering.KnownLagrangian(one.associated.kind, system, answer.lagrangian, with_time, report)
 
 
 def _main(answers: Sequence[AssociatedAnswer]) -> int:
@@ -285,12 +272,12 @@ def _main(answers: Sequence[AssociatedAnswer]) -> int:
 
 
 def _answered(
-    report: MotionReport, one: AssociatedSystem, options: SolveOptions, progress: Progress | None
+    report: MotionReport, one: paper_class.AssociatedSystem, options: solutions.SolveOptions, progress: Progress | None
 ) -> AssociatedAnswer:
     if one.system is None:
         return AssociatedAnswer(one, None)
     if one.system.branch is None:  # too many of them
-        return AssociatedAnswer(one, solve(one.system, options))
+        return AssociatedAnswer(one, solving.solve(one.system, options))
     end = now() + options.time_limit
     free = options.time_dependent is not True and not options.ansatz
     known = _known(report, one, end) if free else ()
@@ -300,7 +287,7 @@ def _answered(
             one, solution, tuple(_report_of_known(report, one, each, options.seed) for each in known)
         )
     asked = replace(options, time_limit=_SHARE_OF_SOLVING * options.time_limit)
-    found = AssociatedAnswer(one, solve(one.system, asked, _named(progress, one.kind)))
+    found = AssociatedAnswer(one, solving.solve(one.system, asked, _named(progress, one.kind)))
     answer = found.answer
     if answer is None or answer.lagrangian is None or now() > end:
         return found
@@ -308,19 +295,19 @@ def _answered(
     return replace(found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),))
 
 
-def _known(report: MotionReport, one: AssociatedSystem, end: float) -> tuple[Known, ...]:
+def _known(report: MotionReport, one: paper_class.AssociatedSystem, end: float) -> tuple[Known, ...]:
     """The Lagrangians of the paper's class that the checker confirms for this system."""
     if report.member is None or one.system is None:
         return ()
-    here = partial(on_branch, system=one.system)
+    here = partial(second_order_system.on_branch, system=one.system)
     proposals = [
         Known(here(each.lagrangian), _mapped(each.transform, here), tuple(map(here, each.images)), each.label)
-        for each in propose_lagrangians(report.member, one.kind)
+        for each in paper_class.propose_lagrangians(report.member, one.kind)
     ]
     return confirmed(one.system, proposals, end) if proposals else ()
 
 
-def _mapped(found: LegendreTransform, here: Callable[[Expression], Expression]) -> LegendreTransform:
+def _mapped(found: LegendreTransform, here: Callable[[ex.Expression], ex.Expression]) -> LegendreTransform:
     return replace(
         found,
         lagrangian=here(found.lagrangian),
@@ -330,16 +317,16 @@ def _mapped(found: LegendreTransform, here: Callable[[Expression], Expression]) 
     )
 
 
-def _report_of_known(report: MotionReport, one: AssociatedSystem, known: Known, seed: int) -> Report:
+def _report_of_known(report: MotionReport, one: paper_class.AssociatedSystem, known: Known, seed: int) -> Report:
     assert one.system is not None
     made = hamiltonise(_motion(report, one), one.system, known.lagrangian, seed, known.transform, known.images)
     return Report(one.kind, known.source, "valid", made)
 
 
-def _motion(report: MotionReport, one: AssociatedSystem) -> EquationsOfMotion:
+def _motion(report: MotionReport, one: paper_class.AssociatedSystem) -> constrained_motion.EquationsOfMotion:
     """The motion with its roots as they are on the branch of the associated system."""
     assert one.system is not None
-    motion, here = report.motion, partial(on_branch, system=one.system)
+    motion, here = report.motion, partial(second_order_system.on_branch, system=one.system)
     return replace(
         motion,
         dependent_velocities=tuple(map(here, motion.dependent_velocities)),

@@ -18,49 +18,24 @@ from itertools import combinations
 
 from flint import nmod_mat
 
-from inverse_service.certificate.checker import check_certificate
+from inverse_service import errors
+from inverse_service.certificate import checker
 from inverse_service.deadline import left, now
-from inverse_service.decision import certify
-from inverse_service.decision.deciding import Analysis, Decision, analyze, decide
-from inverse_service.decision.solutions import Answer, Hamiltonian, Solution, SolveOptions, Step
-from inverse_service.errors import InputError, IrreducibleAtoms
-from inverse_service.explanation.positive import existence_steps, legendre_steps, verification_steps
-from inverse_service.explanation.wording import printed_conditions, said
-from inverse_service.expressions.notation import row
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Arbitrary,
-    Expression,
-    Symbol,
-    Velocity,
-    holds,
-    multiply,
-    powers_of,
-    substitute,
-    walk,
-)
+from inverse_service.decision import certify, deciding, solutions
+from inverse_service.explanation import positive, wording
+from inverse_service.expressions import notation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import real_point, reduction, tower
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import Expansion, SingularPoint, gradient
-from inverse_service.field.real_point import find_real_point
-from inverse_service.field.reduction import reduce_atoms
-from inverse_service.field.tower import draw_point, to_kernels
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics.constrained_motion import (
-    ConstrainedMotion,
-    EliminatedMotion,
-    EquationsOfMotion,
-    Geometry,
-    eliminate_multipliers,
-    frames,
-)
+from inverse_service.mechanics import constrained_motion, writing
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.mechanics.nonholonomic_integrals import MeasureDensity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.mechanics.writing import tidied
-from inverse_service.search.protocol import describe
-from inverse_service.solving.of_kind.clock import find_clock, with_clock
-from inverse_service.solving.solving import solve
+from inverse_service.search import protocol
+from inverse_service.solving import solving
+from inverse_service.solving.of_kind import clock
 
 CONSTRAINED = "constrained Lagrangian"
 # What looking for a clock among factors of f may take, s: each of some 26 candidates is decided.
@@ -78,7 +53,7 @@ class Decided:
     """A system and the answer to its question for L(q, q'), for L(t, q, q') where t occurs."""
 
     system: SecondOrderSystem
-    answer: Answer
+    answer: solutions.Answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,24 +61,26 @@ class Reduced:
     """The reduced system; with the clock `factor`, N(r), where there is one, else `reason`."""
 
     plain: Decided
-    others: tuple[tuple[str, Expression], ...]
-    factor: Expression | None
+    others: tuple[tuple[str, ex.Expression], ...]
+    factor: ex.Expression | None
     clocked: Decided | None
     reason: str = ""
 
 
-def reduced_system(motion: ConstrainedMotion) -> SecondOrderSystem | None:
+def reduced_system(motion: constrained_motion.ConstrainedMotion) -> SecondOrderSystem | None:
     """r'' = F(r, r'), if F and the velocities of the other coordinates do not contain these."""
-    others = {Symbol(name) for name in motion.dependent}
+    others = {ex.Symbol(name) for name in motion.dependent}
     trees = (*motion.free_accelerations, *motion.dependent_velocities)
-    if any(holds(tree, *others) for tree in trees):
+    if any(ex.holds(tree, *others) for tree in trees):
         return None
-    names = {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}
+    names = {node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
     functions = tuple(function for function in motion.functions if function[0] in names)
     return SecondOrderSystem(motion.free, motion.free_accelerations, motion.parameters, functions)
 
 
-def decide_reduced(motion: ConstrainedMotion, lagrangian: Expression | None, options: SolveOptions) -> Decided | None:
+def decide_reduced(
+    motion: constrained_motion.ConstrainedMotion, lagrangian: ex.Expression | None, options: solutions.SolveOptions
+) -> Decided | None:
     """The answer for r'' = F(r, r'); None where the motion does not reduce. `lagrangian` is that of the system."""
     system = reduced_system(motion)
     if system is None:
@@ -112,23 +89,25 @@ def decide_reduced(motion: ConstrainedMotion, lagrangian: Expression | None, opt
     return _decided(system, candidate, replace(options, time_dependent=False, ansatz=(), given=()))
 
 
-def closed_subsystem(exact: EliminatedMotion, motion: EquationsOfMotion) -> SecondOrderSystem | None:
+def closed_subsystem(
+    exact: constrained_motion.EliminatedMotion, motion: constrained_motion.EquationsOfMotion
+) -> SecondOrderSystem | None:
     """q_S'' = F(q_S, q_S') for a largest set S of coordinates whose accelerations hold no others, None without one.
 
     S is closed where the differentials of its accelerations are combinations of those of q_S and q_S', at a point.
     """
     names, parts = motion.coordinates, exact.geometry
-    velocities = [motion.on_constraints.get(Velocity(name), Velocity(name)) for name in names]
-    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, motion.free)]
-    trees = [to_kernels(tree) for tree in (*velocities, *motion.accelerations)]
+    velocities = [motion.on_constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in names]
+    variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, motion.free)]
+    trees = [tower.to_kernels(tree) for tree in (*velocities, *motion.accelerations)]
     try:
-        everything = [*variables, *map(Symbol, motion.parameters)]
-        table = find_real_point(trees, everything, 2)
+        everything = [*variables, *map(ex.Symbol, motion.parameters)]
+        table = real_point.find_real_point(trees, everything, 2)
         if table is None:
             return None
-        point = draw_point(reduce_atoms(trees, everything, table), 1)
+        point = tower.draw_point(reduction.reduce_atoms(trees, everything, table), 1)
         rows = [gradient(series) for series in map(Expansion(point, variables, 1).expand, trees)]
-    except (IrreducibleAtoms, SingularPoint, ValueError):
+    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return None
     own = [[int(k == place) for k in range(len(variables))] for place in range(1 + len(names))]
     for size in range(len(motion.free), 0, -1):
@@ -147,27 +126,30 @@ def _rank(rows: Sequence[Sequence[int]], prime: int) -> int:
     return int(nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], prime).rank())
 
 
-def _with_free(parts: Geometry, chosen: Sequence[int]) -> SecondOrderSystem | None:
+def _with_free(parts: constrained_motion.Geometry, chosen: Sequence[int]) -> SecondOrderSystem | None:
     """The equations of these coordinates, over a frame in which they are free; None where they hold others."""
-    system, frame = parts.system, next((one for one in frames(parts) if set(chosen) <= set(one.free)), None)
+    system, frame = (
+        parts.system,
+        next((one for one in constrained_motion.frames(parts) if set(chosen) <= set(one.free)), None),
+    )
     if frame is None:
         return None
     try:
-        whole = eliminate_multipliers(parts, frame)
+        whole = constrained_motion.eliminate_multipliers(parts, frame)
         accelerations = tuple(parts.tree(whole.accelerations[k]) for k in chosen)
-    except (TooLarge, InputError):
+    except (TooLarge, errors.InputError):
         return None
     coordinates = tuple(system.coordinates[k] for k in chosen)
     others = [name for name in system.coordinates if name not in coordinates]
-    held = any(holds(tree, *map(Symbol, others), *map(Velocity, others)) for tree in accelerations)
-    if held or accelerations == (ZERO,):
+    held = any(ex.holds(tree, *map(ex.Symbol, others), *map(ex.Velocity, others)) for tree in accelerations)
+    if held or accelerations == (ex.ZERO,):
         return None
-    functions = {node.name for tree in accelerations for node in walk(tree) if isinstance(node, Arbitrary)}
+    functions = {node.name for tree in accelerations for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
     kept = tuple(function for function in system.functions if function[0] in functions)
     return SecondOrderSystem(coordinates, accelerations, system.parameters, kept)
 
 
-def answer_closed(system: SecondOrderSystem, options: SolveOptions) -> Reduced:
+def answer_closed(system: SecondOrderSystem, options: solutions.SolveOptions) -> Reduced:
     """The answer for a closed subsystem, which has no reconstruction by quadratures and no clock from a measure."""
     end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
     alone = _decided(system, None, replace(asked, time_limit=options.time_limit / 2))
@@ -175,10 +157,10 @@ def answer_closed(system: SecondOrderSystem, options: SolveOptions) -> Reduced:
 
 
 def answer_reduced(
-    motion: ConstrainedMotion,
-    lagrangian: Expression | None,
+    motion: constrained_motion.ConstrainedMotion,
+    lagrangian: ex.Expression | None,
     density: MeasureDensity | None,
-    options: SolveOptions,
+    options: solutions.SolveOptions,
     plain: Decided,
 ) -> Reduced:
     """With another clock besides; `lagrangian` is that of the whole system, `density` its invariant measure."""
@@ -189,9 +171,9 @@ def answer_reduced(
     found = chaplygin_factor(system, density)
     if isinstance(found, str):
         return _searched(system, plain, others, found, asked, end)
-    faster: dict[Expression, Expression] = {Velocity(r): found * Velocity(r) for r in system.coordinates}
-    known = None if candidate is None else tidied(substitute(candidate, faster))
-    faster_system = with_clock(system, found)
+    faster: dict[ex.Expression, ex.Expression] = {ex.Velocity(r): found * ex.Velocity(r) for r in system.coordinates}
+    known = None if candidate is None else writing.tidied(ex.substitute(candidate, faster))
+    faster_system = clock.with_clock(system, found)
     if faster_system is None:
         return _searched(system, plain, others, "The clock of the invariant measure has no real values.", asked, end)
     changed = _decided(faster_system, known, replace(asked, time_limit=left(end)))
@@ -204,23 +186,23 @@ def answer_reduced(
 def _searched(
     system: SecondOrderSystem,
     plain: Decided,
-    others: tuple[tuple[str, Expression], ...],
+    others: tuple[tuple[str, ex.Expression], ...],
     reason: str,
-    asked: SolveOptions,
+    asked: solutions.SolveOptions,
     end: float,
 ) -> Reduced:
     """With the first clock made of factors of f, where there is no Lagrangian without one."""
     if plain.answer.verdict != "not_variational" or len(system.coordinates) == 1 or system.depends_on_time:
         return Reduced(plain, others, None, None, reason)
-    factor, _ = find_clock(system, asked.seed, min((now() + end) / 2, now() + LONGEST_FOR_CLOCK))
-    clocked = None if factor is None else with_clock(system, factor)
+    factor, _ = clock.find_clock(system, asked.seed, min((now() + end) / 2, now() + LONGEST_FOR_CLOCK))
+    clocked = None if factor is None else clock.with_clock(system, factor)
     if clocked is None:
         return Reduced(plain, others, None, None, reason)
     changed = _decided(clocked, None, replace(asked, time_limit=left(end)))
     return Reduced(plain, others, factor, changed)
 
 
-def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) -> Expression | str:
+def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) -> ex.Expression | str:
     """N, or why there is none."""
     names = system.coordinates
     if len(names) == 1:
@@ -229,36 +211,38 @@ def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) 
         return "The equations contain t, so no other clock can be put in its place."
     if density is None or density.momenta is None:
         return "No invariant measure is known whose density is a function of these coordinates alone."
-    own = {*map(Symbol, (*names, *system.parameters))}
-    held = {node for node in walk(density.momenta) if isinstance(node, Symbol | Velocity)}
+    own = {*map(ex.Symbol, (*names, *system.parameters))}
+    held = {node for node in ex.walk(density.momenta) if isinstance(node, ex.Symbol | ex.Velocity)}
     if not held <= own:
         return "The density of the invariant measure contains other coordinates."
-    if held.isdisjoint(map(Symbol, names)) and not any(isinstance(node, Arbitrary) for node in walk(density.momenta)):
+    if held.isdisjoint(map(ex.Symbol, names)) and not any(
+        isinstance(node, ex.Arbitrary) for node in ex.walk(density.momenta)
+    ):
         return "The measure of the momenta itself is invariant, which asks for no other clock."
     root = Fraction(1, len(names) - 1)
     # The density is positive, so that the root of a power is a power.
-    return multiply(*(base ** (exponent * root) for base, exponent in powers_of(density.momenta)))
+    return ex.multiply(*(base ** (exponent * root) for base, exponent in ex.powers_of(density.momenta)))
 
 
-def _on_constraints(motion: ConstrainedMotion, lagrangian: Expression) -> Expression | None:
+def _on_constraints(motion: constrained_motion.ConstrainedMotion, lagrangian: ex.Expression) -> ex.Expression | None:
     """l_c(r, r'), unless it contains another coordinate."""
-    found = tidied(substitute(lagrangian, motion.on_constraints))
-    return None if any(Symbol(name) in set(walk(found)) for name in motion.dependent) else found
+    found = writing.tidied(ex.substitute(lagrangian, motion.on_constraints))
+    return None if any(ex.Symbol(name) in set(ex.walk(found)) for name in motion.dependent) else found
 
 
-def _decided(system: SecondOrderSystem, candidate: Expression | None, options: SolveOptions) -> Decided:
+def _decided(system: SecondOrderSystem, candidate: ex.Expression | None, options: solutions.SolveOptions) -> Decided:
     """By the candidate, if the checker confirms it, else by the solver."""
     end = now() + options.time_limit
-    if candidate is not None and TIME not in walk(candidate) and not system.depends_on_time:
+    if candidate is not None and ex.TIME not in ex.walk(candidate) and not system.depends_on_time:
         try:
             known = Known(candidate, legendre(candidate, system.coordinates), (), CONSTRAINED)
-        except InputError:  # singular
+        except errors.InputError:  # singular
             known = None
         if known is not None and confirmed(system, [known], end):
             found = solution_with(system, [known], options)
             assert found.autonomous is not None
             return Decided(found.system, found.autonomous)
-    solution = solve(system, replace(options, time_limit=left(end)))
+    solution = solving.solve(system, replace(options, time_limit=left(end)))
     assert solution.main is not None
     return Decided(solution.system, solution.main)
 
@@ -267,35 +251,39 @@ def _decided(system: SecondOrderSystem, candidate: Expression | None, options: S
 class Known:
     """A Lagrangian L(q, v) with its Legendre transform, the constraints' images, and where it comes from."""
 
-    lagrangian: Expression
+    lagrangian: ex.Expression
     transform: LegendreTransform
-    images: tuple[Expression, ...]
+    images: tuple[ex.Expression, ...]
     source: str
 
 
 def confirmed(system: SecondOrderSystem, proposals: Sequence[Known], deadline: float) -> tuple[Known, ...]:
     """Those that the independent checker finds to be Lagrangians of the system."""
     try:
-        analysis = analyze(system)
-    except IrreducibleAtoms:
+        analysis = deciding.analyze(system)
+    except errors.IrreducibleAtoms:
         return ()
     return tuple(known for known in proposals if _is_valid(analysis, known.lagrangian, deadline))
 
 
-def _is_valid(analysis: Analysis, lagrangian: Expression, deadline: float) -> bool:
+def _is_valid(analysis: deciding.Analysis, lagrangian: ex.Expression, deadline: float) -> bool:
     certificate = certify.of_lagrangian(analysis, lagrangian, with_time=False)
-    return check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
+    return checker.check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
 
 
-def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: SolveOptions) -> Solution:
+def solution_with(
+    system: SecondOrderSystem, known: Sequence[Known], options: solutions.SolveOptions
+) -> solutions.Solution:
     """The solution whose Lagrangian is the first of `known`; all of them must be confirmed.
 
     The decision is made all the same: it says how large the space of multipliers is.
     """
     began = now()
-    found, left_out = printed_conditions(system) if options.conditions else (None, "")
-    analysis = analyze(system)
-    decision = decide(system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis)
+    found, left_out = wording.printed_conditions(system) if options.conditions else (None, "")
+    analysis = deciding.analyze(system)
+    decision = deciding.decide(
+        system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis
+    )
     answer = _answer(analysis, decision, known)
     provenance = {
         "seed": options.seed,
@@ -304,25 +292,27 @@ def solution_with(system: SecondOrderSystem, known: Sequence[Known], options: So
         "seconds": {"decision": round(decision.seconds, 4), "all": round(now() - began, 4)},
         "conditions_left_out": left_out,
     }
-    return Solution(system, answer, None if options.time_dependent is False else answer, found, provenance)
+    return solutions.Solution(system, answer, None if options.time_dependent is False else answer, found, provenance)
 
 
-def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> Answer:
+def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Sequence[Known]) -> solutions.Answer:
     chosen, *others = known
-    lagrangian = describe(analysis, chosen.lagrangian, chosen.source)
+    lagrangian = protocol.describe(analysis, chosen.lagrangian, chosen.source)
     where = certify.where_proved(analysis, chosen.lagrangian, _LONGEST_CHECK)
-    hamiltonian = Hamiltonian.of(chosen.transform, chosen.images)
+    hamiltonian = solutions.Hamiltonian.of(chosen.transform, chosen.images)
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (
-        *(existence_steps(decision) if decided else ()),
-        said(f"The {chosen.source} is a regular Lagrangian of the system: ", row("L = ", chosen.lagrangian), "."),
-        *_short(verification_steps(analysis, lagrangian)),
-        *legendre_steps(hamiltonian),
+        *(positive.existence_steps(decision) if decided else ()),
+        wording.said(
+            f"The {chosen.source} is a regular Lagrangian of the system: ", notation.row("L = ", chosen.lagrangian), "."
+        ),
+        *_short(positive.verification_steps(analysis, lagrangian)),
+        *positive.legendre_steps(hamiltonian),
     )
-    return Answer(
+    return solutions.Answer(
         "variational",
         lagrangian=lagrangian,
-        other_lagrangians=tuple(describe(analysis, other.lagrangian, other.source) for other in others),
+        other_lagrangians=tuple(protocol.describe(analysis, other.lagrangian, other.source) for other in others),
         hamiltonian=hamiltonian,
         space=decision.space if decided else None,
         certificate=certify.of_lagrangian(analysis, chosen.lagrangian, with_time=False),
@@ -335,9 +325,11 @@ def _answer(analysis: Analysis, decision: Decision, known: Sequence[Known]) -> A
     )
 
 
-def _short(steps: Sequence[Step]) -> tuple[Step, ...]:
+def _short(steps: Sequence[solutions.Step]) -> tuple[solutions.Step, ...]:
     """The steps, unless they fill pages; the checker has confirmed the same."""
     length = sum(len(step.text) for step in steps)
     if length <= _LONGEST_STEPS:
         return tuple(steps)
-    return (said("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),)
+    return (
+        wording.said("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),
+    )

@@ -11,53 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import mpmath
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
+from inverse_service.certificate import checker
 from inverse_service.certificate.cell import Cell
-from inverse_service.certificate.checker import CheckResult, check_certificate
-from inverse_service.decision.deciding import Analysis, is_irrational, variables_of
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.inequalities import inequality_text
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    ONE,
-    PI,
-    TIME,
-    ZERO,
-    Apply,
-    Expression,
-    Integral,
-    Number,
-    Power,
-    Symbol,
-    Velocity,
-    add,
-    apply,
-    distinct_nodes,
-    number,
-    square_root,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.field.real_point import (
-    RealTable,
-    are_positive,
-    find_real_point,
-    is_defined,
-    own_requirements,
-    requirements,
-    varies,
-)
-from inverse_service.field.reduction import root_ways, signed_factors
-from inverse_service.field.tower import AngleRule, is_even_root, to_kernels
-from inverse_service.mechanics.euler_lagrange import hessian
-from inverse_service.mechanics.implicit_equations import linear_equation
+from inverse_service.decision import deciding
+from inverse_service.expressions import collecting, evaluation, inequalities, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, real_point, reduction, tower
+from inverse_service.mechanics import euler_lagrange, implicit_equations
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_formula
 
 if TYPE_CHECKING:
-    from inverse_service.decision.deciding import Decision
     from inverse_service.decision.kinds.helmholtz import LagrangianKind
     from inverse_service.linear_pde.involution import Finding
     from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
@@ -72,27 +37,29 @@ _MOST_CONDITIONS = 100  # that a certificate may have
 
 
 def of_lagrangian(
-    analysis: Analysis, lagrangian: Expression, with_time: bool, kind: LagrangianKind | None = None
+    analysis: deciding.Analysis, lagrangian: ex.Expression, with_time: bool, kind: LagrangianKind | None = None
 ) -> dict[str, Any]:
     """L itself is the proof, also that there is one of a kind; as it was `proved`, if it was."""
     head = _head(analysis, point_of(analysis, lagrangian), with_time, "variational", "lagrangian")
-    found = head | _among(kind) | {"lagrangian": to_text(lagrangian)} | integrals_of(lagrangian)
+    found = head | _among(kind) | {"lagrangian": printing.to_text(lagrangian)} | integrals_of(lagrangian)
     if analysis.system.is_unsolved:
         found |= _factors_of_lines(analysis, lagrangian)
     return analysis.proofs.get(json.dumps(found), (found,))[0]
 
 
-def _factors_of_lines(analysis: Analysis, lagrangian: Expression) -> dict[str, Any]:
+def _factors_of_lines(analysis: deciding.Analysis, lagrangian: ex.Expression) -> dict[str, Any]:
     """{"factors": c_i with d2L/dv_i dv_j = c_i dE_i/dq''_j} where they are not all 1."""
     system = analysis.system
-    lines = [linear_equation(equation).coefficients for equation in system.given]
+    lines = [implicit_equations.linear_equation(equation).coefficients for equation in system.given]
     quotients = []
-    for line, row in zip(lines, hessian(lagrangian, system.coordinates), strict=True):
+    for line, row in zip(lines, euler_lagrange.hessian(lagrangian, system.coordinates), strict=True):
         entry, below = next((g, line[q]) for q, g in zip(system.coordinates, row, strict=True) if q in line)
         quotients.append(entry / below)
-    with suppress(TooLarge, ZeroDivisionError, KeyError):
-        factors = factored(quotients, variables_of(system)[: 1 + 2 * len(system.coordinates)], Budget.long())
-        return {} if all(c == ONE for c in factors) else {"factors": [to_text(c) for c in factors]}
+    with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):
+        factors = exact_field.factored(
+            quotients, deciding.variables_of(system)[: 1 + 2 * len(system.coordinates)], exact_field.Budget.long()
+        )
+        return {} if all(c == ex.ONE for c in factors) else {"factors": [printing.to_text(c) for c in factors]}
     return {}
 
 
@@ -100,14 +67,14 @@ def _among(kind: LagrangianKind | None) -> dict[str, Any]:
     return {} if kind is None else {"among": kind.among}
 
 
-def integrals_of(tree: Expression) -> dict[str, Any]:
+def integrals_of(tree: ex.Expression) -> dict[str, Any]:
     """{"integrals": the functions of the tree that are known by their derivatives, those first that others hold}."""
     found = {node.name: node for node in reversed(list(walk_integrals(tree)))}
     listed = {
         name: {
-            "arguments": [to_text(argument) for argument in node.arguments],
+            "arguments": [printing.to_text(argument) for argument in node.arguments],
             "derivatives": {
-                to_text(argument): to_text(slope)
+                printing.to_text(argument): printing.to_text(slope)
                 for argument, slope in zip(node.arguments, node.slopes, strict=True)
                 if slope is not None
             },
@@ -117,10 +84,10 @@ def integrals_of(tree: Expression) -> dict[str, Any]:
     return {"integrals": listed} if listed else {}
 
 
-def walk_integrals(tree: Expression) -> Iterator[Integral]:
+def walk_integrals(tree: ex.Expression) -> Iterator[ex.Integral]:
     """Every integral in a tree, and those under its sign after it."""
-    for node in walk(tree):
-        if isinstance(node, Integral):
+    for node in ex.walk(tree):
+        if isinstance(node, ex.Integral):
             yield node
             for slope in node.slopes:
                 if slope is not None:
@@ -134,9 +101,9 @@ class Where:
     `one_side`: only the part is meant that is connected with the point of the proof.
     """
 
-    positive: tuple[Expression, ...] = ()
-    nonzero: tuple[Expression, ...] = ()
-    sides: tuple[Expression, ...] = ()
+    positive: tuple[ex.Expression, ...] = ()
+    nonzero: tuple[ex.Expression, ...] = ()
+    sides: tuple[ex.Expression, ...] = ()
     one_side: bool = False
 
 
@@ -149,26 +116,32 @@ def where_of(cell: Cell | None, names: Names) -> Where:
     return Where(positive, nonzero, tuple(_members(cell.sides, " > 0", names)), cell.one_side)
 
 
-def _members(texts: Sequence[str], ending: str, names: Names) -> Iterator[Expression]:
-    return (collect(read_formula(text.removesuffix(ending), names)) for text in texts if text.endswith(ending))
+def _members(texts: Sequence[str], ending: str, names: Names) -> Iterator[ex.Expression]:
+    return (
+        collecting.collect(reader.read_formula(text.removesuffix(ending), names))
+        for text in texts
+        if text.endswith(ending)
+    )
 
 
-def _unsigned(tree: Expression) -> Expression:
+def _unsigned(tree: ex.Expression) -> ex.Expression:
     """The tree or its negative: that with fewer signs."""
-    return min(tree, collect(-tree), key=lambda one: to_text(one).count("-"))
+    return min(tree, collecting.collect(-tree), key=lambda one: printing.to_text(one).count("-"))
 
 
-def proved(analysis: Analysis, certificate: dict[str, Any], time_limit: float) -> tuple[dict[str, Any], CheckResult]:
+def proved(
+    analysis: deciding.Analysis, certificate: dict[str, Any], time_limit: float
+) -> tuple[dict[str, Any], checker.CheckResult]:
     """The checker's verdict, found once; where it is incomplete, of the certificate with hints about roots.
 
     Each hint is a side that the claim then keeps to: what has no need of it holds on a larger cell.
     """
     key = json.dumps(certificate)
     if key not in analysis.proofs:
-        found = certificate, check_certificate(certificate, time_limit=time_limit)
+        found = certificate, checker.check_certificate(certificate, time_limit=time_limit)
         if found[1].verdict == "incomplete":
             for hinted in _hinted(analysis, certificate):
-                proof = check_certificate(hinted, time_limit=time_limit)
+                proof = checker.check_certificate(hinted, time_limit=time_limit)
                 if proof.verdict != "incomplete":
                     found = hinted, proof
                     break
@@ -177,38 +150,41 @@ def proved(analysis: Analysis, certificate: dict[str, Any], time_limit: float) -
     return analysis.proofs[key]
 
 
-def where_proved(analysis: Analysis, lagrangian: Expression, time_limit: float) -> Where:
+def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_limit: float) -> Where:
     """Where the checker finds a Lagrangian right; where all is defined, if it finds it wrong or does not find out."""
-    with_time = analysis.system.depends_on_time or TIME in walk(lagrangian)
+    with_time = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
     certificate = of_lagrangian(analysis, lagrangian, with_time)
     _, proof = proved(analysis, certificate, time_limit)
     integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
     if proof.verdict != "valid":
-        return Where((*analysis.system.positive, *own_requirements([lagrangian])))
+        return Where((*analysis.system.positive, *real_point.own_requirements([lagrangian])))
     names = analysis.system.names
     return where_of(proof.cell, replace(names, functions={**names.functions, **integrals}))
 
 
-def _hinted(analysis: Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The certificate with roots that functions stand for, then with the signs of all that is under roots at P."""
     table, system = analysis.real_point, analysis.system
     formulas = [*system.given]
     if "lagrangian" in certificate:
         integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
         names = replace(system.names, functions={**system.names.functions, **integrals})
-        formulas.append(read_formula(certificate["lagrangian"], names))
+        formulas.append(reader.read_formula(certificate["lagrangian"], names))
     known = certificate.get("roots", [])
     first = [*_circular_roots(formulas, table), *_inverse_roots(formulas, table)]
     for roots in (first, [*first, *_signs(analysis)]):
         if roots:
             yield certificate | {"roots": [*known, *roots]}
     if table is not None:
-        with suppress(IrreducibleAtoms, NoRealValue):
-            positive = [*system.positive, *signed_factors(requirements([*map(to_kernels, formulas)], table), table)]
+        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+            positive = [
+                *system.positive,
+                *reduction.signed_factors(real_point.requirements([*map(tower.to_kernels, formulas)], table), table),
+            ]
             yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *_signs(analysis)]}
 
 
-def _inverse_roots(formulas: Sequence[Expression], table: RealTable | None) -> list[dict[str, str]]:
+def _inverse_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
     """The roots that inverse functions stand for, where these hold squares: sqrt(1 - u^2) for asin u, acos u.
 
     Each is what it is on the side of the point.
@@ -216,79 +192,91 @@ def _inverse_roots(formulas: Sequence[Expression], table: RealTable | None) -> l
     found = list[dict[str, str]]()
     if table is None:
         return found
-    for node in distinct_nodes(formulas):
+    for node in ex.distinct_nodes(formulas):
         match node:
-            case Apply("asin" | "acos", u):
+            case ex.Apply("asin" | "acos", u):
                 under = 1 - u**2
-            case Apply("acosh", u):
+            case ex.Apply("acosh", u):
                 under = u**2 - 1
-            case Apply("asinh", u):
+            case ex.Apply("asinh", u):
                 under = u**2 + 1
             case _:
                 continue
-        with suppress(IrreducibleAtoms, NoRealValue):
-            root = square_root(collect(under))
-            values = (value for side, value in root_ways(root) if are_positive(side, table))
-            found += [{"root": to_text(root), "is": to_text(value)} for value in values]
+        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+            root = ex.square_root(collecting.collect(under))
+            values = (value for side, value in reduction.root_ways(root) if real_point.are_positive(side, table))
+            found += [{"root": printing.to_text(root), "is": printing.to_text(value)} for value in values]
     return found
 
 
-def _circular_roots(formulas: Sequence[Expression], table: RealTable | None) -> list[dict[str, str]]:
+def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
     """sqrt(1 - sin(u)^2) = +-cos u, sqrt(2 - 2*cos(u)) = +-2 sin(u/2) and the like, on the side of the point."""
     found = list[dict[str, str]]()
-    for node in distinct_nodes(formulas) if table is not None else ():
-        if not isinstance(node, Power) or not is_even_root(node):
+    for node in ex.distinct_nodes(formulas) if table is not None else ():
+        if not isinstance(node, ex.Power) or not tower.is_even_root(node):
             continue
-        angles = dict.fromkeys(angle for one in walk(node.base) if (angle := _angle(one)) is not None)
-        parts = [part for u in angles for part in (u, u / 2, u / 2 + PI / 4)]
-        for value in (apply(name, part) for part in parts for name in ("sin", "cos")):
+        angles = dict.fromkeys(angle for one in ex.walk(node.base) if (angle := _angle(one)) is not None)
+        parts = [part for u in angles for part in (u, u / 2, u / 2 + ex.PI / 4)]
+        for value in (ex.apply(name, part) for part in parts for name in ("sin", "cos")):
             factor = _factor(node.base, value**2, table or {})
             if factor is not None:
-                sign = 1 if are_positive([value], table or {}) else -1
-                root = square_root(node.base)
-                found.append({"root": to_text(root), "is": to_text(sign * square_root(number(factor)) * value)})
+                sign = 1 if real_point.are_positive([value], table or {}) else -1
+                root = ex.square_root(node.base)
+                found.append(
+                    {
+                        "root": printing.to_text(root),
+                        "is": printing.to_text(sign * ex.square_root(ex.number(factor)) * value),
+                    }
+                )
                 break
     return found
 
 
-def _angle(node: Expression) -> Expression | None:
+def _angle(node: ex.Expression) -> ex.Expression | None:
     match node:
-        case Apply("sin" | "cos", u) if varies(u):
+        case ex.Apply("sin" | "cos", u) if real_point.varies(u):
             return u
     return None
 
 
-def _factor(base: Expression, square: Expression, table: RealTable) -> Fraction | None:
+def _factor(base: ex.Expression, square: ex.Expression, table: real_point.RealTable) -> Fraction | None:
     """A rational number that the quotient seems to be; the checker proves it."""
     ratios = []
     for shift in (0, Fraction(1, 7), Fraction(-2, 9)):
-        with suppress(NoRealValue, ZeroDivisionError):
+        with suppress(evaluation.NoRealValue, ZeroDivisionError):
             moved = {key: value * (1 + mpmath.mpf(shift.numerator) / shift.denominator) for key, value in table.items()}
-            ratios.append(evaluate(base, moved) / evaluate(square, moved))
+            ratios.append(evaluation.evaluate(base, moved) / evaluation.evaluate(square, moved))
     if len(ratios) < 3 or max(ratios) - min(ratios) > mpmath.mpf(10) ** -12 * abs(ratios[0]) or ratios[0] <= 0:
         return None
     return Fraction(mpmath.nstr(ratios[0], 15)).limit_denominator(1000)
 
 
-def point_of(analysis: Analysis, lagrangian: Expression) -> RealTable | None:
+def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_point.RealTable | None:
     """A real point at which f, L and what is under integral signs are defined."""
     slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
-    return _point_of(analysis, [to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)])
+    return _point_of(
+        analysis, [tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)]
+    )
 
 
-def _point_of(analysis: Analysis, formulas: Sequence[Expression]) -> RealTable | None:
+def _point_of(analysis: deciding.Analysis, formulas: Sequence[ex.Expression]) -> real_point.RealTable | None:
     """A real point at which f, L and what is under integral signs are defined: that of f, where that is one."""
     table = analysis.real_point
     if table is not None:
-        integrals = {node: mpmath.mpf(1) for tree in formulas for node in walk(tree) if isinstance(node, Integral)}
-        if is_defined(formulas, integrals | table):
+        integrals = {
+            node: mpmath.mpf(1) for tree in formulas for node in ex.walk(tree) if isinstance(node, ex.Integral)
+        }
+        if real_point.is_defined(formulas, integrals | table):
             return integrals | table
-    return find_real_point(formulas, variables_of(analysis.system), _SEED, analysis.system.positive) or table
+    return (
+        real_point.find_real_point(formulas, deciding.variables_of(analysis.system), _SEED, analysis.system.positive)
+        or table
+    )
 
 
 def of_decision(
-    analysis: Analysis,
-    decision: Decision,
+    analysis: deciding.Analysis,
+    decision: deciding.Decision,
     series_order: int | None = None,
     seed: int = 1,
     kind: LagrangianKind | None = None,
@@ -311,7 +299,7 @@ def of_decision(
     return head | data | _series(analysis, decision, series_order or data["order"], seed)
 
 
-def involution_data(found: Decision | Finding, symbol: SymbolOfSystem) -> dict[str, Any]:
+def involution_data(found: deciding.Decision | Finding, symbol: SymbolOfSystem) -> dict[str, Any]:
     """What a yes without L rests on; the dimension stopped falling between order - 1 and order."""
     return {
         "order": found.order - 1,
@@ -325,7 +313,7 @@ def involution_data(found: Decision | Finding, symbol: SymbolOfSystem) -> dict[s
     }
 
 
-def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> dict[str, Any]:
+def _series(analysis: deciding.Analysis, decision: deciding.Decision, order: int, seed: int) -> dict[str, Any]:
     """{"series": …} to the order, or to the largest below it that is no longer than bearable; {} without one."""
     from inverse_service.decision.deciding import count, is_rational, regular_series
 
@@ -337,7 +325,7 @@ def _series(analysis: Analysis, decision: Decision, order: int, seed: int) -> di
     spare = decision.order - 1 - decision.degree
     try:
         return {"series": regular_series(analysis, decision.with_time, fitting[-1], seed, spare)}
-    except (ValueError, IrreducibleAtoms):
+    except (ValueError, errors.IrreducibleAtoms):
         return {}
 
 
@@ -347,7 +335,7 @@ def head_of(
     claim: str,
     kind: str,
     near: dict[str, str],
-    positive: Sequence[Expression],
+    positive: Sequence[ex.Expression],
     roots: Sequence[dict[str, str]] = (),
 ) -> dict[str, Any]:
     """What all certificates begin with; `near` is a point of the domain, on which the trees of `positive` are > 0."""
@@ -357,26 +345,36 @@ def head_of(
     return head | {key: part for key, part in parts.items() if part}
 
 
-def conditions_of(positive: Iterable[Expression]) -> list[str]:
+def conditions_of(positive: Iterable[ex.Expression]) -> list[str]:
     """The inequalities of a certificate that say that these trees are positive."""
-    return [*dict.fromkeys(map(inequality_text, positive))][:_MOST_CONDITIONS]
+    return [*dict.fromkeys(map(inequalities.inequality_text, positive))][:_MOST_CONDITIONS]
 
 
-def moved_to(near: Mapping[str, str], table: RealTable) -> dict[str, str]:
+def moved_to(near: Mapping[str, str], table: real_point.RealTable) -> dict[str, str]:
     """The values of the same names at another point."""
-    named = {to_text(key): mpmath.nstr(value, _DIGITS) for key, value in table.items() if not isinstance(key, Integral)}
+    named = {
+        printing.to_text(key): mpmath.nstr(value, _DIGITS)
+        for key, value in table.items()
+        if not isinstance(key, ex.Integral)
+    }
     return {name: named.get(name, value) for name, value in near.items()}
 
 
-def near_of(table: RealTable | None, names: Sequence[Symbol | Velocity]) -> dict[str, str]:
+def near_of(table: real_point.RealTable | None, names: Sequence[ex.Symbol | ex.Velocity]) -> dict[str, str]:
     """The values of these at a real point, in digits."""
-    return {to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table} if table else {}
+    return {printing.to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table} if table else {}
 
 
-def _head(analysis: Analysis, table: RealTable | None, with_time: bool, claim: str, kind: str) -> dict[str, Any]:
+def _head(
+    analysis: deciding.Analysis, table: real_point.RealTable | None, with_time: bool, claim: str, kind: str
+) -> dict[str, Any]:
     system = analysis.system
-    places: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), TIME, *map(Velocity, system.coordinates)]
-    near = near_of(table, [*places, *map(Symbol, system.parameters), *system.letters])
+    places: list[ex.Symbol | ex.Velocity] = [
+        *map(ex.Symbol, system.coordinates),
+        ex.TIME,
+        *map(ex.Velocity, system.coordinates),
+    ]
+    near = near_of(table, [*places, *map(ex.Symbol, system.parameters), *system.letters])
     roots = [*_roots(system), *_halves(analysis), *_nested(analysis)]
     return head_of(_system(system), with_time, claim, kind, near, system.positive, roots)
 
@@ -384,62 +382,68 @@ def _head(analysis: Analysis, table: RealTable | None, with_time: bool, claim: s
 def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
     found = () if system.branch is None else system.branch.roots
     pairs = [_root(*pair) for pair in found]
-    return [{"root": to_text(pair[0]), "is": to_text(pair[1])} for pair in pairs if pair]
+    return [{"root": printing.to_text(pair[0]), "is": printing.to_text(pair[1])} for pair in pairs if pair]
 
 
-def _signs(analysis: Analysis) -> list[dict[str, str]]:
+def _signs(analysis: deciding.Analysis) -> list[dict[str, str]]:
     """Which signs functions under roots have, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
     signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
-    return [_square(u) for u in signed if any(isinstance(node, Apply) for node in walk(u))]
+    return [_square(u) for u in signed if any(isinstance(node, ex.Apply) for node in ex.walk(u))]
 
 
-def _square(u: Expression) -> dict[str, str]:
-    return {"root": f"sqrt(({to_text(u)})^2)", "is": to_text(u)}
+def _square(u: ex.Expression) -> dict[str, str]:
+    return {"root": f"sqrt(({printing.to_text(u)})^2)", "is": printing.to_text(u)}
 
 
-def _halves(analysis: Analysis) -> list[dict[str, str]]:
+def _halves(analysis: deciding.Analysis) -> list[dict[str, str]]:
     """cos(atan(w)/2), which is positive, where f has roots: nested ones may be products of it and others."""
-    if not any(is_even_root(node) and varies(node) for node in distinct_nodes(analysis.system.given)):
+    if not any(
+        tower.is_even_root(node) and real_point.varies(node) for node in ex.distinct_nodes(analysis.system.given)
+    ):
         return []
-    rules = [rule for rule in analysis.tower.rules if isinstance(rule, AngleRule) and not rule.turns]
+    rules = [rule for rule in analysis.tower.rules if isinstance(rule, tower.AngleRule) and not rule.turns]
     halved = (atom for rule in rules for atom, a in rule.arctangents if a.denominator % 2 == 0)
-    return [_square(apply("cos", atom / 2)) for atom in dict.fromkeys(halved)]
+    return [_square(ex.apply("cos", atom / 2)) for atom in dict.fromkeys(halved)]
 
 
-def _nested(analysis: Analysis) -> Iterator[dict[str, str]]:
+def _nested(analysis: deciding.Analysis) -> Iterator[dict[str, str]]:
     """Roots of numbers that hold roots, where those of f give them: (2 + sqrt(5))^(1/3) = (1 + sqrt(5))/2 (by PSLQ)."""
-    nodes = (node for node in distinct_nodes(analysis.accelerations) if isinstance(node, Power) and not varies(node))
-    roots = [node for node in nodes if isinstance(node.exponent, Number) and is_irrational(node)]
+    nodes = (
+        node
+        for node in ex.distinct_nodes(analysis.accelerations)
+        if isinstance(node, ex.Power) and not real_point.varies(node)
+    )
+    roots = [node for node in nodes if isinstance(node.exponent, ex.Number) and deciding.is_irrational(node)]
     for node in roots:
-        others = [one for one in roots if node not in walk(one)]
-        if {*others}.isdisjoint(walk(node.base)) or not isinstance(node.exponent, Number):
+        others = [one for one in roots if node not in ex.walk(one)]
+        if {*others}.isdisjoint(ex.walk(node.base)) or not isinstance(node.exponent, ex.Number):
             continue
         whole = node.base ** Fraction(1, node.exponent.value.denominator)
-        known: list[Expression] = [number(1), *others]
+        known: list[ex.Expression] = [ex.number(1), *others]
         try:
             with mpmath.workdps(bounds.DIGITS):
-                values = [evaluate(one, {}) for one in (whole, *known)]
+                values = [evaluation.evaluate(one, {}) for one in (whole, *known)]
                 found = mpmath.pslq(values, maxcoeff=bounds.RATIO, maxsteps=bounds.RATIO)
-        except NoRealValue:
+        except evaluation.NoRealValue:
             continue
         if found and found[0]:
             terms = (Fraction(-a, found[0]) * b for a, b in zip(found[1:], known, strict=True))
-            yield {"root": to_text(whole), "is": to_text(add(*terms))}
+            yield {"root": printing.to_text(whole), "is": printing.to_text(ex.add(*terms))}
 
 
-def _root(node: Expression, value: Expression) -> tuple[Expression, Expression] | None:
+def _root(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression, ex.Expression] | None:
     """A root with a positive exponent; sqrt(1 - sin(u)^2) = cos u or -cos u of asin(sin u), of acos(cos u) likewise."""
     match node:
-        case Power(base, Number(exponent)) if exponent < 0:
+        case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return base**-exponent, value**-1
-        case Power():
+        case ex.Power():
             return node, value
-        case Apply("asin" | "acos" as function, Apply(inner, u)):
-            other = apply("cos" if function == "asin" else "sin", u)
-            root = square_root(1 - apply(inner, u) ** 2)
+        case ex.Apply("asin" | "acos" as function, ex.Apply(inner, u)):
+            other = ex.apply("cos" if function == "asin" else "sin", u)
+            root = ex.square_root(1 - ex.apply(inner, u) ** 2)
             return root, other if value == u else -other
-        case Apply("Heaviside", u):
-            return square_root(u**2), -u if value == ZERO else u
+        case ex.Apply("Heaviside", u):
+            return ex.square_root(u**2), -u if value == ex.ZERO else u
         case _:
             return None
 
@@ -448,7 +452,7 @@ def _system(system: SecondOrderSystem) -> dict[str, Any]:
     pairs = zip(system.coordinates, system.given, strict=True)
     return {
         "coordinates": list(system.coordinates),
-        "equations": {name: to_text(f) for name, f in pairs},
+        "equations": {name: printing.to_text(f) for name, f in pairs},
         "parameters": list(system.parameters),
         "functions": {name: list(arguments) for name, arguments in system.functions},
     }

@@ -24,47 +24,19 @@ from fractions import Fraction
 from math import comb, isqrt
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from inverse_service import bounds
-from inverse_service.deadline import now
+from inverse_service import bounds, deadline, errors
 from inverse_service.decision.kinds import helmholtz
-from inverse_service.decision.kinds.helmholtz import (
-    ANY_FRICTION,
-    KINDS,
-    Among,
-    Kind,
-    added_equations,
-    matrix_of,
-    pairs_of,
-    summands,
-    unknowns_of,
-)
 from inverse_service.decision.solutions import SolutionSpace, Verdict
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    PI,
-    TIME,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    number,
-    substitute,
-    walk,
-)
+from inverse_service.expressions import printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import modular, reduction
 from inverse_service.field import point as ps
 from inverse_service.field.dense_series import TooLarge
 from inverse_service.field.echelon import Echelon
-from inverse_service.field.modular import reconstruct, safe_prime
 from inverse_service.field.point import Expansion, Point, Series, SeriesRing, SingularPoint, Variable, evaluate
 from inverse_service.field.real_point import RealTable, find_real_point
-from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.tower import Tower, draw_point, to_kernels
+from inverse_service.linear_pde import involution
 from inverse_service.linear_pde.equations import (
     NO_DERIVATIVE,
     Equations,
@@ -77,10 +49,7 @@ from inverse_service.linear_pde.equations import (
     term_table,
     unknown_names,
 )
-from inverse_service.linear_pde.involution import Coefficients, Finding, Limits, Matrix, matrix_at, settle
-from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
-from inverse_service.mechanics.conditions import Motion, connection, jacobi_endomorphism
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
+from inverse_service.mechanics import conditions, second_order_system
 
 if TYPE_CHECKING:
     from inverse_service.certificate.checker import CheckResult
@@ -114,68 +83,68 @@ class Analysis:
     velocities are `constrained` to be functions of the others. `proofs` keeps what the checker said of certificates.
     """
 
-    system: SecondOrderSystem
-    accelerations: tuple[Expression, ...]
+    system: second_order_system.SecondOrderSystem
+    accelerations: tuple[ex.Expression, ...]
     tower: Tower
     real_point: RealTable | None
-    constrained: Mapping[Velocity, Expression] = field(default_factory=dict)
+    constrained: Mapping[ex.Velocity, ex.Expression] = field(default_factory=dict)
     towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
     proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
 
     def series(self, point: Point, with_time: bool, order: int) -> tuple[SeriesRing, list[Series], list[Series]]:
         """The ring of series in (t?, q, v) about the point, and v and f in it; SingularPoint where f has none."""
         expansion = Expansion(point, moving_variables(self.system, with_time), order)
-        velocities = [expansion.expand(Velocity(name)) for name in self.system.coordinates]
+        velocities = [expansion.expand(ex.Velocity(name)) for name in self.system.coordinates]
         return expansion.ring, velocities, [expansion.expand(f) for f in self.accelerations]
 
 
-def variables_of(system: SecondOrderSystem) -> tuple[Variable, ...]:
+def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[Variable, ...]:
     """t, q, v and the parameters, and accelerations that are letters."""
     return (
-        TIME,
-        *(Symbol(name) for name in system.coordinates),
-        *(Velocity(name) for name in system.coordinates),
-        *(Symbol(name) for name in system.parameters),
+        ex.TIME,
+        *(ex.Symbol(name) for name in system.coordinates),
+        *(ex.Velocity(name) for name in system.coordinates),
+        *(ex.Symbol(name) for name in system.parameters),
         *system.letters,
     )
 
 
-def moving_variables(system: SecondOrderSystem, with_time: bool) -> tuple[Variable, ...]:
+def moving_variables(system: second_order_system.SecondOrderSystem, with_time: bool) -> tuple[Variable, ...]:
     """(t?, q, v)."""
     return variables_of(system)[not with_time : 1 + 2 * len(system.coordinates)]
 
 
-def analyze(system: SecondOrderSystem) -> Analysis:
+def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
     """The first branch of the system; IrreducibleAtoms where the relations among the atoms cannot be settled."""
-    system = branches_of(system)[0]
+    system = second_order_system.branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)
     variables = variables_of(system)
     # Each other piece of a piecewise formula need not be defined on this one.
     roots = system.branch.roots if system.branch else ()
-    steps: dict[Expression, Expression] = {node: one for node, one in roots if isinstance(node, Apply)}
-    given = [to_kernels(substitute(f, steps)) for f in system.given] if system.positive else []
+    steps: dict[ex.Expression, ex.Expression] = {node: one for node, one in roots if isinstance(node, ex.Apply)}
+    given = [to_kernels(ex.substitute(f, steps)) for f in system.given] if system.positive else []
     if steps and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, system.positive) is None:
-        raise IrreducibleAtoms(_alone(system))
+        raise errors.IrreducibleAtoms(_alone(system))
     # Of predators and prey, of which one is a coordinate, both are positive, as are their rates.
-    positive = [*map(Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
+    positive = [*map(ex.Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
     sides = [*system.positive, *positive]
     points = (find_real_point([*kernels, *given], variables, 1, tuple(side)) for side in (sides, system.positive))
     table = next((point for point in points if point is not None), None)
-    tower = reduce_atoms(kernels, variables, table)
+    tower = reduction.reduce_atoms(kernels, variables, table)
     return Analysis(system, kernels, tower, table)
 
 
-def _alone(system: SecondOrderSystem) -> str:
+def _alone(system: second_order_system.SecondOrderSystem) -> str:
     pairs = zip(system.coordinates, system.accelerations, strict=True)
-    equations = ", ".join(f"{name}'' = {to_text(f)}" for name, f in pairs)
+    equations = ", ".join(f"{name}'' = {printing.to_text(f)}" for name, f in pairs)
     return f"other pieces of the formula seem to have no real value here: ask about this piece alone, {equations}"
 
 
-def is_irrational(node: Expression) -> bool:
+def is_irrational(node: ex.Expression) -> bool:
     """Whether the topmost operation of a formula is not rational."""
-    if isinstance(node, Power):
-        return not (isinstance(node.exponent, Number) and node.exponent.value.denominator == 1)
-    return isinstance(node, Apply | Arbitrary)
+    if isinstance(node, ex.Power):
+        return not (isinstance(node.exponent, ex.Number) and node.exponent.value.denominator == 1)
+    return isinstance(node, ex.Apply | ex.Arbitrary)
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +188,9 @@ def field_of(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -
     return (*[ring.constant(1)] * (ring.size - 2 * len(forces)), *velocities, *forces)
 
 
-def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> Motion[LocalScalar]:
+def motion_of_series(
+    ring: SeriesRing, velocities: list[Series], forces: list[Series]
+) -> conditions.Motion[LocalScalar]:
     """The motion from the series of v and f in the displacements (t?, q, v); t is the one before q, if any."""
     n = len(forces)
     offset = ring.size - 2 * n
@@ -229,7 +200,7 @@ def motion_of_series(ring: SeriesRing, velocities: list[Series], forces: list[Se
         return lambda scalar: LocalScalar(ring, ps.derivative(scalar.series, index))
 
     partials = [partial(index) for index in range(ring.size)]
-    return Motion(
+    return conditions.Motion(
         tuple(LocalScalar(ring, force) for force in forces),
         tuple(partials[offset : offset + n]),
         tuple(partials[offset + n :]),
@@ -255,7 +226,7 @@ class LocalSystem:
 def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> LocalSystem:
     """X, N, Phi from the series of v and f of order D in (t?, q, v); Phi comes out to order D - 2."""
     motion = motion_of_series(ring, velocities, forces)
-    tensors = (connection(motion), jacobi_endomorphism(motion))
+    tensors = (conditions.connection(motion), conditions.jacobi_endomorphism(motion))
     N, Phi = (tuple(tuple(entry.series for entry in row) for row in tensor) for tensor in tensors)
     return LocalSystem(ring, field_of(ring, velocities, forces), N, Phi)
 
@@ -263,20 +234,20 @@ def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series
 def equations(local: LocalSystem) -> LocalEquations:
     """H2 for i <= j, then H3 for i < j, with what prolongation to the order of Phi needs of the series."""
     order = local.ring.order - 2
-    blocks = tuple(_equations(local, kind, k, order - k) for kind, k in KINDS)
-    return LocalEquations(unknowns_of(local.dimension, local.ring.size), local.ring.prime, blocks)
+    blocks = tuple(_equations(local, kind, k, order - k) for kind, k in helmholtz.KINDS)
+    return LocalEquations(helmholtz.unknowns_of(local.dimension, local.ring.size), local.ring.prime, blocks)
 
 
-def _equations(local: LocalSystem, kind: Kind, order: int, degree: int) -> Equations:
+def _equations(local: LocalSystem, kind: helmholtz.Kind, order: int, degree: int) -> Equations:
     """The rows of this kind are wanted up to this degree."""
     n, size = local.dimension, local.ring.size
     matrix, terms = local.connection if kind == "H2" else local.endomorphism, []
-    for s in summands(kind, n, size):
+    for s in helmholtz.summands(kind, n, size):
         series = matrix[s.row][s.column] if s.derivative == NO_DERIVATIVE else local.field[s.row]
         if any(series):
             terms.append(Term(s.equation, s.entry, s.derivative, series, s.negative))
-    pairs = pairs_of(kind, n)
-    return Equations(kind, pairs, order, term_table(unknowns_of(n, size), terms, len(pairs), degree))
+    pairs = helmholtz.pairs_of(kind, n)
+    return Equations(kind, pairs, order, term_table(helmholtz.unknowns_of(n, size), terms, len(pairs), degree))
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,7 +264,7 @@ class Decision:
     reason: str = ""
     rows: tuple[RowName, ...] = ()
     space: SolutionSpace | None = None
-    symbol: SymbolOfSystem | None = None
+    symbol: involution.Symbol | None = None
     degree: int = 0
     history: tuple[tuple[int, ...], ...] = ()
     points: tuple[Mapping[str, int], ...] = ()
@@ -303,20 +274,20 @@ class Decision:
 class HelmholtzAt:
     """The card of Helmholtz for one system, at random points."""
 
-    others: tuple[Matrix, ...] = ()
+    others: tuple[involution.Matrix, ...] = ()
 
     __slots__ = ("_among", "_analysis", "_series", "_variables", "_velocities", "_with_time", "matrix", "unknowns")
 
-    def __init__(self, analysis: Analysis, with_time: bool, among: Among = ()) -> None:
+    def __init__(self, analysis: Analysis, with_time: bool, among: helmholtz.Among = ()) -> None:
         names, self._among = analysis.system.coordinates, among
         self._analysis, self._with_time = analysis, with_time
-        self._velocities = [Velocity(name) for name in names]
-        self._variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, names), *self._velocities]
+        self._velocities = [ex.Velocity(name) for name in names]
+        self._variables: list[Variable] = [*[ex.TIME] * with_time, *map(ex.Symbol, names), *self._velocities]
         n, size = len(names), len(self._variables)
         self.unknowns: Unknowns = helmholtz.unknowns_of(n, size)
-        self.matrix: Matrix = helmholtz.matrix_of(n, size)
+        self.matrix: involution.Matrix = helmholtz.matrix_of(n, size)
         forces = analysis.accelerations
-        self._series = Coefficients(
+        self._series = involution.Coefficients(
             lambda order: helmholtz.written(self._variables, self._velocities, forces, order),
             lambda seed: draw_point(analysis.tower, seed),
         )
@@ -327,8 +298,8 @@ class HelmholtzAt:
         if not self._among:
             return found
         expansion = Expansion(draw_point(self._analysis.tower, seed), self._variables, order + 2)
-        more = added_equations(self._among, expansion, self._analysis.accelerations, self.unknowns)
-        own = () if ANY_FRICTION in self._among else found.equations
+        more = helmholtz.added_equations(self._among, expansion, self._analysis.accelerations, self.unknowns)
+        own = () if helmholtz.ANY_FRICTION in self._among else found.equations
         return replace(found, equations=(*own, *more))
 
     def _of_all(self, seed: int, order: int) -> LocalEquations:
@@ -347,13 +318,13 @@ class HelmholtzAt:
 
 
 def decide(
-    system: SecondOrderSystem,
+    system: second_order_system.SecondOrderSystem,
     time_dependent: bool,
     seed: int = 1,
-    limits: Limits | None = None,
+    limits: involution.Limits | None = None,
     progress: Progress | None = None,
     analysis: Analysis | None = None,
-    among: Among = (),
+    among: helmholtz.Among = (),
 ) -> Decision:
     """Is there a regular L(q, v), or with `time_dependent` a regular L(t, q, v)?
 
@@ -361,20 +332,20 @@ def decide(
     atoms of f cannot be reduced or a limit is reached. f that contains t asks for L(t, q, v).
     `among`: only Lagrangians of a kind are asked about.
     """
-    began = now()
+    began = deadline.now()
     with_time = time_dependent or system.depends_on_time
     try:
         analysis = analysis or analyze(system)
         found = None if among else _of_one_coordinate(analysis, with_time, seed)
         if found is None:
             card = HelmholtzAt(analysis, with_time, among)
-            found = settle(card, seed, limits or Limits(), progress or (lambda _: None))
-    except IrreducibleAtoms as problem:
+            found = involution.settle(card, seed, limits or involution.Limits(), progress or (lambda _: None))
+    except errors.IrreducibleAtoms as problem:
         return Decision("undetermined", with_time, 0, reason=problem.detail)
-    return replace(_decision(found, with_time), seconds=now() - began)
+    return replace(_decision(found, with_time), seconds=deadline.now() - began)
 
 
-def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> Finding | None:
+def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> involution.Finding | None:
     """Always yes where f has values: g has to solve Gamma(g) + g df/dv = 0 alone (Darboux 1894, no. 604).
 
     No displacement is characteristic, so g on t = 0, or on q = 0, is arbitrary. None for more coordinates.
@@ -386,13 +357,13 @@ def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> Findin
         evaluate(analysis.accelerations[0], point, {})
     except SingularPoint:
         return None
-    symbol = SymbolOfSystem(2, 3, (1, 1, 0)) if with_time else SymbolOfSystem(1, 1, (1, 0))
+    symbol = involution.Symbol(2, 3, (1, 1, 0)) if with_time else involution.Symbol(1, 1, (1, 0))
     history = ((1,), (1, 3), (1, 3, 6)) if with_time else ((1,), (1, 2), (1, 2, 3))
     points = ({"prime": point.prime, "seed": seed},)
-    return Finding(True, 2, symbol=symbol, degree=1, history=history, points=points)
+    return involution.Finding(True, 2, symbol=symbol, degree=1, history=history, points=points)
 
 
-def _decision(found: Finding, with_time: bool) -> Decision:
+def _decision(found: involution.Finding, with_time: bool) -> Decision:
     space, symbol = None, found.symbol
     if symbol is not None:
         dimensions = found.history[found.order]
@@ -420,7 +391,7 @@ def _count(number: int, noun: str) -> str:
 
 def is_rational(analysis: Analysis) -> bool:
     """Whether f is a rational function of t, q, v, the parameters and pi."""
-    return not any(is_irrational(node) for f in analysis.accelerations for node in walk(f))
+    return not any(is_irrational(node) for f in analysis.accelerations for node in ex.walk(f))
 
 
 def count(n: int, with_time: bool, order: int) -> int:
@@ -447,7 +418,7 @@ def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, s
         if found is not None:
             return {
                 "order": order,
-                "point": {to_text(s): str(point.variable(s)) for s in symbols_of(analysis)},
+                "point": {printing.to_text(s): str(point.variable(s)) for s in symbols_of(analysis)},
                 "prime": point.prime,
                 "terms": [[list(index), str(value)] for index, value in found.items() if value],
             }
@@ -501,14 +472,14 @@ def solution(echelon: Echelon, width: int, choose: Callable[[int], int]) -> _ByC
 
 def is_regular(prolongation: Prolongation, n: int, found: Mapping[int, int]) -> bool:
     """Whether g(p) is a regular matrix."""
-    matrix = matrix_of(n, prolongation.size)
-    return bool(matrix_at(prolongation.unknowns, matrix, found, prolongation.local.prime).rank() == n)
+    matrix = helmholtz.matrix_of(n, prolongation.size)
+    return bool(involution.matrix_at(prolongation.unknowns, matrix, found, prolongation.local.prime).rank() == n)
 
 
-def symbols_of(analysis: Analysis) -> list[Symbol | Velocity]:
+def symbols_of(analysis: Analysis) -> list[ex.Symbol | ex.Velocity]:
     """t, q, v, the parameters, and pi where f contains it."""
-    has_pi = any(node == PI for f in analysis.accelerations for node in walk(f))
-    return [*variables_of(analysis.system), *([PI] if has_pi else [])]
+    has_pi = any(node == ex.PI for f in analysis.accelerations for node in ex.walk(f))
+    return [*variables_of(analysis.system), *([ex.PI] if has_pi else [])]
 
 
 @dataclass(frozen=True, slots=True)
@@ -519,8 +490,8 @@ class RationalSeries:
     """
 
     order: int
-    variables: tuple[Symbol | Velocity, ...]
-    point: Mapping[Symbol | Velocity, int]
+    variables: tuple[ex.Symbol | ex.Velocity, ...]
+    point: Mapping[ex.Symbol | ex.Velocity, int]
     coefficients: Mapping[Index, Fraction]
 
 
@@ -530,7 +501,7 @@ def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int 
     The squares of the velocities get the coefficient 1/2, all other free coefficients are zero.
     """
     symbols = symbols_of(analysis)
-    if PI in symbols or not is_rational(analysis):
+    if ex.PI in symbols or not is_rational(analysis):
         return None
     variables = moving_variables(analysis.system, with_time)
     generic = _dimension(analysis, draw_point(analysis.tower, 1), with_time, (order, spare))
@@ -547,8 +518,8 @@ def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int 
     return None
 
 
-def _at(values: Mapping[Symbol | Velocity, int], seed: int) -> Point:
-    return Point(safe_prime(seed), seed, variables=dict(values))
+def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> Point:
+    return Point(modular.safe_prime(seed), seed, variables=dict(values))
 
 
 def _dimension(analysis: Analysis, point: Point, with_time: bool, orders: tuple[int, int]) -> int:
@@ -557,7 +528,7 @@ def _dimension(analysis: Analysis, point: Point, with_time: bool, orders: tuple[
 
 
 def _reconstructed(
-    analysis: Analysis, values: Mapping[Symbol | Velocity, int], with_time: bool, orders: tuple[int, int]
+    analysis: Analysis, values: Mapping[ex.Symbol | ex.Velocity, int], with_time: bool, orders: tuple[int, int]
 ) -> dict[Index, Fraction] | None:
     """The coefficients as fractions, once those from some primes agree with one prime more."""
 
@@ -598,7 +569,7 @@ def _fractions(residues: Mapping[Key, int], modulus: int) -> dict[Key, Fraction]
     bound = isqrt(modulus // 2)
     found: dict[Key, Fraction] = {}
     for index, residue in residues.items():
-        value = reconstruct(residue, modulus, bound)
+        value = modular.reconstruct(residue, modulus, bound)
         if value is None:
             return None
         found[index] = value
@@ -609,8 +580,10 @@ def _agrees(value: Fraction, residue: int, prime: int) -> bool:
     return (value.numerator - residue * value.denominator) % prime == 0
 
 
-def as_tree(series: RationalSeries) -> Expression:
+def as_tree(series: RationalSeries) -> ex.Expression:
     """The polynomial in the displacements, low degrees first."""
     steps = [x - series.point[x] for x in series.variables]
     ordered = sorted(series.coefficients.items(), key=lambda item: (sum(item[0]), item[0]))
-    return add(*(multiply(number(a), *(d**e for d, e in zip(steps, index, strict=True) if e)) for index, a in ordered))
+    return ex.add(
+        *(ex.multiply(ex.number(a), *(d**e for d, e in zip(steps, index, strict=True) if e)) for index, a in ordered)
+    )

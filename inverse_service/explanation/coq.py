@@ -19,8 +19,8 @@ from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service.explanation import theorems as th
 from inverse_service.explanation.hierarchy import EquationName, equation_terms, hierarchy
-from inverse_service.expressions.tree import TIME, Symbol
-from inverse_service.field.exact_field import Quotient, TooLarge, as_fraction, factor_polynomial
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field
 from inverse_service.mechanics.conditions import Motion
 
 HEAD = """(* What is proven: the theorems at the end, for all real numbers that fulfil their hypotheses. The
@@ -169,7 +169,7 @@ class System:
         self.theorems, first = theorems, theorems[0]
         origin = first.origin
         if origin is None:
-            raise TooLarge("long factors are letters of their own")
+            raise exact_field.TooLarge("long factors are letters of their own")
         self.ring, self.field, self.size = origin.exact.ring, origin.exact.ring.field, origin.exact.motion.size
         self.entries = {pair: self.place(symbol) for pair, symbol in origin.symbols.items()}
         self.lagrangian = origin.lagrangian
@@ -186,12 +186,12 @@ class System:
         self.names = th.letters_of(first, self.used)
         self.numbers = {k: number for number, k in enumerate(sorted(self.used, reverse=True))}
 
-    def place(self, tree: Symbol) -> int:
+    def place(self, tree: ex.Symbol) -> int:
         return next(k for k, known in self.ring.trees.items() if known == tree)
 
-    def _used(self, given: Sequence[Quotient]) -> set[int]:
+    def _used(self, given: Sequence[exact_field.Quotient]) -> set[int]:
         """The generators that occur in the formulas, in their slopes, and in the theorems."""
-        variables = {k for k, tree in self.ring.trees.items() if tree in self.ring.variables and tree != TIME}
+        variables = {k for k, tree in self.ring.trees.items() if tree in self.ring.variables and tree != ex.TIME}
         polynomials = [p for value in given for p in (value.numerator,)]
         polynomials += [self.field.denominators[k] for k in self.below]
         polynomials += [p for theorem in self.theorems for p in th.polynomials_of(theorem)]
@@ -207,14 +207,14 @@ class System:
 
     def denominator(self, k: int) -> fmpq_mpoly:
         """D among the letters."""
-        return self.formal(Quotient(self.field, self.field.denominators[k], ())).polynomial
+        return self.formal(exact_field.Quotient(self.field, self.field.denominators[k], ())).polynomial
 
-    def formal(self, value: Quotient) -> Formal:
+    def formal(self, value: exact_field.Quotient) -> Formal:
         """N / (D_1^e_1 ...) as N times powers of the letters 1/D."""
         powers = [0] * len(self.below)
         for k, e in value.exponents:
             if k not in self.below:
-                raise TooLarge("a denominator that f does not have")
+                raise exact_field.TooLarge("a denominator that f does not have")
             powers[self.below.index(k)] = e
         table = {(*exponents, *powers): c for exponents, c in value.numerator.to_dict().items()}
         return Formal(self.context.from_dict(table))
@@ -230,7 +230,7 @@ class System:
         def derivative(value: Formal) -> Formal:
             degrees = value.polynomial.degrees()
             if any(degrees[k] > 0 for k in self.ring.undefined):
-                raise TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
+                raise exact_field.TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
             terms = (value.polynomial.derivative(k) * image for k, image in images.items() if degrees[k] > 0)
             return Formal(sum(terms, value.polynomial * 0))
 
@@ -322,7 +322,7 @@ class System:
         terms = []
         for exponents, c in polynomial.to_dict().items():
             powers = [f"{letters[k]} ^ {e}" if e > 1 else letters[k] for k, e in enumerate(exponents) if e]
-            value = as_fraction(c)
+            value = exact_field.as_fraction(c)
             number = f"num ({value.numerator} # {value.denominator})"
             terms.append(" * ".join(powers if value == 1 and powers else [number, *powers]))
         return f"({' + '.join(terms) or 'num 0'})%poly"
@@ -349,7 +349,7 @@ def coq(theorems: Sequence[th.Theorem]) -> str:
             ]
         )
         return "\n".join([HEAD, *system.definitions(), *given, *further, TACTICS, *proofs])
-    except TooLarge as error:
+    except exact_field.TooLarge as error:
         return f"(* f is not defined in this file: {error}. *)\n" + th.coq_of_identities(theorems[0])
 
 
@@ -399,7 +399,7 @@ def _of_conditions(system: System) -> str:
             factor = factor * system.field.denominators[k] ** (m - dict(row.exponents).get(k, 0))
         found = th.divided(whole - factor * fact.polynomial, relations, system.field.budget)
         if not found.rest.is_zero():
-            raise TooLarge("a condition was not recognized")
+            raise exact_field.TooLarge("a condition was not recognized")
         given = th.Fact(f"row{fact.name[2:]}", whole)
         back = [(-c, relation) for c, relation in found.terms]
         step = th.identity(fact, factor * found.multiplier, [(found.multiplier, given), *back])
@@ -419,7 +419,7 @@ def _of_conditions(system: System) -> str:
 
 def _from_row(system: System, step: th.Identity, given: th.Fact, most: Mapping[int, int]) -> str:
     """The equation of the elimination from the condition as it stands."""
-    letters, (number, powers) = system.names, factor_polynomial(step.factor)
+    letters, (number, powers) = system.names, exact_field.factor_polynomial(step.factor)
     factor = th.product_text(letters, powers, str(number))
     scale = next(c for c, fact in step.terms if fact.name == given.name)
     below = th.product_text(letters, [(system.field.denominators[k], m) for k, m in most.items()])
@@ -443,10 +443,10 @@ def _of_lagrangian(system: System, k: int) -> str:
     whole, most = system.cleared(formal, {})
     found = th.divided(whole, th.relations_of(system.ring), system.field.budget)
     if not found.rest.is_zero():
-        raise TooLarge("an Euler-Lagrange expression was not recognized as zero")
+        raise exact_field.TooLarge("an Euler-Lagrange expression was not recognized as zero")
     step = th.identity(th.Fact("residual", whole), found.multiplier, found.terms)
     letters = system.names
-    number, powers = factor_polynomial(step.factor)
+    number, powers = exact_field.factor_polynomial(step.factor)
     factor = th.product_text(
         letters, [*powers, *((system.field.denominators[i], m) for i, m in most.items())], str(number)
     )
@@ -462,7 +462,7 @@ def _of_lagrangian(system: System, k: int) -> str:
 def _nonzero(system: System, theorem: th.Theorem, steps: Sequence[th.Identity]) -> list[fmpq_mpoly]:
     """What must not vanish: the denominators, and the factors by which steps are divided."""
     own = theorem.steps if system.lagrangian is None else ()
-    divisors = [factor for step in (*steps, *own) for factor, _ in factor_polynomial(step.factor)[1]]
+    divisors = [factor for step in (*steps, *own) for factor, _ in exact_field.factor_polynomial(step.factor)[1]]
     listed = [*(system.field.denominators[k] for k in system.below), *divisors]
     return list({str(one): one for one in listed if not one.is_constant()}.values())
 
@@ -526,7 +526,8 @@ def _example(system: System, theorem: th.Theorem, relations: Sequence[th.Fact], 
 def _at(polynomial: fmpq_mpoly, values: Sequence[Fraction]) -> Fraction:
     return sum(
         (
-            as_fraction(c) * math.prod((values[k] ** int(e) for k, e in enumerate(exponents) if e), start=Fraction(1))
+            exact_field.as_fraction(c)
+            * math.prod((values[k] ** int(e) for k, e in enumerate(exponents) if e), start=Fraction(1))
             for exponents, c in polynomial.to_dict().items()
         ),
         Fraction(0),

@@ -36,15 +36,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 from flint import nmod_mat
 
-from inverse_service import bounds
-from inverse_service.decision.deciding import LocalScalar, motion_of_series
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.notation import Formula, partial_derivative, row, theory
-from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.field.exact_field import ExactRing, Quotient, TooLarge, common_factor, sum_of
-from inverse_service.field.matrices import determinant, solve_square
+from inverse_service import bounds, errors
+from inverse_service.decision import deciding
+from inverse_service.expressions import notation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, matrices, tower
 from inverse_service.field.point import Point, SingularPoint, evaluate
-from inverse_service.field.tower import draw_point, to_kernels
 from inverse_service.mechanics.conditions import (
     Motion,
     MotionInRing,
@@ -59,7 +56,7 @@ from inverse_service.mechanics.conditions import (
 )
 
 if TYPE_CHECKING:
-    from inverse_service.decision.deciding import Analysis
+    pass
 
 
 # Larger sets than this are not searched for the smallest; all conditions of the depth are named.
@@ -70,22 +67,22 @@ _TRIALS = 3
 Row = tuple[int, ...]
 
 Unknown = tuple[int, int]
-Linear = Mapping[Unknown, Quotient]
+Linear = Mapping[Unknown, exact_field.Quotient]
 
-Matrix = tuple[tuple[Quotient, ...], ...]
+Matrix = tuple[tuple[exact_field.Quotient, ...], ...]
 
 
-def local_motion(analysis: Analysis, seed: int, order: int) -> Motion[LocalScalar]:
+def local_motion(analysis: deciding.Analysis, seed: int, order: int) -> Motion[deciding.LocalScalar]:
     """The motion about the random point of this seed, f known to `order`.
 
     A point where a denominator vanishes is passed over for the next one. Raises IrreducibleAtoms
     where no point was found.
     """
     for attempt in range(bounds.ATTEMPTS):
-        point = draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
+        point = tower.draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
         with suppress(SingularPoint):
-            return motion_of_series(*analysis.series(point, analysis.system.depends_on_time, order))
-    raise IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
+            return deciding.motion_of_series(*analysis.series(point, analysis.system.depends_on_time, order))
+    raise errors.IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +185,7 @@ class PointwiseConditions:
         return kernel([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
 
 
-def tensors_at(motion: Motion[LocalScalar], depth: int) -> PointwiseConditions:
+def tensors_at(motion: Motion[deciding.LocalScalar], depth: int) -> PointwiseConditions:
     """The equations of the hierarchy to `depth` at the point of the series."""
     n, prime = motion.size, motion.zero.ring.prime
     position = {pair: column for column, pair in enumerate(unknowns(n))}
@@ -226,7 +223,7 @@ def all_singular(basis: Sequence[Row], n: int, prime: int) -> bool:
     return True
 
 
-def smallest_sufficient_set(analysis: Analysis, seed: int = 1, depth: int = DEEPEST) -> SufficientSet | None:
+def smallest_sufficient_set(analysis: deciding.Analysis, seed: int = 1, depth: int = DEEPEST) -> SufficientSet | None:
     """The cheapest conditions that leave only singular g, confirmed at a second point.
 
     The least depth that suffices is taken, there the fewest tensors, among these the lowest orders.
@@ -244,7 +241,7 @@ def smallest_sufficient_set(analysis: Analysis, seed: int = 1, depth: int = DEEP
     return None
 
 
-def unique_direction(analysis: Analysis, seed: int) -> SufficientSet | None:
+def unique_direction(analysis: deciding.Analysis, seed: int) -> SufficientSet | None:
     """Conditions, cheap ones first, that fix g at a generic point up to one factor; None where there are none."""
     for level in range(DEEPEST + 1):
         table = tensors_at(local_motion(analysis, seed, level + 2), level)
@@ -307,9 +304,9 @@ class Solved:
     name: EquationName
     original: Linear
     reduced: Linear
-    content: Quotient
+    content: exact_field.Quotient
     pivot: Unknown
-    divisor: Quotient
+    divisor: exact_field.Quotient
     value: Linear
 
 
@@ -320,7 +317,7 @@ class Elimination:
     solved: tuple[Solved, ...]
     values: Mapping[Unknown, Linear]
 
-    def entry(self, unknown: Unknown, one: Quotient) -> Linear:
+    def entry(self, unknown: Unknown, one: exact_field.Quotient) -> Linear:
         """An entry of g as a combination of free entries."""
         return self.values.get(unknown, {unknown: one})
 
@@ -343,19 +340,19 @@ def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditio
     return Elimination(tuple(solved), values)
 
 
-def substituted(row: Linear, values: Mapping[Unknown, Linear]) -> dict[Unknown, Quotient]:
+def substituted(row: Linear, values: Mapping[Unknown, Linear]) -> dict[Unknown, exact_field.Quotient]:
     """The combination with known unknowns replaced, zero coefficients left out."""
     parts = [(unknown, coefficient) for unknown, coefficient in row.items() if unknown not in values]
     known = [(values[unknown], coefficient) for unknown, coefficient in row.items() if unknown in values]
     return collected([*parts, *((other, c * factor) for value, c in known for other, factor in value.items())])
 
 
-def collected(terms: Iterable[tuple[Unknown, Quotient]]) -> dict[Unknown, Quotient]:
+def collected(terms: Iterable[tuple[Unknown, exact_field.Quotient]]) -> dict[Unknown, exact_field.Quotient]:
     """The terms of one equation by unknown, zero coefficients left out."""
-    parts: dict[Unknown, list[Quotient]] = {}
+    parts: dict[Unknown, list[exact_field.Quotient]] = {}
     for unknown, coefficient in terms:
         parts.setdefault(unknown, []).append(coefficient)
-    sums = {unknown: sum_of(summands[0].field.constant(0), summands) for unknown, summands in parts.items()}
+    sums = {unknown: exact_field.sum_of(summands[0].field.constant(0), summands) for unknown, summands in parts.items()}
     return {unknown: total for unknown, total in sums.items() if not total.is_zero}
 
 
@@ -376,7 +373,7 @@ def _length(row: Linear) -> int:
     return sum(map(_weight, row.values()))
 
 
-def _weight(coefficient: Quotient) -> int:
+def _weight(coefficient: exact_field.Quotient) -> int:
     """A measure of size; rational numbers weigh nothing."""
     if coefficient.constant_value is not None:
         return 0
@@ -393,7 +390,7 @@ def _minor(solved: Sequence[Solved], name: EquationName, unknown: Unknown, table
 
 
 def _solve(name: EquationName, original: Linear, row: Linear, pivot: Unknown) -> Solved:
-    content = common_factor(list(row.values()))
+    content = exact_field.common_factor(list(row.values()))
     equation = {unknown: coefficient / content for unknown, coefficient in row.items()}
     divisor = equation[pivot]
     value = {other: -(c / divisor) for other, c in equation.items() if other != pivot}
@@ -412,15 +409,15 @@ def vanishing_block(values: Mapping[Unknown, Linear], n: int) -> tuple[tuple[int
 
 
 def remaining_determinant(
-    elimination: Elimination, n: int, symbols: Mapping[Unknown, Quotient], one: Quotient
-) -> Quotient:
+    elimination: Elimination, n: int, symbols: Mapping[Unknown, exact_field.Quotient], one: exact_field.Quotient
+) -> exact_field.Quotient:
     """det g of what remains (n <= 4)."""
 
-    def entry(i: int, j: int) -> Quotient:
+    def entry(i: int, j: int) -> exact_field.Quotient:
         row = elimination.entry((min(i, j), max(i, j)), one)
-        return sum_of(one - one, [c * symbols[unknown] for unknown, c in row.items()])
+        return exact_field.sum_of(one - one, [c * symbols[unknown] for unknown, c in row.items()])
 
-    return determinant([[entry(i, j) for j in range(n)] for i in range(n)], one)
+    return matrices.determinant([[entry(i, j) for j in range(n)] for i in range(n)], one)
 
 
 @dataclass(frozen=True, slots=True)
@@ -428,8 +425,8 @@ class Line:
     """A derivative of u, how it is found (with formulas of the theory between grave accents), and its value."""
 
     reason: str
-    formula: Formula
-    value: Quotient
+    formula: notation.Formula
+    value: exact_field.Quotient
 
 
 @dataclass(frozen=True, slots=True)
@@ -437,16 +434,16 @@ class Contradiction:
     """The derivatives of u, and an expression in them that must be zero and is not; `note` says why it must."""
 
     lines: tuple[Line, ...]
-    formula: Formula
+    formula: notation.Formula
     note: str
-    difference: Quotient
+    difference: exact_field.Quotient
 
 
-def direction_matrix(result: Elimination, n: int, one: Quotient) -> Matrix:
+def direction_matrix(result: Elimination, n: int, one: exact_field.Quotient) -> Matrix:
     """G: the entries of g divided by the one that stayed free."""
     zero = one - one
 
-    def entry(i: int, j: int) -> Quotient:
+    def entry(i: int, j: int) -> exact_field.Quotient:
         row = result.entry((min(i, j), max(i, j)), one)
         return next(iter(row.values()), zero)
 
@@ -454,26 +451,26 @@ def direction_matrix(result: Elimination, n: int, one: Quotient) -> Matrix:
 
 
 def contradiction(
-    analysis: Analysis, exact: MotionInRing, direction: Matrix, with_time: bool, seed: int
+    analysis: deciding.Analysis, exact: MotionInRing, direction: Matrix, with_time: bool, seed: int
 ) -> Contradiction:
     """The first integrability condition of u that fails; TooLarge where none is found."""
     slopes = _slopes(exact, direction)
-    point = draw_point(analysis.tower, seed)
+    point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
     for formula, note, difference, held in _conditions(exact, slopes, with_time, names):
         if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
             return Contradiction(_lines(slopes, with_time, held, names), formula, note, difference)
-    raise TooLarge("no integrability condition of the factor fails")
+    raise exact_field.TooLarge("no integrability condition of the factor fails")
 
 
 @dataclass(frozen=True, slots=True)
 class _Slopes:
     """mu, Gamma(u) = a, nu and tau, as in the module's formulas."""
 
-    by_velocity: tuple[Quotient, ...]
-    along: Quotient
-    by_coordinate: tuple[Quotient, ...]
-    by_time: Quotient
+    by_velocity: tuple[exact_field.Quotient, ...]
+    along: exact_field.Quotient
+    by_coordinate: tuple[exact_field.Quotient, ...]
+    by_time: exact_field.Quotient
 
 
 def _slopes(exact: MotionInRing, direction: Matrix) -> _Slopes:
@@ -483,88 +480,88 @@ def _slopes(exact: MotionInRing, direction: Matrix) -> _Slopes:
     nu = []
     for k in span:
         rest = [motion.by_velocity[k](f) * mu[m] for m, f in enumerate(motion.accelerations)]
-        nu.append(motion.by_velocity[k](a) - motion.along(mu[k]) - sum_of(motion.zero, rest))
+        nu.append(motion.by_velocity[k](a) - motion.along(mu[k]) - exact_field.sum_of(motion.zero, rest))
     speeds = [exact.ring.atoms[v] for v in exact.ring.variables[1 + motion.size :]]
     products = [speeds[k] * nu[k] for k in span] + [motion.accelerations[k] * mu[k] for k in span]
-    return _Slopes(mu, a, tuple(nu), a - sum_of(motion.zero, products))
+    return _Slopes(mu, a, tuple(nu), a - exact_field.sum_of(motion.zero, products))
 
 
-def _velocity_slope(exact: MotionInRing, direction: Matrix, k: int) -> Quotient:
+def _velocity_slope(exact: MotionInRing, direction: Matrix, k: int) -> exact_field.Quotient:
     motion, span = exact.motion, range(exact.motion.size)
     j = 0 if k else 1
-    inverse = solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
+    inverse = matrices.solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
     if inverse is None:
         raise ZeroDivisionError("the matrix is singular")
     by = motion.by_velocity
     terms = [inverse[i] * (by[k](direction[i][j]) - by[j](direction[i][k])) for i in span]
-    return -sum_of(motion.zero, terms)
+    return -exact_field.sum_of(motion.zero, terms)
 
 
-def _slope_along(exact: MotionInRing, direction: Matrix) -> Quotient:
+def _slope_along(exact: MotionInRing, direction: Matrix) -> exact_field.Quotient:
     motion, span = exact.motion, range(exact.motion.size)
-    n: Tensor11[Quotient] = connection(motion)
+    n: Tensor11[exact_field.Quotient] = connection(motion)
     i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
     terms = [direction[i][m] * n[m][j] + direction[j][m] * n[m][i] for m in span]
-    return (sum_of(motion.zero, terms) - motion.along(direction[i][j])) / direction[i][j]
+    return (exact_field.sum_of(motion.zero, terms) - motion.along(direction[i][j])) / direction[i][j]
 
 
 def _conditions(
     exact: MotionInRing, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
-) -> Iterator[tuple[Formula, str, Quotient, frozenset[Symbol | Velocity]]]:
+) -> Iterator[tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]]:
     """Everything that vanishes if u exists, the reason and the variables of the slopes in it, the simplest first."""
     motion = exact.motion
     if not with_time:
-        yield _slope(TIME), ", as L is not to contain t,", slopes.by_time, frozenset({TIME})
-    first: list[tuple[Symbol | Velocity, Any, Quotient]] = [
-        (Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
+        yield _slope(ex.TIME), ", as L is not to contain t,", slopes.by_time, frozenset({ex.TIME})
+    first: list[tuple[ex.Symbol | ex.Velocity, Any, exact_field.Quotient]] = [
+        (ex.Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
     ]
-    first += [(Symbol(x), motion.by_coordinate[k], slopes.by_coordinate[k]) for k, x in enumerate(names)]
+    first += [(ex.Symbol(x), motion.by_coordinate[k], slopes.by_coordinate[k]) for k, x in enumerate(names)]
     if with_time:
-        first.append((TIME, exact.ring.partial(0), slopes.by_time))
+        first.append((ex.TIME, exact.ring.partial(0), slopes.by_time))
     for left in range(len(first)):
         for right in range(left):
             x, by_x, u_x = first[left]
             y, by_y, u_y = first[right]
-            yield row(_mixed(y, x), " - ", _mixed(x, y)), "", by_x(u_y) - by_y(u_x), frozenset({x, y})
+            yield notation.row(_mixed(y, x), " - ", _mixed(x, y)), "", by_x(u_y) - by_y(u_x), frozenset({x, y})
 
 
-def _slope(variable: Symbol | Velocity) -> Formula:
-    return partial_derivative(theory("u"), variable)
+def _slope(variable: ex.Symbol | ex.Velocity) -> notation.Formula:
+    return notation.partial_derivative(notation.theory("u"), variable)
 
 
-def _mixed(inner: Symbol | Velocity, outer: Symbol | Velocity) -> Formula:
-    return partial_derivative(row("(", _slope(inner), ")"), outer)
+def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> notation.Formula:
+    return notation.partial_derivative(notation.row("(", _slope(inner), ")"), outer)
 
 
 def _lines(
-    slopes: _Slopes, with_time: bool, held: frozenset[Symbol | Velocity], names: tuple[str, ...]
+    slopes: _Slopes, with_time: bool, held: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
 ) -> tuple[Line, ...]:
     """The derivatives of u that are held, in the order in which they are found, and those that these are made of."""
-    of_velocities = all(isinstance(variable, Velocity) for variable in held)
+    of_velocities = all(isinstance(variable, ex.Velocity) for variable in held)
     lines = [
-        Line("As `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(Velocity(x)), slopes.by_velocity[k])
+        Line("As `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(ex.Velocity(x)), slopes.by_velocity[k])
         for k, x in enumerate(names)
-        if Velocity(x) in held or not of_velocities
+        if ex.Velocity(x) in held or not of_velocities
     ]
     if of_velocities:
         return tuple(lines)
-    lines.append(Line("By `Gamma(g) = g N + (g N)^T`", theory("Gamma(u)"), slopes.along))
+    lines.append(Line("By `Gamma(g) = g N + (g N)^T`", notation.theory("Gamma(u)"), slopes.along))
     lines += [
-        Line(f"`Gamma(u)` differentiated by `{x}'`", _slope(Symbol(x)), slopes.by_coordinate[k])
+        Line(f"`Gamma(u)` differentiated by `{x}'`", _slope(ex.Symbol(x)), slopes.by_coordinate[k])
         for k, x in enumerate(names)
-        if Symbol(x) in held or TIME in held
+        if ex.Symbol(x) in held or ex.TIME in held
     ]
-    if with_time and TIME in held:
-        lines.append(Line("The rest of `Gamma(u)`", _slope(TIME), slopes.by_time))
+    if with_time and ex.TIME in held:
+        lines.append(Line("The rest of `Gamma(u)`", _slope(ex.TIME), slopes.by_time))
     return tuple(lines)
 
 
-def _is_nonzero(ring: ExactRing, element: Quotient, point: Point) -> bool:
+def _is_nonzero(ring: exact_field.ExactRing, element: exact_field.Quotient, point: Point) -> bool:
     """Whether the value at the random point is not zero; TooLarge where it cannot be formed."""
     try:
-        values = {index: evaluate(to_kernels(tree), point) for index, tree in ring.trees.items()}
+        values = {index: evaluate(tower.to_kernels(tree), point) for index, tree in ring.trees.items()}
     except (KeyError, TypeError, ValueError, SingularPoint) as error:
-        raise TooLarge("an expression could not be evaluated modulo a prime") from error
+        raise exact_field.TooLarge("an expression could not be evaluated modulo a prime") from error
     total = 0
     for exponents, coefficient in element.numerator.terms():
         term = int(coefficient.p) * pow(int(coefficient.q), -1, point.prime)

@@ -25,11 +25,11 @@ from fractions import Fraction
 from functools import partial
 from typing import Any, TypeVar, cast
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.deadline import now
 from inverse_service.decision.deciding import Analysis, LocalScalar, motion_of_series
 from inverse_service.decision.solutions import Step
-from inverse_service.errors import IrreducibleAtoms
+from inverse_service.explanation import wording
 from inverse_service.explanation.hierarchy import (
     ConditionName,
     Elimination,
@@ -54,49 +54,14 @@ from inverse_service.explanation.hierarchy import (
     unknowns,
     vanishing_block,
 )
-from inverse_service.explanation.wording import (
-    SINGULAR,
-    Explanation,
-    Piece,
-    block_sentence,
-    differential_summary,
-    enumerated,
-    equation_name,
-    equation_step,
-    factor_steps,
-    opening,
-    said,
-    separated,
-    summary_steps,
-    tensor_steps,
-)
-from inverse_service.expressions.notation import MULTIPLIER, matrix, row, theory
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    PI,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    children,
-    node_count,
-    number,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, factor_trees, quotient_tree
-from inverse_service.field.matrices import echelon_of
-from inverse_service.field.modular import is_positive, reconstruct, safe_prime
+from inverse_service.expressions import notation, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, number_value, variables_in
-from inverse_service.field.tower import AngleRule, ExponentialRule, atoms_in_order, replay
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-Tensors = Mapping[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]
+Tensors = Mapping[ConditionName, Tensor11[exact_field.Quotient] | Tensor12[exact_field.Quotient]]
 
 TIME_LIMIT = 1.0
 NUMBERS_LIMIT = 5.0
@@ -110,7 +75,7 @@ Row = tuple[Fraction, ...]
 _SMALL, _LARGER, _PATIENCE = 5, 12, 20
 _PLAIN = tuple(tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0 0 1 2", "0 0 1 -1", "0 0 1 2"))
 _SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
-CHOSEN = safe_prime(7_003)
+CHOSEN = modular.safe_prime(7_003)
 
 Key = TypeVar("Key")
 
@@ -124,7 +89,7 @@ def explain_negative(
     with_time: bool = False,
     seed: int = 1,
     time_limit: float = TIME_LIMIT,
-) -> Explanation:
+) -> wording.Explanation:
     """From the chosen conditions of the hierarchy to det g = 0; for None, the differential consequence.
 
     Where the expressions are too large for pencil and paper, or more than one direction is left, the conditions
@@ -132,22 +97,22 @@ def explain_negative(
     `with_time` says that the question was for L(t, q, v).
     """
     system = analysis.system
-    budget = Budget(bounds.TERMS, now() + time_limit)
-    summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
+    budget = exact_field.Budget(bounds.TERMS, now() + time_limit)
+    summary = wording.differential_summary(system) if chosen is None else wording.summary_steps(system, chosen)
     found = None
     try:
         if chosen is None:
             found = _by_differentiation(analysis, with_time or system.depends_on_time, seed, budget)
         elif len(system.coordinates) <= LARGEST_N:
             found = _by_elimination(analysis, chosen, seed, budget)
-    except (TooLarge, ZeroDivisionError):
+    except (exact_field.TooLarge, ZeroDivisionError):
         pass
     if found is not None and _length(found.steps) <= LONGEST_SHOWN:
         return found
     steps = _in_numbers(analysis, chosen) if chosen is not None and len(system.coordinates) <= LARGEST_N else None
     if steps is None or (found is not None and _length(found.steps) <= _length(steps)):
-        return found or Explanation(summary, complete=False)
-    return Explanation(steps)
+        return found or wording.Explanation(summary, complete=False)
+    return wording.Explanation(steps)
 
 
 def _length(steps: Sequence[Step]) -> int:
@@ -163,10 +128,12 @@ def _in_numbers(analysis: Analysis, chosen: SufficientSet) -> tuple[Step, ...] |
     return steps_in_numbers(analysis.system, chosen, entry_symbols(analysis.system), numbers)
 
 
-def _by_elimination(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Explanation:
+def _by_elimination(
+    analysis: Analysis, chosen: SufficientSet, seed: int, budget: exact_field.Budget
+) -> wording.Explanation:
     solved = solve_conditions(analysis, chosen, seed, budget)
-    steps = [opening(analysis.system, chosen), *solved.steps, _closing_step(solved)]
-    return Explanation(tuple(steps))
+    steps = [wording.opening(analysis.system, chosen), *solved.steps, _closing_step(solved)]
+    return wording.Explanation(tuple(steps))
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +141,7 @@ class SolvedConditions:
     """The exact elimination of a set of conditions, with its steps."""
 
     exact: MotionInRing
-    symbols: Mapping[Unknown, Symbol]
+    symbols: Mapping[Unknown, ex.Symbol]
     result: Elimination
     steps: tuple[Step, ...]
 
@@ -184,14 +151,14 @@ class ExactRows:
     """The chosen equations with ring elements as coefficients, their tensors, and their values at a point."""
 
     exact: MotionInRing
-    symbols: Mapping[Unknown, Symbol]
+    symbols: Mapping[Unknown, ex.Symbol]
     tensors: Tensors
     equations: Mapping[EquationName, Linear]
     table: PointwiseConditions
 
 
 def exact_rows(
-    analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget, further_orders: int = 0
+    analysis: Analysis, chosen: SufficientSet, seed: int, budget: exact_field.Budget, further_orders: int = 0
 ) -> ExactRows:
     """The rows of a set of conditions; the ring allows `further_orders` derivations of them.
 
@@ -206,40 +173,46 @@ def exact_rows(
 
 
 def solve_conditions(
-    analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget, further_orders: int = 0
+    analysis: Analysis, chosen: SufficientSet, seed: int, budget: exact_field.Budget, further_orders: int = 0
 ) -> SolvedConditions:
     """Eliminate exactly; see `exact_rows`."""
     rows = exact_rows(analysis, chosen, seed, budget, further_orders)
     result = eliminate(rows.equations, rows.table)
     ring = rows.exact.ring
-    steps = tensor_steps(ring, [(condition, rows.tensors[condition]) for condition in chosen.conditions])
+    steps = wording.tensor_steps(ring, [(condition, rows.tensors[condition]) for condition in chosen.conditions])
     steps += [_solved_step(ring, rows.symbols, step, analysis.system.parameters) for step in result.solved]
     return SolvedConditions(rows.exact, rows.symbols, result, tuple(steps))
 
 
-def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: Budget) -> Explanation:
+def _by_differentiation(
+    analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget
+) -> wording.Explanation:
     """The multiplier known up to a factor, and the equations for the factor that contradict each other."""
     chosen = unique_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
     if chosen is None:
-        raise TooLarge("the algebraic conditions leave more than one direction")
+        raise exact_field.TooLarge("the algebraic conditions leave more than one direction")
     solved = solve_conditions(analysis, chosen, seed, budget, further_orders=3)
     ring, n = solved.exact.ring, solved.exact.motion.size
     direction = direction_matrix(solved.result, n, ring.constant(1))
     found = contradiction(analysis, solved.exact, direction, with_time, seed)
-    steps = [opening(analysis.system, chosen), *solved.steps, *factor_steps(ring, analysis.system, direction, found)]
-    return Explanation(tuple(steps))
+    steps = [
+        wording.opening(analysis.system, chosen),
+        *solved.steps,
+        *wording.factor_steps(ring, analysis.system, direction, found),
+    ]
+    return wording.Explanation(tuple(steps))
 
 
-def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, Symbol]:
+def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, ex.Symbol]:
     """Names g_11, g_12, … for the entries, with another letter where the system uses such names."""
-    used = {node.name for f in system.accelerations for node in walk(f) if isinstance(node, Symbol)}
+    used = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
     used |= set(system.coordinates) | set(system.parameters)
     pairs = unknowns(len(system.coordinates))
-    for letter in (MULTIPLIER.get(), "g", "h", "m", "multiplier"):
+    for letter in (notation.MULTIPLIER.get(), "g", "h", "m", "multiplier"):
         names = {(i, j): f"{letter}_{i + 1}{j + 1}" for i, j in pairs}
         if used.isdisjoint(names.values()):
-            return {pair: Symbol(name) for pair, name in names.items()}
-    raise TooLarge("the system uses every name for the entries of the multiplier")
+            return {pair: ex.Symbol(name) for pair, name in names.items()}
+    raise exact_field.TooLarge("the system uses every name for the entries of the multiplier")
 
 
 def exact_equations(exact: MotionInRing, tensors: Tensors, names: Sequence[EquationName]) -> dict[EquationName, Linear]:
@@ -251,15 +224,17 @@ def exact_equations(exact: MotionInRing, tensors: Tensors, names: Sequence[Equat
     return {name: found[name] for name in names}
 
 
-def _solved_step(ring: ExactRing, symbols: Mapping[Unknown, Symbol], step: Solved, parameters: Collection[str]) -> Step:
+def _solved_step(
+    ring: exact_field.ExactRing, symbols: Mapping[Unknown, ex.Symbol], step: Solved, parameters: Collection[str]
+) -> Step:
     original, reduced, result = (linear_tree(ring, symbols, row) for row in (step.original, step.reduced, step.value))
-    divisors = [*factor_trees(ring, step.content), *factor_trees(ring, step.divisor)]
-    return equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors, parameters)
+    divisors = [*exact_field.factor_trees(ring, step.content), *exact_field.factor_trees(ring, step.divisor)]
+    return wording.equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors, parameters)
 
 
-def linear_tree(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -> Expression:
+def linear_tree(ring: exact_field.ExactRing, symbols: Mapping[Unknown, ex.Symbol], row: Linear) -> ex.Expression:
     """The combination of the entries as a tree."""
-    return add(*(quotient_tree(ring, row[unknown]) * symbols[unknown] for unknown in sorted(row)))
+    return ex.add(*(exact_field.quotient_tree(ring, row[unknown]) * symbols[unknown] for unknown in sorted(row)))
 
 
 def _closing_step(solved: SolvedConditions) -> Step:
@@ -267,11 +242,11 @@ def _closing_step(solved: SolvedConditions) -> Step:
     n = solved.exact.motion.size
     block = vanishing_block(solved.result.values, n)
     if block is not None:
-        return block_sentence(solved.symbols, *block, n)
+        return wording.block_sentence(solved.symbols, *block, n)
     ring = solved.exact.ring
     elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
     if not remaining_determinant(solved.result, n, elements, ring.constant(1)).is_zero:
-        raise TooLarge("the determinant of what remains was not recognized as zero")
+        raise exact_field.TooLarge("the determinant of what remains was not recognized as zero")
     return _det_vanishes(solved)
 
 
@@ -284,13 +259,15 @@ def _det_vanishes(solved: SolvedConditions) -> Step:
         [linear_tree(solved.exact.ring, solved.symbols, result.entry((min(i, j), max(i, j)), one)) for j in range(n)]
         for i in range(n)
     ]
-    if sum(node_count(entry) for line in rows for entry in line) > bounds.SHOWN:
-        return said(f"With these values {end}", shown=[SINGULAR])
-    return said("With these values ", row("g = ", matrix(rows)), f", and {end}", shown=[SINGULAR])
+    if sum(ex.node_count(entry) for line in rows for entry in line) > bounds.SHOWN:
+        return wording.said(f"With these values {end}", shown=[wording.SINGULAR])
+    return wording.said(
+        "With these values ", notation.row("g = ", notation.matrix(rows)), f", and {end}", shown=[wording.SINGULAR]
+    )
 
 
 def steps_in_numbers(
-    system: SecondOrderSystem, chosen: SufficientSet, symbols: Mapping[Unknown, Symbol], numbers: NumbersAtAPoint
+    system: SecondOrderSystem, chosen: SufficientSet, symbols: Mapping[Unknown, ex.Symbol], numbers: NumbersAtAPoint
 ) -> tuple[Step, ...]:
     """The point, the tensors there, the equations, their solution, and why it is singular."""
     size = len(system.coordinates)
@@ -298,7 +275,7 @@ def steps_in_numbers(
     rows = {name: (*whole_multiple(dict(enumerate(row))).values(),) for name, row in numbers.rows.items()}
     solution = echelon(list(rows.values()))
     return (
-        opening(system, chosen),
+        wording.opening(system, chosen),
         point_step("The conditions are long", numbers.variables, numbers.atoms, numbers.real),
         *(_tensor_step(name, matrix) for name, matrix in numbers.tensors.items()),
         *(_equation_step(name, row, names) for name, row in rows.items()),
@@ -310,61 +287,63 @@ def steps_in_numbers(
 def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     """The reduced echelon form, its pivots the last entries of the rows: (pivot column, row with 1 in the pivot)."""
     width = len(rows[0]) if rows else 0
-    turned = echelon_of([line[::-1] for line in rows], width)
+    turned = matrices.echelon_of([line[::-1] for line in rows], width)
     return sorted((width - 1 - pivot, tuple(line[::-1])) for pivot, line in turned)
 
 
 def point_step(
-    why: str, variables: Mapping[Variable, Fraction], atoms: Mapping[Expression, Fraction], real: bool
+    why: str, variables: Mapping[Variable, Fraction], atoms: Mapping[ex.Expression, Fraction], real: bool
 ) -> Step:
     """The values that are put in, and why they may be."""
-    values = [*sorted(variables.items(), key=lambda pair: to_text(pair[0])), *atoms.items()]
-    listed = separated([row(name, " = ", number(value)) for name, value in values])
+    values = [*sorted(variables.items(), key=lambda pair: printing.to_text(pair[0])), *atoms.items()]
+    listed = wording.separated([notation.row(name, " = ", ex.number(value)) for name, value in values])
     if not values:
-        return said("Take any point.")
+        return wording.said("Take any point.")
     if real:
-        return said(f"{why}; take one point. There let ", *listed, ".")
-    return said(
+        return wording.said(f"{why}; take one point. There let ", *listed, ".")
+    return wording.said(
         f"{why}; put numbers for the functions in them: ", *listed, ". No real point need have these values, but they "
         "satisfy every algebraic relation that holds among these functions and the variables.",
     )  # fmt: skip
 
 
 def _tensor_step(condition: ConditionName, rows: tuple[Row, ...]) -> Step:
-    entries = matrix([[number(entry) for entry in line] for line in rows])
-    return said("At this point ", row(theory(f"{condition.name} = "), entries), ".")
+    entries = notation.matrix([[ex.number(entry) for entry in line] for line in rows])
+    return wording.said("At this point ", notation.row(notation.theory(f"{condition.name} = "), entries), ".")
 
 
-def combination(row: Row, names: Sequence[Symbol]) -> Expression:
-    return add(*(a * name for a, name in zip(row, names, strict=True) if a))
+def combination(row: Row, names: Sequence[ex.Symbol]) -> ex.Expression:
+    return ex.add(*(a * name for a, name in zip(row, names, strict=True) if a))
 
 
-def _equation_step(name: EquationName, line: Row, names: Sequence[Symbol]) -> Step:
-    return said(equation_name(name), ", times a number: ", row(combination(line, names), " = 0"), ".")
+def _equation_step(name: EquationName, line: Row, names: Sequence[ex.Symbol]) -> Step:
+    return wording.said(
+        wording.equation_name(name), ", times a number: ", notation.row(combination(line, names), " = 0"), "."
+    )
 
 
-def solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
+def solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> Step:
     lines = []
     for pivot, line in solution:
         rest = tuple(-a if k != pivot else Fraction(0) for k, a in enumerate(line))
-        lines.append(row(names[pivot], " = ", combination(rest, names)))
-    return said("These linear equations have the solution ", *separated(lines), ".")
+        lines.append(notation.row(names[pivot], " = ", combination(rest, names)))
+    return wording.said("These linear equations have the solution ", *wording.separated(lines), ".")
 
 
-def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> list[Piece]:
+def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> list[wording.Piece]:
     """What the solution makes of g."""
     free = unsolved(solution, names)
     if not free:
         return ["So `g = 0`"]
-    return ["With these values `det g` is zero whatever ", *enumerated(free), " may be"]
+    return ["With these values `det g` is zero whatever ", *wording.enumerated(free), " may be"]
 
 
-def unsolved(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> list[Symbol]:
+def unsolved(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> list[ex.Symbol]:
     """The entries of g that the solution leaves free."""
     return [name for k, name in enumerate(names) if k not in {pivot for pivot, _ in solution}]
 
 
-def _closing_step_at_point(solution: Sequence[tuple[int, Row]], names: Sequence[Symbol]) -> Step:
+def _closing_step_at_point(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> Step:
     """A rank is generic where it is full; that a determinant vanishes might be an accident of one point."""
     minors = (
         "What is excluded here is excluded at every generic point, because a minor that is not zero for these numbers "
@@ -375,7 +354,7 @@ def _closing_step_at_point(solution: Sequence[tuple[int, Row]], names: Sequence[
         "leave singular `g` only, so `det g` is zero at every generic point."
     )
     reason = random if unsolved(solution, names) else minors
-    return said(*left_free(solution, names), f". {reason} There is no Lagrangian.", shown=[SINGULAR])
+    return wording.said(*left_free(solution, names), f". {reason} There is no Lagrangian.", shown=[wording.SINGULAR])
 
 
 @dataclass(slots=True)
@@ -396,18 +375,20 @@ class PlainPoint(Point):
 
     def draw(self, key: object) -> int:
         source = random.Random(f"{self.seed}|{key!r}")
-        if not (isinstance(key, tuple) and isinstance(key[0], Symbol | Velocity | Sum | Product)):
+        if not (isinstance(key, tuple) and isinstance(key[0], ex.Symbol | ex.Velocity | ex.Sum | ex.Product)):
             return source.randint(1, 2)
-        fractions = isinstance(key[0], Velocity) and self.seed % 4 == 3
+        fractions = isinstance(key[0], ex.Velocity) and self.seed % 4 == 3
         return number_value(source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime)
 
 
 def has_points(analysis: Analysis) -> bool:
     """Whether values can be put for all atoms: not where numbers such as pi, sin(1) or exp(2) occur."""
-    radians = any(isinstance(rule, AngleRule) and rule.radians for rule in analysis.tower.rules)
+    radians = any(isinstance(rule, tower.AngleRule) and rule.radians for rule in analysis.tower.rules)
     bare = bare_variables(analysis.accelerations)
-    numbers = any(isinstance(atom, Apply) and not variables_in(atom) for atom in atoms_in_order(analysis.accelerations))
-    return not radians and PI not in bare and not numbers
+    numbers = any(
+        isinstance(atom, ex.Apply) and not variables_in(atom) for atom in tower.atoms_in_order(analysis.accelerations)
+    )
+    return not radians and ex.PI not in bare and not numbers
 
 
 def is_real(analysis: Analysis) -> bool:
@@ -420,27 +401,27 @@ def is_real(analysis: Analysis) -> bool:
     bare = bare_variables(analysis.accelerations)
     arguments: list[Mapping[Variable, Fraction]] = []
     for rule in analysis.tower.rules:
-        if isinstance(rule, ExponentialRule) and rule.constant:
+        if isinstance(rule, tower.ExponentialRule) and rule.constant:
             return False  # e has a value of its own
         if not rule.free:
             continue
-        found = _combination(rule.angle if isinstance(rule, AngleRule) else rule.atom.argument)
-        if found is None or not isinstance(rule, AngleRule | ExponentialRule) or bare & set(found):
+        found = _combination(rule.angle if isinstance(rule, tower.AngleRule) else rule.atom.argument)
+        if found is None or not isinstance(rule, tower.AngleRule | tower.ExponentialRule) or bare & set(found):
             return False
         arguments.append(found)
     names = sorted({name for found in arguments for name in found}, key=repr)
     rows = [[found.get(name, Fraction(0)) for name in names] for found in arguments]
-    return not names or len(echelon_of(rows, len(names))) == len(arguments)
+    return not names or len(matrices.echelon_of(rows, len(names))) == len(arguments)
 
 
-def _combination(expression: Expression) -> dict[Variable, Fraction] | None:
+def _combination(expression: ex.Expression) -> dict[Variable, Fraction] | None:
     """The coefficients of a rational combination of variables; None for another expression."""
     match expression:
-        case Symbol() | Velocity():
+        case ex.Symbol() | ex.Velocity():
             return {expression: Fraction(1)}
-        case Product((Number(value), Symbol() | Velocity() as name)):
+        case ex.Product((ex.Number(value), ex.Symbol() | ex.Velocity() as name)):
             return {name: value}
-        case Sum(terms):
+        case ex.Sum(terms):
             total: dict[Variable, Fraction] = {}
             for part in map(_combination, terms):
                 if part is None:
@@ -451,40 +432,40 @@ def _combination(expression: Expression) -> dict[Variable, Fraction] | None:
     return None
 
 
-def bare_variables(expressions: Iterable[Expression]) -> set[Variable]:
+def bare_variables(expressions: Iterable[ex.Expression]) -> set[Variable]:
     """Variables that occur outside transcendental atoms."""
     found: set[Variable] = set()
     for each in expressions:
-        if isinstance(each, Symbol | Velocity):
+        if isinstance(each, ex.Symbol | ex.Velocity):
             found.add(each)
-        elif not isinstance(each, Apply):
-            found |= bare_variables(children(each))
+        elif not isinstance(each, ex.Apply):
+            found |= bare_variables(ex.children(each))
     return found
 
 
-def atoms_and_jets(analysis: Analysis, further: int) -> list[Expression]:
+def atoms_and_jets(analysis: Analysis, further: int) -> list[ex.Expression]:
     """Transcendental atoms and roots in f, and arbitrary functions with `further` derivatives more than in f."""
-    nodes = {node for f in analysis.accelerations for node in walk(f) if isinstance(node, Arbitrary)}
-    functions: dict[tuple[str, tuple[Expression, ...]], int] = {}
-    for node in sorted(nodes, key=to_text):
+    nodes = {node for f in analysis.accelerations for node in ex.walk(f) if isinstance(node, ex.Arbitrary)}
+    functions: dict[tuple[str, tuple[ex.Expression, ...]], int] = {}
+    for node in sorted(nodes, key=printing.to_text):
         place = (node.name, node.arguments)
         functions[place] = max(functions.get(place, 0), sum(node.orders) + further)
     derivatives = [
-        Arbitrary(name, arguments, orders)
+        ex.Arbitrary(name, arguments, orders)
         for (name, arguments), highest in functions.items()
         for orders in itertools.product(range(highest + 1), repeat=len(arguments))
         if sum(orders) <= highest
     ]
-    return [*_with_partners(atoms_in_order(analysis.accelerations)), *derivatives]
+    return [*_with_partners(tower.atoms_in_order(analysis.accelerations)), *derivatives]
 
 
-def _with_partners(atoms: Iterable[Expression]) -> Iterator[Expression]:
+def _with_partners(atoms: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
     """The atoms, with the sine of an angle its cosine too, which derivatives of f contain."""
-    seen: set[Expression] = set()
+    seen: set[ex.Expression] = set()
     for atom in atoms:
-        both: list[Expression] = [atom]
-        if isinstance(atom, Apply) and atom.function in ("sin", "cos"):
-            both = [Apply(name, atom.argument) for name in ("sin", "cos")]
+        both: list[ex.Expression] = [atom]
+        if isinstance(atom, ex.Apply) and atom.function in ("sin", "cos"):
+            both = [ex.Apply(name, atom.argument) for name in ("sin", "cos")]
         yield from (each for each in both if each not in seen)
         seen.update(both)
 
@@ -494,9 +475,9 @@ def placed(analysis: Analysis, point: Point) -> bool:
     requirements = [*((radicand, 1) for radicand in analysis.tower.radicands), *analysis.tower.signs]
     try:
         for rule in analysis.tower.rules:
-            replay(rule, point, analysis.tower.scale)
-        signs = [(is_positive(evaluate(tree, point), point.prime), sign) for tree, sign in requirements]
-    except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
+            tower.replay(rule, point, analysis.tower.scale)
+        signs = [(modular.is_positive(evaluate(tree, point), point.prime), sign) for tree, sign in requirements]
+    except (SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
         return False
     return all(positive == (sign > 0) for positive, sign in signs)
 
@@ -511,10 +492,10 @@ def fractions_of_one_prime(
     analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None]
 ) -> dict[Key, Fraction] | None:
     """`residues(prime)` as fractions of small numbers, to be confirmed."""
-    prime = safe_prime(7_001, analysis.tower.residues)
+    prime = modular.safe_prime(7_001, analysis.tower.residues)
     found: dict[Key, Fraction] = {}
     for key, residue in (residues(prime) or {}).items():
-        value = reconstruct(residue, prime, bounds.NUMBER)
+        value = modular.reconstruct(residue, prime, bounds.NUMBER)
         if value is None:
             return None
         found[key] = value
@@ -525,7 +506,7 @@ def are_confirmed(
     analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None], found: Mapping[Key, Fraction]
 ) -> bool:
     """Whether a second prime gives the same fractions."""
-    prime = safe_prime(7_002, analysis.tower.residues)
+    prime = modular.safe_prime(7_002, analysis.tower.residues)
     values = residues(prime)
     return values is not None and not any(
         (fraction.numerator - values.get(key, 0) * fraction.denominator) % prime for key, fraction in found.items()
@@ -533,7 +514,7 @@ def are_confirmed(
 
 
 def residues_at(
-    analysis: Analysis, point: Point, atoms: Sequence[Expression], further: Callable[[Point], Mapping[Any, int]]
+    analysis: Analysis, point: Point, atoms: Sequence[ex.Expression], further: Callable[[Point], Mapping[Any, int]]
 ) -> dict[Any, int] | None:
     """Values of variables, atoms and what is `further` there; None where the point is singular."""
     if not placed(analysis, point):
@@ -541,7 +522,7 @@ def residues_at(
     try:
         found: dict[Any, int] = {atom: evaluate(atom, point) for atom in atoms}
         return {**found, **further(point), **point.variables}
-    except (SingularPoint, ValueError, ZeroDivisionError, IrreducibleAtoms):
+    except (SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
         return None
 
 
@@ -553,7 +534,7 @@ class NumbersAtAPoint:
     """
 
     variables: Mapping[Variable, Fraction]
-    atoms: Mapping[Expression, Fraction]
+    atoms: Mapping[ex.Expression, Fraction]
     tensors: Mapping[ConditionName, tuple[tuple[Fraction, ...], ...]]
     rows: Mapping[EquationName, tuple[Fraction, ...]]
     real: bool = True
@@ -605,7 +586,9 @@ def _collected(
     """The values by what they are values of."""
     size = range(len(analysis.system.coordinates))
     bare = bare_variables(analysis.accelerations)
-    variables = {key: value for key, value in values.items() if isinstance(key, Symbol | Velocity) and key in bare}
+    variables = {
+        key: value for key, value in values.items() if isinstance(key, ex.Symbol | ex.Velocity) and key in bare
+    }
     atoms = {atom: values[atom] for atom in _atoms(analysis, chosen)}
     tensors = {
         condition: tuple(tuple(values[condition, i, k] for k in size) for i in size)
@@ -622,7 +605,7 @@ def _residues(analysis: Analysis, chosen: SufficientSet, attempt: int, prime: in
     return residues_at(analysis, point, _atoms(analysis, chosen), lambda there: _conditions(analysis, chosen, there))
 
 
-def _atoms(analysis: Analysis, chosen: SufficientSet) -> list[Expression]:
+def _atoms(analysis: Analysis, chosen: SufficientSet) -> list[ex.Expression]:
     return atoms_and_jets(analysis, max(condition.order for condition in chosen.conditions) - 1)
 
 

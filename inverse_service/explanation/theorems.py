@@ -18,33 +18,13 @@ from typing import Any
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
-from inverse_service.certificate.formulas import MAX_MEMBERS, Ended, check_shape, require
+from inverse_service.certificate import formulas
 from inverse_service.decision.deciding import Analysis
-from inverse_service.explanation.hierarchy import (
-    EquationName,
-    Linear,
-    PointwiseConditions,
-    SufficientSet,
-    Unknown,
-    eliminate,
-)
-from inverse_service.explanation.negative import exact_rows
-from inverse_service.explanation.wording import equation_name
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.field.exact_field import (
-    Budget,
-    ExactRing,
-    Quotient,
-    QuotientField,
-    TooLarge,
-    coefficients_of,
-    factor_polynomial,
-    polynomial_tree,
-    sum_of,
-)
-from inverse_service.field.matrices import determinant, null_space
-from inverse_service.mechanics.conditions import MotionInRing, motion_in_ring
+from inverse_service.explanation import hierarchy, negative, wording
+from inverse_service.expressions import printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, matrices
+from inverse_service.mechanics import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 TEXT, WORD = r"(?s:.*)", r"[A-Za-z_][A-Za-z0-9_]*"
@@ -55,14 +35,14 @@ THEOREM = {
     "theorem": WORD,
     "relations": {},
     "equations": {},
-    "nonzero": [TEXT, MAX_MEMBERS],
-    "steps": [STEP, MAX_MEMBERS],
+    "nonzero": [TEXT, formulas.MAX_MEMBERS],
+    "steps": [STEP, formulas.MAX_MEMBERS],
 }
 MAX_PRODUCTS = 50_000_000  # of terms in an identity
 
 # A factor of more terms than this is replaced by a letter.
 TERMS_OF_A_FACTOR = 4
-Row = Mapping[Unknown, tuple[fmpq_mpoly, list[tuple[fmpq_mpoly, int]]]]
+Row = Mapping[hierarchy.Unknown, tuple[fmpq_mpoly, list[tuple[fmpq_mpoly, int]]]]
 # Longer polynomials than this make proofs that take minutes; with letters they are short.
 TERMS_WITHOUT_LETTERS = 20_000
 
@@ -132,7 +112,7 @@ class Remainder:
     rest: fmpq_mpoly
 
 
-def divided(polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: Budget) -> Remainder:
+def divided(polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: exact_field.Budget) -> Remainder:
     """Pseudo-division by one divisor after the other."""
     multiplier, rest, cofactors = polynomial * 0 + 1, polynomial, dict[str, tuple[fmpq_mpoly, Fact]]()
     for divisor in divisors:
@@ -144,7 +124,9 @@ def divided(polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: Budget)
     return Remainder(multiplier, tuple(term for term in cofactors.values() if not term[0].is_zero()), rest)
 
 
-def _pseudo_division(rest: fmpq_mpoly, divisor: Divisor, budget: Budget) -> tuple[fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]:
+def _pseudo_division(
+    rest: fmpq_mpoly, divisor: Divisor, budget: exact_field.Budget
+) -> tuple[fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]:
     """(scale, quotient, rest) with scale * P = quotient * divisor + rest, of lower degree in the generator."""
     by, index = divisor.fact.polynomial, divisor.index
     degree = by.degrees()[index]
@@ -160,7 +142,7 @@ def _pseudo_division(rest: fmpq_mpoly, divisor: Divisor, budget: Budget) -> tupl
 
 def coefficient(polynomial: fmpq_mpoly, index: int, power: int) -> fmpq_mpoly:
     """The coefficient of that power of a generator, a polynomial in the others."""
-    return coefficients_of(polynomial, [index]).get((power,), polynomial * 0)
+    return exact_field.coefficients_of(polynomial, [index]).get((power,), polynomial * 0)
 
 
 def content(polynomial: fmpq_mpoly, unknowns: Iterable[int]) -> fmpq_mpoly:
@@ -192,9 +174,9 @@ def checked_identities(document: Any) -> list[str]:
 
     Each step is factor * gives = sum of cofactor * (relation, equation or earlier step).
     """
-    check_shape(document, {"theorems": [THEOREM, MAX_MEMBERS]}, "identities")
+    formulas.check_shape(document, {"theorems": [THEOREM, formulas.MAX_MEMBERS]}, "identities")
     if not document["theorems"]:
-        raise Ended("incomplete", "There are no identities.")
+        raise formulas.Ended("incomplete", "There are no identities.")
     return [_checked(theorem) for theorem in document["theorems"]]
 
 
@@ -202,21 +184,23 @@ def _checked(theorem: dict[str, Any]) -> str:
     facts, steps = theorem["relations"] | theorem["equations"], theorem["steps"]
     texts = [*facts.values(), *theorem["nonzero"], *(step[key] for step in steps for key in ("gives", "factor"))]
     texts += [cofactor for step in steps for cofactor in step["cofactors"].values()]
-    require(steps and all(isinstance(text, str) for text in texts), "A theorem has texts, and a step at least.")
+    formulas.require(
+        steps and all(isinstance(text, str) for text in texts), "A theorem has texts, and a step at least."
+    )
     names = sorted({word for text in texts for word in re.findall(WORD, text)}) or ["x"]
     ring = fmpq_mpoly_ctx.get(names, "degrevlex")
     known = {name: _polynomial(text, ring) for name, text in facts.items()}
     nonzero = [_polynomial(text, ring) for text in theorem["nonzero"]]
     for step in steps:
-        require({*step["cofactors"]} <= {*known}, f"Step {step['name']} uses what was not shown before.")
+        formulas.require({*step["cofactors"]} <= {*known}, f"Step {step['name']} uses what was not shown before.")
         pairs = [(_polynomial(text, ring), known[name]) for name, text in step["cofactors"].items()]
         gives, factor = (_polynomial(step[key], ring) for key in ("gives", "factor"))
         if sum(len(a) * len(b) for a, b in [*pairs, (gives, factor)]) > MAX_PRODUCTS:
-            raise Ended("incomplete", f"Step {step['name']} is too long.")
-        require(_splits(factor, nonzero), f"The factor of step {step['name']} may be zero.")
+            raise formulas.Ended("incomplete", f"Step {step['name']} is too long.")
+        formulas.require(_splits(factor, nonzero), f"The factor of step {step['name']} may be zero.")
         rest = sum((a * b for a, b in pairs), gives * 0) - factor * gives
-        require(rest.is_zero(), f"The identity of step {step['name']} does not hold.")
-        require(step["name"] not in known, "A name is used twice.")
+        formulas.require(rest.is_zero(), f"The identity of step {step['name']} does not hold.")
+        formulas.require(step["name"] not in known, "A name is used twice.")
         known[step["name"]] = gives
     return f"{theorem['theorem']}: the identities hold over the rationals, so {steps[-1]['gives'][:200]} = 0."
 
@@ -235,7 +219,7 @@ def _polynomial(text: str, ring: fmpq_mpoly_ctx) -> fmpq_mpoly:
     while position < len(text) or not position:
         found = MONOMIAL.match(text, position)
         good = found and (found[1] or not position)
-        require(good, f"What stands at column {position + 1} of {text[:40]}… is no monomial.")
+        formulas.require(good, f"What stands at column {position + 1} of {text[:40]}… is no monomial.")
         exponents, value = [0] * len(names), -1 if found and found[1] == "-" else 1
         for power in found[2].split("*") if found else ():
             name, _, exponent = power.partition("^")
@@ -249,8 +233,11 @@ def _polynomial(text: str, ring: fmpq_mpoly_ctx) -> fmpq_mpoly:
 
 
 def lettered(
-    ring: ExactRing, symbols: Mapping[Unknown, Symbol], equations: Mapping[EquationName, Linear], budget: Budget
-) -> tuple[ExactRing, dict[EquationName, Linear]]:
+    ring: exact_field.ExactRing,
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol],
+    equations: Mapping[hierarchy.EquationName, hierarchy.Linear],
+    budget: exact_field.Budget,
+) -> tuple[exact_field.ExactRing, dict[hierarchy.EquationName, hierarchy.Linear]]:
     """The rows over a ring with a further generator for each long factor, which prints as that factor.
 
     Denominators and factors that all coefficients of a row share are left out.
@@ -266,41 +253,47 @@ def lettered(
     }
 
 
-def _factored(ring: ExactRing, symbols: Mapping[Unknown, Symbol], row: Linear) -> Row:
+def _factored(
+    ring: exact_field.ExactRing, symbols: Mapping[hierarchy.Unknown, ex.Symbol], row: hierarchy.Linear
+) -> Row:
     """The coefficients, put over one denominator, as a number and irreducible factors that they do not all share."""
     places = {tree: index for index, tree in ring.trees.items()}
-    whole = sum_of(ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]).numerator
+    whole = exact_field.sum_of(
+        ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]
+    ).numerator
     parts = {unknown: coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
     shared = functools.reduce(lambda a, b: a.gcd(b), parts.values())
-    split = {unknown: factor_polynomial(part / shared) for unknown, part in parts.items()}
+    split = {unknown: exact_field.factor_polynomial(part / shared) for unknown, part in parts.items()}
     return {unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found) for unknown, (n, found) in split.items()}
 
 
-def _widened(ring: ExactRing, long: list[fmpq_mpoly], budget: Budget) -> ExactRing:
+def _widened(ring: exact_field.ExactRing, long: list[fmpq_mpoly], budget: exact_field.Budget) -> exact_field.ExactRing:
     """The same generators and relations, and one generator more for each long factor."""
     size = len(ring.field.context.names())
-    field = QuotientField.with_generators(size + len(long), budget)
-    wider = ExactRing(field, (), 0, slopes=False)
+    field = exact_field.QuotientField.with_generators(size + len(long), budget)
+    wider = exact_field.ExactRing(field, (), 0, slopes=False)
     for index, relation in ring.field.relations.items():
         field.relate(index, relation.degree, _moved(field, relation.right))
-    wider.trees = ring.trees | {size + k: polynomial_tree(ring, factor) for k, factor in enumerate(long)}
+    wider.trees = ring.trees | {size + k: exact_field.polynomial_tree(ring, factor) for k, factor in enumerate(long)}
     wider.atoms = {tree: wider.generator(index) for index, tree in wider.trees.items()}
     return wider
 
 
-def _moved(field: QuotientField, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+def _moved(field: exact_field.QuotientField, polynomial: fmpq_mpoly) -> fmpq_mpoly:
     """The polynomial among more generators."""
     more = (0,) * (len(field.context.names()) - len(polynomial.context().names()))
     return field.context.from_dict({(*exponents, *more): value for exponents, value in polynomial.to_dict().items()})
 
 
 def _in_letters(
-    ring: ExactRing, letters: Mapping[str, int], number: fmpq_mpoly, factors: list[tuple[fmpq_mpoly, int]]
-) -> Quotient:
-    value = Quotient(ring.field, _moved(ring.field, number), ())
+    ring: exact_field.ExactRing, letters: Mapping[str, int], number: fmpq_mpoly, factors: list[tuple[fmpq_mpoly, int]]
+) -> exact_field.Quotient:
+    value = exact_field.Quotient(ring.field, _moved(ring.field, number), ())
     for factor, exponent in factors:
         index = letters.get(str(factor))
-        part = Quotient(ring.field, _moved(ring.field, factor), ()) if index is None else ring.generator(index)
+        part = (
+            exact_field.Quotient(ring.field, _moved(ring.field, factor), ()) if index is None else ring.generator(index)
+        )
         value = value * part**exponent
     return value
 
@@ -312,10 +305,10 @@ Combination = tuple[fmpq_mpoly, Sequence[tuple[fmpq_mpoly, Fact]]]
 class Origin:
     """Where the equations of a theorem come from: f, the letters of the multiplier, the condition of each row, L."""
 
-    exact: MotionInRing
-    symbols: Mapping[Unknown, Symbol]
-    rows: tuple[tuple[EquationName, Quotient], ...] = ()
-    lagrangian: Quotient | None = None
+    exact: conditions.MotionInRing
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol]
+    rows: tuple[tuple[hierarchy.EquationName, exact_field.Quotient], ...] = ()
+    lagrangian: exact_field.Quotient | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,7 +321,7 @@ class Theorem:
     """
 
     name: str
-    ring: ExactRing
+    ring: exact_field.ExactRing
     relations: tuple[Fact, ...]
     equations: tuple[tuple[Fact, str], ...]
     steps: tuple[Identity, ...]
@@ -338,24 +331,26 @@ class Theorem:
     @property
     def nonzero(self) -> tuple[fmpq_mpoly, ...]:
         """What must not vanish: the irreducible factors of all factors and denominators."""
-        divisors = [factor for step in self.steps for factor, _ in factor_polynomial(step.factor)[1]]
+        divisors = [factor for step in self.steps for factor, _ in exact_field.factor_polynomial(step.factor)[1]]
         return tuple({str(one): one for one in [*divisors, *(below for below, _ in self.denominators)]}.values())
 
 
-def determinant_vanishes(analysis: Analysis, chosen: SufficientSet, seed: int, budget: Budget) -> Theorem:
+def determinant_vanishes(
+    analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget
+) -> Theorem:
     """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognized.
 
     Where the formulas are long, their long factors become letters.
     """
-    rows = exact_rows(analysis, chosen, seed, budget)
+    rows = negative.exact_rows(analysis, chosen, seed, budget)
     try:
-        short = Budget(TERMS_WITHOUT_LETTERS, budget.deadline)
+        short = exact_field.Budget(TERMS_WITHOUT_LETTERS, budget.deadline)
         rows.exact.ring.field.budget = short
         elimination = _Elimination(rows.exact.ring, rows.symbols, rows.equations, rows.table, short)
         found = elimination.theorem()
         rows.exact.ring.field.budget = budget
         return replace(found, origin=Origin(rows.exact, rows.symbols, tuple(elimination.origins)))
-    except TooLarge:
+    except exact_field.TooLarge:
         ring, equations = lettered(rows.exact.ring, rows.symbols, rows.equations, budget)
         return _Elimination(ring, rows.symbols, equations, rows.table, budget).theorem()
 
@@ -365,26 +360,26 @@ class _Elimination:
 
     def __init__(
         self,
-        ring: ExactRing,
-        symbols: Mapping[Unknown, Symbol],
-        equations: Mapping[EquationName, Linear],
-        table: PointwiseConditions,
-        budget: Budget,
+        ring: exact_field.ExactRing,
+        symbols: Mapping[hierarchy.Unknown, ex.Symbol],
+        equations: Mapping[hierarchy.EquationName, hierarchy.Linear],
+        table: hierarchy.PointwiseConditions,
+        budget: exact_field.Budget,
     ) -> None:
         self.ring, self.symbols, self.size, self.budget = ring, symbols, table.size, budget
-        self.result = eliminate(equations, table)
+        self.result = hierarchy.eliminate(equations, table)
         places = {tree: index for index, tree in ring.trees.items()}
         self.places = {unknown: places[symbol] for unknown, symbol in symbols.items()}
         self.relations = relations_of(ring)
         self.steps = list[Identity]()
-        self.origins = list[tuple[EquationName, Quotient]]()
+        self.origins = list[tuple[hierarchy.EquationName, exact_field.Quotient]]()
 
     def theorem(self) -> Theorem:
         equations, values = list[tuple[Fact, str]](), list[Divisor]()
         for step in self.result.solved:
-            row = sum_of(self.ring.constant(0), [c * self._entry(u) for u, c in step.original.items()])
+            row = exact_field.sum_of(self.ring.constant(0), [c * self._entry(u) for u, c in step.original.items()])
             fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
-            equations.append((fact, equation_name(step.name).text))
+            equations.append((fact, wording.equation_name(step.name).text))
             self.origins.append((step.name, row))
             values.append(self._reduced(Divisor(fact, self.places[step.pivot]), values))
         for k in reversed(range(len(values))):
@@ -394,7 +389,7 @@ class _Elimination:
         steps = tuple(self.steps)
         return Theorem("det_g_is_zero", self.ring, _used(self.relations, steps), tuple(equations), steps)
 
-    def _entry(self, unknown: Unknown) -> Quotient:
+    def _entry(self, unknown: hierarchy.Unknown) -> exact_field.Quotient:
         return self.ring.atoms[self.symbols[unknown]]
 
     def _interleaved(self, values: Sequence[Divisor]) -> list[Divisor]:
@@ -422,18 +417,20 @@ class _Elimination:
             terms = found.multiplier, found.terms
         self.steps.append(identity(Fact("det_g", goal), *terms))
 
-    def _null_vector(self) -> list[Quotient] | None:
+    def _null_vector(self) -> list[exact_field.Quotient] | None:
         """k, free of entries of g, with g k = 0 for every g that is left: it makes det g = 0 a short identity."""
         span, one = range(self.size), self.ring.constant(1)
         entries = [[self.result.entry((min(i, j), max(i, j)), one) for j in span] for i in span]
         free = sorted({unknown for line in entries for row in line for unknown in row})
         rows = [[row.get(unknown, one - one) for row in line] for unknown in free for line in entries]
-        return next(reversed(null_space(rows, self.size, one).values()), None)
+        return next(reversed(matrices.null_space(rows, self.size, one).values()), None)
 
-    def _by_kernel(self, vector: Sequence[Quotient], values: Sequence[Divisor]) -> Combination:
+    def _by_kernel(self, vector: Sequence[exact_field.Quotient], values: Sequence[Divisor]) -> Combination:
         """g k = 0, and k_m det g = sum over j of the cofactor (j, m) times (g k)_j."""
         span, places = range(self.size), [self.places[0, j] for j in range(self.size)]
-        row = sum_of(self.ring.constant(0), [k * self._entry((0, j)) for j, k in enumerate(vector)]).numerator
+        row = exact_field.sum_of(
+            self.ring.constant(0), [k * self._entry((0, j)) for j, k in enumerate(vector)]
+        ).numerator
         k = [coefficient(row, place, 1) for place in places]
         m = min((j for j in span if not k[j].is_zero()), key=lambda j: len(k[j]))
         terms = []
@@ -450,19 +447,21 @@ class _Elimination:
     def _minor(self, rows: Sequence[int], columns: Sequence[int]) -> fmpq_mpoly:
         matrix = [[self._entry((min(i, j), max(i, j))) for j in columns] for i in rows]
         one = self.ring.constant(1)
-        return determinant(matrix, one).numerator
+        return matrices.determinant(matrix, one).numerator
 
     def _emptied(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
         """The polynomial as a combination of values and relations; TooLarge where something is left."""
         found = divided(polynomial, self._interleaved(values), self.budget)
         if not found.rest.is_zero():
-            raise TooLarge("the determinant of what remains was not recognized as zero")
+            raise exact_field.TooLarge("the determinant of what remains was not recognized as zero")
         return found
 
 
-def euler_lagrange_hold(system: SecondOrderSystem, lagrangian: Expression, budget: Budget) -> tuple[Theorem, ...]:
+def euler_lagrange_hold(
+    system: SecondOrderSystem, lagrangian: ex.Expression, budget: exact_field.Budget
+) -> tuple[Theorem, ...]:
     """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognized."""
-    exact = motion_in_ring(system, 2, budget, trees=[lagrangian])
+    exact = conditions.motion_in_ring(system, 2, budget, trees=[lagrangian])
     value = exact.ring.value(lagrangian)
     origin = Origin(exact, {}, (), value)
     span = range(exact.motion.size)
@@ -471,7 +470,9 @@ def euler_lagrange_hold(system: SecondOrderSystem, lagrangian: Expression, budge
     )
 
 
-def _summands(exact: MotionInRing, value: Quotient, i: int) -> list[tuple[int, tuple[Quotient, ...]]]:
+def _summands(
+    exact: conditions.MotionInRing, value: exact_field.Quotient, i: int
+) -> list[tuple[int, tuple[exact_field.Quotient, ...]]]:
     """L_(v_i t) + L_(v_i q_j) v^j + L_(v_i v_j) f^j - L_(q_i), zeros left out."""
     ring, n = exact.ring, exact.motion.size
     slopes = [ring.partial(k) for k in range(2 * n + 1)]
@@ -482,7 +483,9 @@ def _summands(exact: MotionInRing, value: Quotient, i: int) -> list[tuple[int, t
     return [(sign, factors) for sign, factors in found if not any(factor.is_zero for factor in factors)]
 
 
-def _vanishing(exact: MotionInRing, name: str, summands: list[tuple[int, tuple[Quotient, ...]]]) -> Theorem:
+def _vanishing(
+    exact: conditions.MotionInRing, name: str, summands: list[tuple[int, tuple[exact_field.Quotient, ...]]]
+) -> Theorem:
     ring, relations = exact.ring, relations_of(exact.ring)
     tables = [{k: e for factor in factors for k, e in factor.exponents} for _, factors in summands]
     for table, (_, factors) in zip(tables, summands, strict=True):
@@ -499,14 +502,14 @@ def _vanishing(exact: MotionInRing, name: str, summands: list[tuple[int, tuple[Q
         whole = whole + term
     found = divided(whole, relations, ring.field.budget)
     if not found.rest.is_zero():
-        raise TooLarge("an Euler-Lagrange expression was not recognized as zero")
+        raise exact_field.TooLarge("an Euler-Lagrange expression was not recognized as zero")
     step = identity(Fact("residual", whole), found.multiplier, found.terms)
     below = tuple((ring.field.denominators[k], most) for k, most in common.items())
     used = _used(relations, [step])
     return Theorem(f"euler_lagrange_{name}", ring, used, (), (step,), None, below)
 
 
-def relations_of(ring: ExactRing) -> list[Divisor]:
+def relations_of(ring: exact_field.ExactRing) -> list[Divisor]:
     """What the generators fulfil by definition, sin^2 + cos^2 = 1 and w^k = u, the greatest generator first."""
     gen = ring.field.context.gen
     listed = [ring.field.relations[index] for index in sorted(ring.field.relations)]
@@ -534,23 +537,23 @@ def letters_of(theorem: Theorem, further: Iterable[int] = ()) -> Letters:
     occurring = {k for p in polynomials_of(theorem) for k, degree in enumerate(p.degrees()) if degree > 0}
     used = sorted(occurring | {*further}, reverse=True)
     names, meanings = dict[int, str](), dict[str, str]()
-    symbols = {tree.name for tree in theorem.ring.trees.values() if isinstance(tree, Symbol)}
+    symbols = {tree.name for tree in theorem.ring.trees.values() if isinstance(tree, ex.Symbol)}
     for index in used:
         tree = theorem.ring.trees[index]
         name = _letter(tree, len(meanings) + 1)
-        while _TAKEN.fullmatch(name) or name in names.values() or (name in symbols and not isinstance(tree, Symbol)):
+        while _TAKEN.fullmatch(name) or name in names.values() or (name in symbols and not isinstance(tree, ex.Symbol)):
             name += "_"
         names[index] = name
-        if tree != Symbol(name):
-            meanings[name] = to_text(tree)
+        if tree != ex.Symbol(name):
+            meanings[name] = printing.to_text(tree)
     return Letters(names, meanings)
 
 
-def _letter(tree: Expression, number: int) -> str:
+def _letter(tree: ex.Expression, number: int) -> str:
     match tree:
-        case Symbol(name):
+        case ex.Symbol(name):
             return name
-        case Velocity(name):
+        case ex.Velocity(name):
             return f"v_{name}"
     return f"u{number}"
 
@@ -617,7 +620,7 @@ def coq_steps(theorem: Theorem, letters: Letters) -> Iterator[str]:
 
 
 def _coq_step(letters: Letters, step: Identity) -> str:
-    number, powers = factor_polynomial(step.factor)
+    number, powers = exact_field.factor_polynomial(step.factor)
     factor, total = product_text(letters, powers, str(number)), combination(letters, step.terms)
     return f"apply (cancel ({factor})); [nonzero |].\n    transitivity ({total}); [ring | zero]."
 

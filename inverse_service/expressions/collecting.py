@@ -16,23 +16,8 @@ from fractions import Fraction
 from flint import fmpz
 
 from inverse_service import deadline
-from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, order, place, terms_tree
-from inverse_service.expressions.functions import FUNCTION
-from inverse_service.expressions.tree import (
-    Apply,
-    Arbitrary,
-    Expression,
-    Integral,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    is_exponential,
-    number,
-    square_root,
-)
+from inverse_service.expressions import collecting_trees, functions
+from inverse_service.expressions import tree as ex
 
 MOST_TERMS = 3_000
 _LARGEST_EXPONENT = 64
@@ -44,14 +29,14 @@ _UNDONE = {
 # f(g(u)) = sqrt(a + b u^2) where g(u) is real.
 _ROOTS = {("cos", "asin"): (1, -1), ("sin", "acos"): (1, -1), ("cosh", "asinh"): (1, 1), ("sinh", "acosh"): (-1, 1)}
 
-Terms = dict[Monomial, Fraction]
+Terms = dict[collecting_trees.Monomial, Fraction]
 
 
 class _TooLarge(ArithmeticError):
     """The expansion would have more than MOST_TERMS terms, or a huge number."""
 
 
-def expand(tree: Expression) -> tuple[Term, ...]:
+def expand(tree: ex.Expression) -> tuple[collecting_trees.Term, ...]:
     """The terms of a tree in a fixed order, (monomial, coefficient), a monomial being ((atom, exponent), …).
 
     A tree that cannot be expanded is one opaque atom.
@@ -60,7 +45,7 @@ def expand(tree: Expression) -> tuple[Term, ...]:
         terms = _expand(tree)
     except _TooLarge:
         terms = {((tree, Fraction(1)),): Fraction(1)}
-    return tuple(sorted(terms.items(), key=lambda item: order(item[0])))
+    return tuple(sorted(terms.items(), key=lambda item: collecting_trees.order(item[0])))
 
 
 def forget_expansions() -> None:
@@ -68,19 +53,19 @@ def forget_expansions() -> None:
     _KEPT.clear()
 
 
-def collect(tree: Expression) -> Expression:
+def collect(tree: ex.Expression) -> ex.Expression:
     """The tree with like terms collected: terms_tree(expand(tree))."""
-    return terms_tree(expand(tree))
+    return collecting_trees.terms_tree(expand(tree))
 
 
 # The same parts are expanded again and again while one system is worked on; large results are not kept.
-_KEPT: dict[Expression, Terms] = {}
+_KEPT: dict[ex.Expression, Terms] = {}
 _MOST_KEPT, _LARGEST_KEPT = 4_096, 64
 
 
-def _expand(tree: Expression) -> Terms:
+def _expand(tree: ex.Expression) -> Terms:
     """The terms of a tree; nobody may change them, for they may be handed out again."""
-    if isinstance(tree, Number | Symbol | Velocity):
+    if isinstance(tree, ex.Number | ex.Symbol | ex.Velocity):
         return _expansion(tree)
     known = _KEPT.get(tree)
     if known is None:
@@ -93,35 +78,35 @@ def _expand(tree: Expression) -> Terms:
     return known
 
 
-def _expansion(tree: Expression) -> Terms:
+def _expansion(tree: ex.Expression) -> Terms:
     match tree:
-        case Number(value):
+        case ex.Number(value):
             return {(): value} if value else {}
-        case Sum(terms):
+        case ex.Sum(terms):
             return _sum(map(_expand, terms))
-        case Product(factors):
+        case ex.Product(factors):
             return _product(map(_expand, factors))
-        case Power(base, Number(value)):
+        case ex.Power(base, ex.Number(value)):
             return _raised(_expand(base), value)
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             return _exponential(_product([_expand(exponent), _logarithm(_expand(base))]))
-        case Apply():
+        case ex.Apply():
             return _function(tree)
-        case Arbitrary(name, arguments, orders) if not isinstance(tree, Integral):
-            return _atom(Arbitrary(name, tuple(map(_canonical, arguments)), orders))
+        case ex.Arbitrary(name, arguments, orders) if not isinstance(tree, ex.Integral):
+            return _atom(ex.Arbitrary(name, tuple(map(_canonical, arguments)), orders))
         case _:
             return _atom(tree)
 
 
-def _canonical(tree: Expression) -> Expression:
+def _canonical(tree: ex.Expression) -> ex.Expression:
     return _tree(_expand(tree))
 
 
-def _tree(terms: Terms) -> Expression:
-    return terms_tree(sorted(terms.items(), key=lambda item: order(item[0])))
+def _tree(terms: Terms) -> ex.Expression:
+    return collecting_trees.terms_tree(sorted(terms.items(), key=lambda item: collecting_trees.order(item[0])))
 
 
-def _atom(tree: Expression) -> Terms:
+def _atom(tree: ex.Expression) -> Terms:
     return {((tree, Fraction(1)),): Fraction(1)}
 
 
@@ -146,7 +131,7 @@ def _product(parts: Iterable[Terms]) -> Terms:
     return total
 
 
-def _joined(left: Monomial, right: Monomial, coefficient: Fraction) -> Terms:
+def _joined(left: collecting_trees.Monomial, right: collecting_trees.Monomial, coefficient: Fraction) -> Terms:
     table = dict(left)
     for base, exponent in right:
         before = table.get(base)
@@ -154,13 +139,13 @@ def _joined(left: Monomial, right: Monomial, coefficient: Fraction) -> Terms:
     return _normal(table, coefficient)
 
 
-def _normal(table: Mapping[Expression, Fraction], coefficient: Fraction) -> Terms:
+def _normal(table: Mapping[ex.Expression, Fraction], coefficient: Fraction) -> Terms:
     """The terms of coefficient * product of base^exponent: whole parts of numbers and sums multiplied out."""
-    kept: dict[Expression, Fraction] = {}
+    kept: dict[ex.Expression, Fraction] = {}
     parts: list[Terms] = []
     for base, exponent in table.items():
         rest = exponent
-        if isinstance(base, Number) and base.value:
+        if isinstance(base, ex.Number) and base.value:
             coefficient *= base.value ** math.floor(exponent)
             rest = exponent - math.floor(exponent)
         elif _whole_part(base, exponent):
@@ -168,20 +153,20 @@ def _normal(table: Mapping[Expression, Fraction], coefficient: Fraction) -> Term
             rest = exponent - _whole_part(base, exponent)
         if rest:
             kept[base] = rest
-    monomial = tuple(sorted(kept.items(), key=lambda pair: place(pair[0])))
+    monomial = tuple(sorted(kept.items(), key=lambda pair: collecting_trees.place(pair[0])))
     return _product([{monomial: coefficient}, *parts]) if parts else {monomial: coefficient}
 
 
-def _whole_part(base: Expression, exponent: Fraction) -> Fraction:
+def _whole_part(base: ex.Expression, exponent: Fraction) -> Fraction:
     """How much of the exponent of a composite base can be multiplied out."""
-    if isinstance(base, Sum):
+    if isinstance(base, ex.Sum):
         return exponent if exponent.denominator == 1 and exponent > 0 else Fraction(0)
-    return Fraction(math.floor(exponent)) if isinstance(base, Product | Power) else Fraction(0)
+    return Fraction(math.floor(exponent)) if isinstance(base, ex.Product | ex.Power) else Fraction(0)
 
 
 def _raised(terms: Terms, exponent: Fraction) -> Terms:
     if not terms:
-        return {} if exponent > 0 else {((number(0), exponent),): Fraction(1)}
+        return {} if exponent > 0 else {((ex.number(0), exponent),): Fraction(1)}
     if len(terms) == 1:
         ((monomial, coefficient),) = terms.items()
         return _raised_monomial(monomial, coefficient, exponent)
@@ -194,32 +179,32 @@ def _raised(terms: Terms, exponent: Fraction) -> Terms:
     return _product([outside, {((_tree(rest), exponent),): Fraction(1)}])
 
 
-def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, Terms]:
+def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, collecting_trees.Monomial, Terms]:
     """(content, common monomial, rest); the content is positive unless powers of -1 are harmless."""
     content = Fraction(
         math.gcd(*(value.numerator for value in terms.values())),
         math.lcm(*(value.denominator for value in terms.values())),
     )
-    first = min(terms, key=order)
+    first = min(terms, key=collecting_trees.order)
     if with_monomial and terms[first] < 0:
         content = -content
-    shared: dict[Expression, Fraction] = {}
+    shared: dict[ex.Expression, Fraction] = {}
     for base, _ in first:
         tables = [dict(monomial) for monomial in terms]
-        if (with_monomial or is_exponential(base)) and all(base in table for table in tables):
+        if (with_monomial or ex.is_exponential(base)) and all(base in table for table in tables):
             shared[base] = min(table[base] for table in tables)
     inverse = tuple((base, -exponent) for base, exponent in shared.items())
     rest = _sum(_joined(monomial, inverse, value / content) for monomial, value in terms.items())
     return content, tuple(shared.items()), rest
 
 
-def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fraction) -> Terms:
+def _raised_monomial(monomial: collecting_trees.Monomial, coefficient: Fraction, exponent: Fraction) -> Terms:
     if exponent.denominator == 1:
         if abs(exponent) > _LARGEST_EXPONENT and abs(coefficient) != 1:
             raise _TooLarge
         table = {base: inner * exponent for base, inner in monomial}
         return _normal(table, coefficient ** int(exponent))
-    free = {base: inner for base, inner in monomial if is_exponential(base) or inner.denominator != 1}
+    free = {base: inner for base, inner in monomial if ex.is_exponential(base) or inner.denominator != 1}
     bound = [(base, inner) for base, inner in monomial if base not in free]
     if len(bound) == 1 and coefficient > 0 and bound[0][1] % 2 == 1:
         free[bound[0][0]], bound = bound[0][1], []
@@ -227,45 +212,53 @@ def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fracti
     factors = [_normal(table, Fraction(1)), _number_power(abs(coefficient), exponent)]
     if bound or coefficient < 0:
         sign = 1 if coefficient > 0 else -1
-        factors.append(_normal({sign * monomial_tree(tuple(bound)): exponent}, Fraction(1)))
+        factors.append(_normal({sign * collecting_trees.monomial_tree(tuple(bound)): exponent}, Fraction(1)))
     return _product(factors)
 
 
 def _number_power(value: Fraction, exponent: Fraction) -> Terms:
     """value^exponent for value > 0, by the prime factors of small numbers."""
-    table: dict[Expression, Fraction] = {}
+    table: dict[ex.Expression, Fraction] = {}
     for sign, part in ((1, value.numerator), (-1, value.denominator)):
         if part > 1:
             pairs = fmpz(part).factor() if part < _LARGEST_FACTORED else [(part, 1)]
             for prime, multiplicity in pairs:
-                table[number(int(prime))] = sign * int(multiplicity) * exponent
+                table[ex.number(int(prime))] = sign * int(multiplicity) * exponent
     return _normal(table, Fraction(1))
 
 
-def _function(tree: Apply) -> Terms:
+def _function(tree: ex.Apply) -> Terms:
     inner = tree.argument
-    if isinstance(inner, Apply) and (tree.function, inner.function) in _UNDONE:
+    if isinstance(inner, ex.Apply) and (tree.function, inner.function) in _UNDONE:
         return _expand(inner.argument)
-    if isinstance(inner, Apply) and (tree.function, inner.function) in _ROOTS:
+    if isinstance(inner, ex.Apply) and (tree.function, inner.function) in _ROOTS:
         a, b = _ROOTS[tree.function, inner.function]
-        return _expand(square_root(a + b * inner.argument**2))
+        return _expand(ex.square_root(a + b * inner.argument**2))
     special = _SPECIAL.get(tree.function)
     if special:
         return special(_expand(inner))
-    inner, parity = _canonical(inner), FUNCTION[tree.function].parity if tree.function in FUNCTION else 0
-    if parity and isinstance(inner, Product) and isinstance(inner.factors[0], Number) and inner.factors[0].value < 0:
-        return _scaled(_atom(Apply(tree.function, -inner)), Fraction(parity))
-    return _atom(Apply(tree.function, inner))
+    inner, parity = (
+        _canonical(inner),
+        functions.FUNCTION[tree.function].parity if tree.function in functions.FUNCTION else 0,
+    )
+    if (
+        parity
+        and isinstance(inner, ex.Product)
+        and isinstance(inner.factors[0], ex.Number)
+        and inner.factors[0].value < 0
+    ):
+        return _scaled(_atom(ex.Apply(tree.function, -inner)), Fraction(parity))
+    return _atom(ex.Apply(tree.function, inner))
 
 
 def _exponential(argument: Terms) -> Terms:
     parts = []
     for monomial, value in argument.items():
         match monomial:
-            case ((Apply("log", inner), Fraction(numerator=1, denominator=1)),):
+            case ((ex.Apply("log", inner), Fraction(numerator=1, denominator=1)),):
                 parts.append(_raised(_expand(inner), value))
             case _:
-                atom = Apply("exp", monomial_tree(monomial))
+                atom = ex.Apply("exp", collecting_trees.monomial_tree(monomial))
                 parts.append({((atom, value),): Fraction(1)})
     return _product(parts)
 
@@ -275,17 +268,17 @@ def _logarithm(argument: Terms) -> Terms:
     if argument == {(): Fraction(1)}:
         return {}
     if len(argument) != 1:
-        return _atom(Apply("log", _tree(argument)))
+        return _atom(ex.Apply("log", _tree(argument)))
     ((monomial, value),) = argument.items()
-    logs = [_scaled(_expand(base.argument), k) for base, k in monomial if is_exponential(base)]
-    rest = tuple((base, exponent) for base, exponent in monomial if not is_exponential(base))
+    logs = [_scaled(_expand(base.argument), k) for base, k in monomial if ex.is_exponential(base)]
+    rest = tuple((base, exponent) for base, exponent in monomial if not ex.is_exponential(base))
     sign = -1 if rest and all(exponent < 0 for _, exponent in rest) else 1
     factors = tuple((base, sign * exponent) for base, exponent in rest)
     value = value**sign
     if len(factors) == 1 and value == 1 and factors[0][1] != 0 and not _is_even(factors[0][1]):
-        return _sum([*logs, _scaled(_atom(Apply("log", factors[0][0])), sign * factors[0][1])])
+        return _sum([*logs, _scaled(_atom(ex.Apply("log", factors[0][0])), sign * factors[0][1])])
     if factors or value != 1:
-        logs.append(_scaled(_atom(Apply("log", _tree({factors: value}))), Fraction(sign)))
+        logs.append(_scaled(_atom(ex.Apply("log", _tree({factors: value}))), Fraction(sign)))
     return _sum(logs)
 
 

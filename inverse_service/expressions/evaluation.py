@@ -8,22 +8,13 @@ from typing import Any
 
 from mpmath import mp, mpf
 
-from inverse_service.errors import InverseServiceError
-from inverse_service.expressions.tree import (
-    PI,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-)
+from inverse_service import errors
+from inverse_service.expressions import tree as ex
 
 Real = Any  # mpmath has no types
 
 
-class NoRealValue(InverseServiceError):
+class NoRealValue(errors.InverseServiceError):
     """The tree has no finite real value at the point; another point may do."""
 
     code = "no-real-value"
@@ -32,7 +23,7 @@ class NoRealValue(InverseServiceError):
 _NAMES = {"log": "ln"}
 
 
-def evaluate(expression: Expression, table: Mapping[Expression, Real]) -> Real:
+def evaluate(expression: ex.Expression, table: Mapping[ex.Expression, Real]) -> Real:
     """The value in mpmath's working precision.
 
     `table` gives the values of Symbol, Velocity and Acceleration nodes, and of whole Arbitrary nodes
@@ -41,7 +32,7 @@ def evaluate(expression: Expression, table: Mapping[Expression, Real]) -> Real:
     return evaluate_once(expression, dict(table))
 
 
-def evaluate_once(expression: Expression, table: dict[Expression, Real]) -> Real:
+def evaluate_once(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
     """As `evaluate`; the table keeps the value of every part, so that trees that share parts share the work."""
     known = table.get(expression)
     if known is not None:
@@ -56,24 +47,24 @@ def evaluate_once(expression: Expression, table: dict[Expression, Real]) -> Real
     return value
 
 
-def _value(expression: Expression, table: dict[Expression, Real]) -> Real:
+def _value(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
     match expression:
-        case Number(value):
+        case ex.Number(value):
             return mpf(value.numerator) / value.denominator
-        case Sum(terms):
+        case ex.Sum(terms):
             return mp.fsum([evaluate_once(term, table) for term in terms])
-        case Product(factors):
+        case ex.Product(factors):
             return math.prod([evaluate_once(factor, table) for factor in factors])
-        case Power(base, Number(value)) if value.denominator == 1:
+        case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             return evaluate_once(base, table) ** value.numerator
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             return mp.power(evaluate_once(base, table), evaluate_once(exponent, table))
-        case Apply(function, argument):
+        case ex.Apply(function, argument):
             operation: Callable[[Real], Real] = getattr(mp, _NAMES.get(function, function))
             return operation(evaluate_once(argument, table))
-        case Arbitrary(name, _, _):
+        case ex.Arbitrary(name, _, _):
             raise NoRealValue(f"no value is given for the function {name}")
-        case _ if expression == PI:
+        case _ if expression == ex.PI:
             return +mp.pi
         case _:
             raise NoRealValue(f"no value is given for {expression}")

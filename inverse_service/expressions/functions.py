@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.expressions.tree import Expression, apply
+from inverse_service.expressions import tree as ex
 
-Rule = Callable[[Expression], Expression]
+Rule = Callable[[ex.Expression], ex.Expression]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,20 +30,20 @@ class Function:
     shown: str = ""
 
 
-def _square(u: Expression) -> Expression:
+def _square(u: ex.Expression) -> ex.Expression:
     return u**2
 
 
-def _inverse_root(u: Expression) -> Expression:
+def _inverse_root(u: ex.Expression) -> ex.Expression:
     return u ** Fraction(-1, 2)
 
 
 def _other(function: str) -> Rule:
-    return lambda u: apply(function, u)
+    return lambda u: ex.apply(function, u)
 
 
 def _negative_product(first: str, second: str) -> Rule:
-    return lambda u: -1 * apply(first, u) * apply(second, u)
+    return lambda u: -1 * ex.apply(first, u) * ex.apply(second, u)
 
 
 _NOT_ZERO = (bool, "a number other than 0")
@@ -51,15 +51,15 @@ _ROWS = (
     Function("exp", _other("exp"), command="\\exp"),
     Function("log", lambda u: u**-1, 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),
     Function("sin", _other("cos"), -1, command="\\sin"),
-    Function("cos", lambda u: -apply("sin", u), 1, command="\\cos"),
-    Function("tan", lambda u: 1 + _square(apply("tan", u)), -1, command="\\tan"),
-    Function("cot", lambda u: -(1 + _square(apply("cot", u))), -1, "tan", *_NOT_ZERO, "\\cot"),
-    Function("sec", lambda u: apply("sec", u) * apply("tan", u), 1, "cos", command="\\sec"),
+    Function("cos", lambda u: -ex.apply("sin", u), 1, command="\\cos"),
+    Function("tan", lambda u: 1 + _square(ex.apply("tan", u)), -1, command="\\tan"),
+    Function("cot", lambda u: -(1 + _square(ex.apply("cot", u))), -1, "tan", *_NOT_ZERO, "\\cot"),
+    Function("sec", lambda u: ex.apply("sec", u) * ex.apply("tan", u), 1, "cos", command="\\sec"),
     Function("csc", _negative_product("csc", "cot"), -1, "sin", *_NOT_ZERO, "\\csc"),
     Function("sinh", _other("cosh"), -1, command="\\sinh"),
     Function("cosh", _other("sinh"), 1, command="\\cosh"),
-    Function("tanh", lambda u: 1 - _square(apply("tanh", u)), -1, command="\\tanh"),
-    Function("coth", lambda u: 1 - _square(apply("coth", u)), -1, "tanh", *_NOT_ZERO, "\\coth"),
+    Function("tanh", lambda u: 1 - _square(ex.apply("tanh", u)), -1, command="\\tanh"),
+    Function("coth", lambda u: 1 - _square(ex.apply("coth", u)), -1, "tanh", *_NOT_ZERO, "\\coth"),
     Function("sech", _negative_product("sech", "tanh"), 1, "cosh"),
     Function("csch", _negative_product("csch", "coth"), -1, "sinh", *_NOT_ZERO),
     Function("asin", lambda u: _inverse_root(1 - _square(u)), -1, "", lambda u: abs(u) <= 1,

@@ -12,67 +12,50 @@ from typing import Any
 
 from flint import fmpq, fmpq_poly
 
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.notation import Formula, row
-from inverse_service.expressions.tree import (
-    PI,
-    ZERO,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    negate,
-    node_count,
-    walk,
-)
+from inverse_service.expressions import collecting, notation
+from inverse_service.expressions import tree as ex
 
 _DEGREE, _HIGHEST = 40, 64
 _FINE = 2**64  # parts of one in a square root
 
 
-def inequality(tree: Expression) -> Formula:
+def inequality(tree: ex.Expression) -> notation.Formula:
     """The condition that the tree is positive, in all forms of writing, collected where that is shorter."""
-    left, right, is_greater = _sides(min(tree, collect(tree), key=node_count))
-    return row(left, " > " if is_greater else " < ", right)
+    left, right, is_greater = _sides(min(tree, collecting.collect(tree), key=ex.node_count))
+    return notation.row(left, " > " if is_greater else " < ", right)
 
 
-def inequality_text(tree: Expression) -> str:
+def inequality_text(tree: ex.Expression) -> str:
     """The same in plain text."""
     return inequality(tree).text
 
 
-def is_plainly_positive(tree: Expression, known: Collection[Expression] = ()) -> bool:
+def is_plainly_positive(tree: ex.Expression, known: Collection[ex.Expression] = ()) -> bool:
     """Whether it is > 0 wherever it is defined and all of `known` are > 0, seen from its form: 1 + x^2, exp(u)."""
     if tree in known:
         return True
     match tree:
-        case Number(value):
+        case ex.Number(value):
             return value > 0
-        case Sum(terms):
+        case ex.Sum(terms):
             no_less = all(_is_plainly_no_less(term, known) for term in terms)
             return (no_less and any(is_plainly_positive(term, known) for term in terms)) or _range(tree, {}).is_positive
-        case Product(factors):
+        case ex.Product(factors):
             return all(is_plainly_positive(factor, known) for factor in factors)
-        case Power(base, Number(exponent)) if exponent < 0:
+        case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return _is_plainly_no_less(tree, known)  # and not 0: 1/u^2, 1/sqrt(u)
-        case Power(base, _):
+        case ex.Power(base, _):
             return is_plainly_positive(base, known)
-    return isinstance(tree, Apply) and tree.function in ("exp", "cosh")
+    return isinstance(tree, ex.Apply) and tree.function in ("exp", "cosh")
 
 
 @lru_cache(maxsize=4096)
-def is_positive_polynomial(tree: Expression) -> bool:
+def is_positive_polynomial(tree: ex.Expression) -> bool:
     """Whether it is a polynomial in one name, with rational coefficients, that is > 0 on the whole line.
 
     By its roots: isolated in boxes, those that are real with the imaginary part 0.
     """
-    names = {node for node in walk(tree) if isinstance(node, Symbol | Velocity)}
+    names = {node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)}
     polynomial = _polynomial(tree) if len(names) == 1 else None
     if polynomial is None or polynomial.degree() % 2 or polynomial[polynomial.degree()] <= 0:
         return False
@@ -80,86 +63,86 @@ def is_positive_polynomial(tree: Expression) -> bool:
     return not any(root[0].imag.contains(0) for root in roots)
 
 
-def _polynomial(tree: Expression) -> fmpq_poly | None:
+def _polynomial(tree: ex.Expression) -> fmpq_poly | None:
     """The polynomial in the one name that occurs; None for what is none, or of a degree over 40."""
     match tree:
-        case Number(value):
+        case ex.Number(value):
             return fmpq_poly([fmpq(value.numerator, value.denominator)])
-        case Symbol() | Velocity():
+        case ex.Symbol() | ex.Velocity():
             return fmpq_poly([0, 1])
-        case Sum(parts) | Product(parts):
+        case ex.Sum(parts) | ex.Product(parts):
             found = [_polynomial(part) for part in parts]
             known = [part for part in found if part is not None]
             if len(known) < len(found):
                 return None
-            if isinstance(tree, Sum):
+            if isinstance(tree, ex.Sum):
                 return sum(known, fmpq_poly([0]))
             return prod(known, start=fmpq_poly([1])) if sum(max(p.degree(), 0) for p in known) <= _DEGREE else None
-        case Power(base, Number(exponent)) if exponent.denominator == 1 and exponent > 0:
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1 and exponent > 0:
             inner = _polynomial(base)
             fits = inner is not None and inner.degree() * exponent <= _DEGREE
             return inner ** int(exponent) if inner is not None and fits else None
     return None
 
 
-def _is_plainly_no_less(tree: Expression, known: Collection[Expression]) -> bool:
+def _is_plainly_no_less(tree: ex.Expression, known: Collection[ex.Expression]) -> bool:
     """The same for >= 0."""
     match tree:
-        case Sum(parts) | Product(parts):
+        case ex.Sum(parts) | ex.Product(parts):
             return tree in known or all(_is_plainly_no_less(part, known) for part in parts)
-        case Power(base, Number(exponent)):
+        case ex.Power(base, ex.Number(exponent)):
             return exponent.numerator % 2 == 0 or exponent.denominator % 2 == 0 or _is_plainly_no_less(base, known)
-    return tree == ZERO or is_plainly_positive(tree, known)
+    return tree == ex.ZERO or is_plainly_positive(tree, known)
 
 
-def is_plainly_nonzero(tree: Expression, known: Collection[Expression]) -> bool:
+def is_plainly_nonzero(tree: ex.Expression, known: Collection[ex.Expression]) -> bool:
     """Whether it is not 0 wherever it is defined and none of `known` is 0, seen from its form alone."""
     around = _range(tree, {})
     if tree in known or -tree in known or around.is_positive or around.turned.is_positive:
         return True
     match tree:
-        case Number(value):
+        case ex.Number(value):
             return value != 0
-        case Product(factors):
+        case ex.Product(factors):
             return all(is_plainly_nonzero(factor, known) for factor in factors)
-        case Power(base, exponent):
-            is_below = isinstance(exponent, Number) and exponent.value < 0
+        case ex.Power(base, exponent):
+            is_below = isinstance(exponent, ex.Number) and exponent.value < 0
             return is_below or is_plainly_nonzero(base, known)
     return False
 
 
-def _sides(tree: Expression) -> tuple[Expression, Expression, bool]:
+def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
     """(a, b, True) for a > b, (a, b, False) for a < b: one side a single term, and that of numbers on the right."""
     terms = getattr(tree, "terms", (tree,))
     varying = [term for term in terms if not _is_number(term)]
     if len(varying) == 1:
-        return _bound(varying[0], add(*(term for term in terms if _is_number(term))))
+        return _bound(varying[0], ex.add(*(term for term in terms if _is_number(term))))
     above = [term for term in terms if _coefficient(term) > 0]
     below = [-term for term in terms if _coefficient(term) < 0]
     if not above or all(map(_is_number, above)):
-        return add(*below), add(*above), False
-    return (add(*above), add(*below), True) if min(len(above), len(below)) < 2 else (tree, ZERO, True)
+        return ex.add(*below), ex.add(*above), False
+    return (ex.add(*above), ex.add(*below), True) if min(len(above), len(below)) < 2 else (tree, ex.ZERO, True)
 
 
-def _bound(term: Expression, rest: Expression) -> tuple[Expression, Expression, bool]:
+def _bound(term: ex.Expression, rest: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
     """c u + rest > 0 solved for u."""
     coefficient = _coefficient(term)
-    parts = rest.terms if isinstance(rest, Sum) else (rest,)
+    parts = rest.terms if isinstance(rest, ex.Sum) else (rest,)
     return (
         1 / coefficient * term,
-        add(*(-1 / coefficient * part for part in parts)),
+        ex.add(*(-1 / coefficient * part for part in parts)),
         coefficient > 0,
     )
 
 
-def _coefficient(term: Expression) -> Fraction:
+def _coefficient(term: ex.Expression) -> Fraction:
     parts = getattr(term, "factors", (term,))
-    return parts[0].value if isinstance(parts[0], Number) else Fraction(1)
+    return parts[0].value if isinstance(parts[0], ex.Number) else Fraction(1)
 
 
-def _is_number(term: Expression) -> bool:
+def _is_number(term: ex.Expression) -> bool:
     """Whether no coordinate, velocity, parameter or function occurs."""
-    return not any(isinstance(node, Symbol | Velocity | Arbitrary) and node != PI for node in walk(term))
+    return not any(isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI for node in ex.walk(term))
 
 
 Bound = Fraction | float
@@ -184,15 +167,15 @@ class Range:
         return Range(-self.high, -self.low, self.high_open, self.low_open)
 
 
-def needed(positive: Sequence[Expression], nonzero: Sequence[Expression]) -> tuple[list[int], list[int]]:
+def needed(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression]) -> tuple[list[int], list[int]]:
     """The places of the conditions that do not follow from those on single names, such as 0 < c < 2 and x > 0."""
-    bounds: dict[Expression, Range] = {}
+    bounds: dict[ex.Expression, Range] = {}
     alone = {place: bound for place, tree in enumerate(positive) if (bound := _bounded(tree)) is not None}
     for name, own in alone.values():
         known = bounds.get(name, Range())
         bounds[name] = Range(max(known.low, own.low), min(known.high, own.high))
     kept = [k for k, tree in enumerate(positive) if k in alone or not _range(tree, bounds).is_positive]
-    settled = {*positive, *map(negate, positive)}
+    settled = {*positive, *map(ex.negate, positive)}
     ranges = [_range(tree, bounds) for tree in nonzero]
     rest = [
         k
@@ -202,32 +185,32 @@ def needed(positive: Sequence[Expression], nonzero: Sequence[Expression]) -> tup
     return kept, rest
 
 
-def _bounded(tree: Expression) -> tuple[Expression, Range] | None:
+def _bounded(tree: ex.Expression) -> tuple[ex.Expression, Range] | None:
     """The name and its range where a condition u > 0 bounds one name by a number."""
     left, right, is_greater = _sides(tree)
-    if not isinstance(left, Symbol | Velocity) or not isinstance(right, Number):
+    if not isinstance(left, ex.Symbol | ex.Velocity) or not isinstance(right, ex.Number):
         return None
     return left, Range(right.value) if is_greater else Range(high=right.value)
 
 
-def _range(tree: Expression, bounds: Mapping[Expression, Range]) -> Range:
+def _range(tree: ex.Expression, bounds: Mapping[ex.Expression, Range]) -> Range:
     """Where the values of the tree lie, at least."""
     match tree:
-        case Number(value):
+        case ex.Number(value):
             return Range(value, value, False, False)
-        case Sum() if is_positive_polynomial(tree):
+        case ex.Sum() if is_positive_polynomial(tree):
             return Range(0)
-        case Sum() if is_positive_polynomial(negate(tree)):
+        case ex.Sum() if is_positive_polynomial(ex.negate(tree)):
             return Range(0).turned
-        case Sum(terms):
+        case ex.Sum(terms):
             found = [_range(term, bounds) for term in terms]
             low, high = (sum(getattr(one, end) for one in found) for end in ("low", "high"))
             return Range(low, high, any(one.low_open for one in found), any(one.high_open for one in found))
-        case Product(factors):
+        case ex.Product(factors):
             return reduce(_times, (_range(factor, bounds) for factor in factors))
-        case Power(base, Number(exponent)):
+        case ex.Power(base, ex.Number(exponent)):
             return _power_of(_range(base, bounds), exponent)
-        case Apply("sin" | "cos"):
+        case ex.Apply("sin" | "cos"):
             return Range(-1, 1, False, False)
     return bounds.get(tree, Range(0) if is_plainly_positive(tree) else Range())
 

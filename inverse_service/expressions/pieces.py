@@ -8,73 +8,61 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.refusals import refusal
-from inverse_service.expressions.tree import (
-    ONE,
-    ZERO,
-    Acceleration,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    add,
-    substitute,
-    walk,
-)
+from inverse_service.expressions import collecting, printing, refusals
+from inverse_service.expressions import tree as ex
 
 MOST_PIECES, MOST_BOUNDARIES = 8, 7
 STEP = "Heaviside"
 
 
-def step(u: Expression, column: int) -> Expression:
+def step(u: ex.Expression, column: int) -> ex.Expression:
     """Heaviside(u) for a polynomial u; InputError for another one."""
-    for node in walk(u):
-        root = isinstance(node, Power) and not (isinstance(node.exponent, Number) and _is_natural(node.exponent))
-        if root or isinstance(node, Apply | Arbitrary | Acceleration):
+    for node in ex.walk(u):
+        root = isinstance(node, ex.Power) and not (isinstance(node.exponent, ex.Number) and _is_natural(node.exponent))
+        if root or isinstance(node, ex.Apply | ex.Arbitrary | ex.Acceleration):
             wanted = "polynomials of t, coordinates, velocities and parameters, as in x^2 + y^2 < 1"
-            raise refusal("a condition is not an inequality of polynomials", column, f"compare {wanted}")
-    u = collect(u)
-    if isinstance(u, Number):
-        return ONE if u.value > 0 else ZERO
-    other = collect(-u)
-    shown, turned = to_text(u), to_text(other)
+            raise refusals.refusal("a condition is not an inequality of polynomials", column, f"compare {wanted}")
+    u = collecting.collect(u)
+    if isinstance(u, ex.Number):
+        return ex.ONE if u.value > 0 else ex.ZERO
+    other = collecting.collect(-u)
+    shown, turned = printing.to_text(u), printing.to_text(other)
     if (len(turned), turned) < (len(shown), shown):
-        return 1 - Apply(STEP, other)
-    return Apply(STEP, u)
+        return 1 - ex.Apply(STEP, other)
+    return ex.Apply(STEP, u)
 
 
-def _is_natural(exponent: Number) -> bool:
+def _is_natural(exponent: ex.Number) -> bool:
     return exponent.value.denominator == 1 and exponent.value > 0
 
 
-def either(left: Expression, right: Expression) -> Expression:
+def either(left: ex.Expression, right: ex.Expression) -> ex.Expression:
     """One of two conditions holds."""
     return left + right - left * right
 
 
-def piecewise(pieces: Sequence[tuple[Expression, Expression]], column: int) -> Expression:
+def piecewise(pieces: Sequence[tuple[ex.Expression, ex.Expression]], column: int) -> ex.Expression:
     """The value that stands with the first condition that holds; InputError where none may hold."""
     if len(pieces) > MOST_PIECES:
-        raise refusal(f"piecewise has {len(pieces)} pieces", column, f"write at most {MOST_PIECES}")
-    left: Expression = ONE  # 1 where no condition holds so far
+        raise refusals.refusal(f"piecewise has {len(pieces)} pieces", column, f"write at most {MOST_PIECES}")
+    left: ex.Expression = ex.ONE  # 1 where no condition holds so far
     terms = []
     for value, condition in pieces:
         terms.append(value * _multilinear(condition * left))
         left = _multilinear(left * (1 - condition))
-    steps = dict.fromkeys(node for _, condition in pieces for node in walk(condition) if isinstance(node, Apply))
+    steps = dict.fromkeys(node for _, condition in pieces for node in ex.walk(condition) if isinstance(node, ex.Apply))
     if len(steps) > MOST_BOUNDARIES:
         most = f"at most {MOST_BOUNDARIES}, which make {MOST_BOUNDARIES + 1} cases"
-        raise refusal(f"piecewise compares {len(steps)} polynomials with 0", column, f"write {most}")
-    if left != ZERO:  # multilinear in its steps, it is zero only if it is for all values of them
-        raise refusal("piecewise has no value where none of its conditions holds", column, "end it with (b, true)")
-    return add(*terms)
+        raise refusals.refusal(f"piecewise compares {len(steps)} polynomials with 0", column, f"write {most}")
+    if left != ex.ZERO:  # multilinear in its steps, it is zero only if it is for all values of them
+        raise refusals.refusal(
+            "piecewise has no value where none of its conditions holds", column, "end it with (b, true)"
+        )
+    return ex.add(*terms)
 
 
-def _multilinear(condition: Expression) -> Expression:
+def _multilinear(condition: ex.Expression) -> ex.Expression:
     """The condition expanded, with H for the powers of a step H."""
-    found = collect(condition)
-    powers = [node for node in walk(found) if isinstance(node, Power) and isinstance(node.base, Apply)]
-    return collect(substitute(found, {node: node.base for node in powers}))
+    found = collecting.collect(condition)
+    powers = [node for node in ex.walk(found) if isinstance(node, ex.Power) and isinstance(node.base, ex.Apply)]
+    return collecting.collect(ex.substitute(found, {node: node.base for node in powers}))

@@ -8,52 +8,35 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
-from inverse_service.expressions.functions import FUNCTION
-from inverse_service.expressions.letters import greek_letter, written
-from inverse_service.expressions.printing_layout import Ratio, has_plain_arguments, signed, variables
-from inverse_service.expressions.tree import (
-    HALF,
-    TIME,
-    TWO,
-    Acceleration,
-    Apply,
-    Arbitrary,
-    Expression,
-    Integral,
-    Number,
-    Power,
-    Sum,
-    Symbol,
-    Velocity,
-    walk,
-)
+from inverse_service.expressions import functions, letters, printing_layout
+from inverse_service.expressions import tree as ex
 
 _WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota", "Kappa", "Mu", "Nu", "Omicron")
 _NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
 
 
-def to_latex(expression: Expression, within: bool = False) -> str:
+def to_latex(expression: ex.Expression, within: bool = False) -> str:
     """The formula in LaTeX, without delimiters."""
-    return signed(expression, _ratio, within)
+    return printing_layout.signed(expression, _ratio, within)
 
 
-def _ratio(term: Ratio) -> str:
+def _ratio(term: printing_layout.Ratio) -> str:
     number, divisor = term.numbers
     if divisor == "1" and not term.denominators:
         return _factors(number, term.numerators)
     return f"\\frac{{{_alone(number, term.numerators)}}}{{{_alone(divisor, term.denominators)}}}"
 
 
-def _alone(coefficient: str, factors: Sequence[Expression]) -> str:
+def _alone(coefficient: str, factors: Sequence[ex.Expression]) -> str:
     """Numerator or denominator: a single sum needs no brackets there."""
     if coefficient == "1" and len(factors) == 1:
         return to_latex(factors[0], within=True)
     return _factors(coefficient, factors)
 
 
-def _factors(coefficient: str, factors: Sequence[Expression]) -> str:
+def _factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
     pieces = [coefficient] if coefficient != "1" or not factors else []
-    before: Expression | None = None
+    before: ex.Expression | None = None
     for factor in factors:
         piece = _factor(factor)
         if pieces and (piece[0].isdigit() or _looks_like_a_call(before, piece, factor)):
@@ -63,61 +46,69 @@ def _factors(coefficient: str, factors: Sequence[Expression]) -> str:
     return " ".join(pieces)
 
 
-def _looks_like_a_call(before: Expression | None, piece: str, factor: Expression) -> bool:
+def _looks_like_a_call(before: ex.Expression | None, piece: str, factor: ex.Expression) -> bool:
     """Whether x (t + 1) would stand there, which could be x at another time."""
-    return piece.startswith("\\left(") and isinstance(before, Symbol | Velocity | Acceleration) and TIME in walk(factor)
+    return (
+        piece.startswith("\\left(")
+        and isinstance(before, ex.Symbol | ex.Velocity | ex.Acceleration)
+        and ex.TIME in ex.walk(factor)
+    )
 
 
-def _factor(factor: Expression) -> str:
+def _factor(factor: ex.Expression) -> str:
     match factor:
-        case Power(Apply(function, argument), Number(value)) if function != "exp" and value > 0 and value != HALF.value:
-            return f"{_command(function)}^{{{to_latex(Number(value))}}}{_brackets(argument)}"
-        case Power(base, exponent) if exponent != HALF:
+        case ex.Power(ex.Apply(function, argument), ex.Number(value)) if (
+            function != "exp" and value > 0 and value != ex.HALF.value
+        ):
+            return f"{_command(function)}^{{{to_latex(ex.Number(value))}}}{_brackets(argument)}"
+        case ex.Power(base, exponent) if exponent != ex.HALF:
             return f"{_atom(base, raised=True)}^{{{to_latex(exponent, within=True)}}}"
         case _:
             return _atom(factor)
 
 
-def _atom(expression: Expression, raised: bool = False) -> str:
+def _atom(expression: ex.Expression, raised: bool = False) -> str:
     match expression:
-        case Number(value) if value >= 0 and value.denominator == 1:
+        case ex.Number(value) if value >= 0 and value.denominator == 1:
             return str(value)
-        case Symbol(name):
+        case ex.Symbol(name):
             return name_latex(name)
-        case Velocity(name):
+        case ex.Velocity(name):
             return name_latex(name, "dot")
-        case Acceleration(name):
+        case ex.Acceleration(name):
             return name_latex(name, "ddot")
-        case Apply("exp", argument) if not raised and not isinstance(argument, Number):
+        case ex.Apply("exp", argument) if not raised and not isinstance(argument, ex.Number):
             return f"e^{{{to_latex(argument, within=True)}}}"
-        case Apply(function, argument) if function != "exp" or isinstance(argument, Number):
+        case ex.Apply(function, argument) if function != "exp" or isinstance(argument, ex.Number):
             return f"{_command(function)}{_brackets(argument)}"
-        case Power(Power(base, inner), exponent) if (inner, exponent) == (TWO, HALF):
+        case ex.Power(ex.Power(base, inner), exponent) if (inner, exponent) == (ex.TWO, ex.HALF):
             return f"\\left|{to_latex(base, within=True)}\\right|"
-        case Power(base, exponent) if exponent == HALF:
+        case ex.Power(base, exponent) if exponent == ex.HALF:
             return f"\\sqrt{{{to_latex(base, within=True)}}}"
-        case Integral() if (known := expression.integrand) and not any(isinstance(n, Apply) for n in walk(known[1])):
+        case ex.Integral() if (known := expression.integrand) and not any(
+            isinstance(n, ex.Apply) for n in ex.walk(known[1])
+        ):
             slope, variable = known
-            inside = to_latex(slope) if not isinstance(slope, Sum) else _brackets(slope)
+            inside = to_latex(slope) if not isinstance(slope, ex.Sum) else _brackets(slope)
             return f"\\left(\\int {inside} \\, d{to_latex(variable)}\\right)"
-        case Arbitrary():
+        case ex.Arbitrary():
             return _arbitrary(expression)
         case _:
             return _brackets(expression)
 
 
-def _brackets(expression: Expression) -> str:
+def _brackets(expression: ex.Expression) -> str:
     return f"\\left({to_latex(expression, within=True)}\\right)"
 
 
 def _command(function: str) -> str:
-    row = FUNCTION.get(function)
+    row = functions.FUNCTION.get(function)
     return (row.command if row else "") or f"\\operatorname{{{function}}}"
 
 
 def name_latex(name: str, accent: str = "") -> str:
     r"""r1 as r_{1}, phi as \phi, x_left as x_{\mathrm{left}}; `accent` goes over the body."""
-    parts = written(name)
+    parts = letters.written(name)
     body = _word(parts.body)
     if accent:
         body = f"\\{accent}{{{body}}}"
@@ -126,27 +117,27 @@ def name_latex(name: str, accent: str = "") -> str:
 
 
 def _word(word: str) -> str:
-    if greek_letter(word) and word not in _NO_COMMAND:
+    if letters.greek_letter(word) and word not in _NO_COMMAND:
         return f"\\{word}"
     return word if len(word) == 1 or word.isdigit() else f"\\mathrm{{{word}}}"
 
 
-def _arbitrary(function: Arbitrary) -> str:
+def _arbitrary(function: ex.Arbitrary) -> str:
     arguments = ", ".join(to_latex(argument, within=True) for argument in function.arguments)
     name, orders = name_latex(function.name), function.orders
     if not any(orders):
         return f"{name}\\left({arguments}\\right)"
     if len(orders) == 1:
         mark = "'" * orders[0] if orders[0] <= 3 else f"^{{({orders[0]})}}"
-    elif has_plain_arguments(function):
+    elif printing_layout.has_plain_arguments(function):
         return f"{_partial(name, function)}\\left({arguments}\\right)"
     else:
         mark = f"^{{({','.join(map(str, orders))})}}"
     return f"{name}{mark}\\left({arguments}\\right)"
 
 
-def _partial(name: str, function: Arbitrary) -> str:
-    counts = Counter(to_latex(variable) for variable in variables(function))
+def _partial(name: str, function: ex.Arbitrary) -> str:
+    counts = Counter(to_latex(variable) for variable in printing_layout.variables(function))
     total = sum(counts.values())
     order = f"^{{{total}}}" if total > 1 else ""
     below = " ".join(f"\\partial {u}" + (f"^{{{k}}}" if k > 1 else "") for u, k in counts.items())
@@ -313,7 +304,7 @@ def _token_width(token: str) -> float:
         return _WIDTHS.get(token, 0.0)
     if token in _SIGNS or token == "\\cdot":
         return _SIGN
-    row = next((row for row in FUNCTION.values() if row.command == token), None)
+    row = next((row for row in functions.FUNCTION.values() if row.command == token), None)
     return _LETTER * (len(token) - 1) if row else _LETTER
 
 

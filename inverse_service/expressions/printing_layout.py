@@ -7,23 +7,9 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 
-from inverse_service.expressions.tree import (
-    ONE,
-    PI,
-    TIME,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    multiply,
-    number,
-)
+from inverse_service.expressions import tree as ex
 
-_EXPONENTIAL = Apply("exp", ONE)
+_EXPONENTIAL = ex.Apply("exp", ex.ONE)
 
 
 # From which denominator on a decimal number can be much shorter than a fraction, and how many digits that is.
@@ -40,8 +26,8 @@ class Ratio:
     negative: bool
     over: int
     under: int
-    numerators: tuple[Expression, ...]
-    denominators: tuple[Expression, ...]
+    numerators: tuple[ex.Expression, ...]
+    denominators: tuple[ex.Expression, ...]
 
     @property
     def numbers(self) -> tuple[str, str]:
@@ -61,12 +47,12 @@ class Ratio:
 @dataclass(slots=True)
 class _Parts:
     coefficient: Fraction = Fraction(1)
-    numerators: list[Expression] = field(default_factory=list)
-    denominators: list[Expression] = field(default_factory=list)
+    numerators: list[ex.Expression] = field(default_factory=list)
+    denominators: list[ex.Expression] = field(default_factory=list)
 
 
 @lru_cache(maxsize=4096)  # what is printed is often a part of what was printed before
-def ratio(expression: Expression) -> Ratio:
+def ratio(expression: ex.Expression) -> Ratio:
     """The expression, one term of a sum, as a fraction."""
     parts = _Parts()
     _collect(expression, False, parts)
@@ -80,76 +66,76 @@ def ratio(expression: Expression) -> Ratio:
     )
 
 
-def _collect(expression: Expression, inverse: bool, parts: _Parts) -> None:
+def _collect(expression: ex.Expression, inverse: bool, parts: _Parts) -> None:
     match expression:
-        case Number(value) if value or not inverse:
+        case ex.Number(value) if value or not inverse:
             parts.coefficient *= 1 / value if inverse else value
-        case Product(factors):
+        case ex.Product(factors):
             for factor in factors:
                 _collect(factor, inverse, parts)
-        case Power(base, Number(exponent)) if exponent < 0:
+        case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             _collect(base**-exponent, not inverse, parts)
-        case Power(base, Number(exponent)) if exponent.denominator == 1 and (plain := _as_written(base)) != base:
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1 and (plain := _as_written(base)) != base:
             _collect(plain**exponent, inverse, parts)
         case _:
             (parts.denominators if inverse else parts.numerators).append(expression)
 
 
 @lru_cache(maxsize=512)  # without it the work doubles with every level of nested powers
-def _as_written(base: Expression) -> Expression:
+def _as_written(base: ex.Expression) -> ex.Expression:
     """The base of a whole power as the reader has it: 1/u as u^-1, and x x as x^2."""
-    if not isinstance(base, Product | Power):
+    if not isinstance(base, ex.Product | ex.Power):
         return base
     parts = ratio(base)
     if parts.negative or parts.over != 1 or len(parts.numerators) > 1:
         return base
     if not parts.numerators:
-        return multiply(number(parts.under), *parts.denominators) ** -1
+        return ex.multiply(ex.number(parts.under), *parts.denominators) ** -1
     alone = parts.under == 1 and not parts.denominators
     return parts.numerators[0] if alone else base
 
 
-def _gather(factors: Iterable[Expression]) -> tuple[Expression, ...]:
+def _gather(factors: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
     """Equal bases with whole positive exponents put together at the place of the first."""
-    table: dict[Expression, int] = {}
+    table: dict[ex.Expression, int] = {}
     for factor in factors:
         base, count = _base(factor)
         table[base] = table.get(base, 0) + count
     return tuple(_factor(base, count) for base, count in table.items())
 
 
-def _base(factor: Expression) -> tuple[Expression, int]:
+def _base(factor: ex.Expression) -> tuple[ex.Expression, int]:
     match factor:
-        case Power(base, exponent) if base == _EXPONENTIAL:
-            return _base(Apply("exp", exponent))
-        case Apply("exp", Number(value)) if value > 0 and value.denominator == 1:
+        case ex.Power(base, exponent) if base == _EXPONENTIAL:
+            return _base(ex.Apply("exp", exponent))
+        case ex.Apply("exp", ex.Number(value)) if value > 0 and value.denominator == 1:
             return _EXPONENTIAL, int(value)
-        case Power(base, Number(value)) if value > 0 and value.denominator == 1:
+        case ex.Power(base, ex.Number(value)) if value > 0 and value.denominator == 1:
             inner, count = _base(base)
             return inner, count * int(value)
         case _:
             return factor, 1
 
 
-def _factor(base: Expression, count: int) -> Expression:
+def _factor(base: ex.Expression, count: int) -> ex.Expression:
     if count == 1:
         return base
-    return Apply("exp", number(count)) if base == _EXPONENTIAL else Power(base, number(count))
+    return ex.Apply("exp", ex.number(count)) if base == _EXPONENTIAL else ex.Power(base, ex.number(count))
 
 
-def signed_terms(expression: Expression, within: bool = False) -> list[Ratio]:
+def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]:
     """The terms of a sum, or the one term, in their order; 1 - x^2 begins with its number.
 
     `within` brackets, roots, functions and fractions a term that is not negative comes first: 4 k m - c^2.
     """
-    terms = [ratio(term) for term in (expression.terms if isinstance(expression, Sum) else (expression,))]
+    terms = [ratio(term) for term in (expression.terms if isinstance(expression, ex.Sum) else (expression,))]
     if terms[0].negative:
         chosen = [term for term in terms if not term.negative and (within or not term.numerators + term.denominators)]
         terms.sort(key=lambda term: term not in chosen[:1])
     return terms
 
 
-def signed(expression: Expression, write: Callable[[Ratio], str], within: bool = False) -> str:
+def signed(expression: ex.Expression, write: Callable[[Ratio], str], within: bool = False) -> str:
     """The terms as they are written, with a sign before each but a first one that is not negative."""
     pieces: list[str] = []
     for term in signed_terms(expression, within):
@@ -158,17 +144,17 @@ def signed(expression: Expression, write: Callable[[Ratio], str], within: bool =
     return "".join(pieces)
 
 
-def has_plain_arguments(function: Arbitrary) -> bool:
+def has_plain_arguments(function: ex.Arbitrary) -> bool:
     """Whether the arguments are names, all different: then diff(B(x, y), x) is clear.
 
     Not with t or pi among them: diff(u, t) is the derivative along the motion, and pi is a number.
     """
     arguments = function.arguments
-    plain = all(isinstance(u, Symbol) and u not in (TIME, PI) for u in arguments)
+    plain = all(isinstance(u, ex.Symbol) and u not in (ex.TIME, ex.PI) for u in arguments)
     return plain and len(set(arguments)) == len(arguments)
 
 
-def variables(function: Arbitrary) -> list[Expression]:
+def variables(function: ex.Arbitrary) -> list[ex.Expression]:
     """What is differentiated by, each as often as its order."""
     pairs = zip(function.arguments, function.orders, strict=True)
     return [argument for argument, order in pairs for _ in range(order)]

@@ -5,21 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from inverse_service.expressions.functions import FUNCTION
-from inverse_service.expressions.letters import greek_letter, written
-from inverse_service.expressions.printing_layout import Ratio, signed_terms
-from inverse_service.expressions.tree import (
-    HALF,
-    TWO,
-    Acceleration,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Symbol,
-    Velocity,
-)
+from inverse_service.expressions import functions, letters, printing_layout
+from inverse_service.expressions import tree as ex
 
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 _TIMES = "<mo>&#x2062;</mo>"
@@ -29,34 +16,34 @@ _APPLY = "<mo>&#x2061;</mo>"
 _DOTS = ("", "&#x02D9;", "&#x00A8;")
 
 
-def to_mathml(expression: Expression) -> str:
+def to_mathml(expression: ex.Expression) -> str:
     """A complete <math> element; all text in it is escaped."""
     return f'<math xmlns="{_NAMESPACE}">{_row(expression, within=False)}</math>'
 
 
-def _row(expression: Expression, within: bool = True) -> str:
+def _row(expression: ex.Expression, within: bool = True) -> str:
     pieces: list[str] = []
-    for term in signed_terms(expression, within):
+    for term in printing_layout.signed_terms(expression, within):
         if pieces or term.negative:
             pieces.append("<mo>&#x2212;</mo>" if term.negative else "<mo>+</mo>")
         pieces.append(_ratio(term))
     return f"<mrow>{''.join(pieces)}</mrow>"
 
 
-def _ratio(term: Ratio) -> str:
+def _ratio(term: printing_layout.Ratio) -> str:
     number, divisor = term.numbers
     if divisor == "1" and not term.denominators:
         return _factors(number, term.numerators)
     return f"<mfrac>{_alone(number, term.numerators)}{_alone(divisor, term.denominators)}</mfrac>"
 
 
-def _alone(coefficient: str, factors: Sequence[Expression]) -> str:
+def _alone(coefficient: str, factors: Sequence[ex.Expression]) -> str:
     if coefficient == "1" and len(factors) == 1:
         return _row(factors[0])
     return f"<mrow>{_factors(coefficient, factors)}</mrow>"
 
 
-def _factors(coefficient: str, factors: Sequence[Expression]) -> str:
+def _factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
     pieces = [f"<mn>{coefficient}</mn>"] if coefficient != "1" or not factors else []
     pieces += [_factor(factor) for factor in factors]
     joined = pieces[0]
@@ -69,10 +56,10 @@ def _begins_with_digit(piece: str) -> bool:
     return piece.startswith(("<mn>", "<msup><mn>"))
 
 
-def _factor(factor: Expression) -> str:
+def _factor(factor: ex.Expression) -> str:
     match factor:
-        case Power(base, exponent) if exponent != HALF:
-            inner = _brackets(base) if isinstance(base, Apply) and base.function == "exp" else _atom(base)
+        case ex.Power(base, exponent) if exponent != ex.HALF:
+            inner = _brackets(base) if isinstance(base, ex.Apply) and base.function == "exp" else _atom(base)
             return _raised(inner, _exponent(exponent))
         case _:
             return _atom(factor)
@@ -86,10 +73,10 @@ def _raised(base: str, exponent: str) -> str:
     return f"<msup>{low if base.startswith('<mover ') else base}{exponent}</msup>"
 
 
-def _exponent(expression: Expression) -> str:
+def _exponent(expression: ex.Expression) -> str:
     """t/10 stays on its line: a fraction above a letter is too small to be read."""
-    term, *further = signed_terms(expression, within=True)
-    simple = all(isinstance(part, Symbol | Velocity) for part in (*term.numerators, *term.denominators))
+    term, *further = printing_layout.signed_terms(expression, within=True)
+    simple = all(isinstance(part, ex.Symbol | ex.Velocity) for part in (*term.numerators, *term.denominators))
     number, divisor = term.numbers
     if further or not simple or (divisor != "1") + len(term.denominators) != 1:
         return _row(expression)
@@ -98,39 +85,39 @@ def _exponent(expression: Expression) -> str:
     return f'<mrow>{sign}{over}<mo lspace="0" rspace="0">/</mo>{under}</mrow>'
 
 
-def _atom(expression: Expression) -> str:
+def _atom(expression: ex.Expression) -> str:
     match expression:
-        case Number(value) if value >= 0 and value.denominator == 1:
+        case ex.Number(value) if value >= 0 and value.denominator == 1:
             return f"<mn>{value}</mn>"
-        case Symbol(name):
+        case ex.Symbol(name):
             return _name(name, 0)
-        case Velocity(name):
+        case ex.Velocity(name):
             return _name(name, 1)
-        case Acceleration(name):
+        case ex.Acceleration(name):
             return _name(name, 2)
-        case Apply("exp", argument):
+        case ex.Apply("exp", argument):
             return f"<msup><mi>e</mi>{_exponent(argument)}</msup>"
-        case Apply(function, argument):
-            row = FUNCTION.get(function)
+        case ex.Apply(function, argument):
+            row = functions.FUNCTION.get(function)
             name = escape((row.shown if row else "") or function)
             return f"<mrow><mi>{name}</mi>{_APPLY}{_brackets(argument)}</mrow>"
-        case Power(Power(base, inner), exponent) if (inner, exponent) == (TWO, HALF):
+        case ex.Power(ex.Power(base, inner), exponent) if (inner, exponent) == (ex.TWO, ex.HALF):
             return f"<mrow><mo>|</mo>{_row(base)}<mo>|</mo></mrow>"
-        case Power(base, exponent) if exponent == HALF:
+        case ex.Power(base, exponent) if exponent == ex.HALF:
             return f"<msqrt>{_row(base)}</msqrt>"
-        case Arbitrary():
+        case ex.Arbitrary():
             return _arbitrary(expression)
         case _:
             return _brackets(expression)
 
 
-def _brackets(expression: Expression) -> str:
+def _brackets(expression: ex.Expression) -> str:
     return f"<mrow><mo>(</mo>{_row(expression)}<mo>)</mo></mrow>"
 
 
 def _name(name: str, order: int) -> str:
-    parts = written(name)
-    body = f"<mi>{escape(greek_letter(parts.body) or parts.body)}</mi>"
+    parts = letters.written(name)
+    body = f"<mi>{escape(letters.greek_letter(parts.body) or parts.body)}</mi>"
     if order:
         body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
     if not parts.subscript:
@@ -140,10 +127,10 @@ def _name(name: str, order: int) -> str:
 
 
 def _escaped(word: str) -> str:
-    return escape(greek_letter(word) or word)
+    return escape(letters.greek_letter(word) or word)
 
 
-def _arbitrary(function: Arbitrary) -> str:
+def _arbitrary(function: ex.Arbitrary) -> str:
     """The function with primes, or with the orders (1,0) above where it has several arguments."""
     name, orders = _name(function.name, 0), function.orders
     if any(orders):

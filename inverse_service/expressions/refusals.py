@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.errors import InputError, LimitError
+from inverse_service import errors
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,8 @@ def refusal(
     meant: tuple[str, ...] = (),
     span: tuple[int, int] | None = None,
     declare: str = "",
-    kind: type[InputError] = InputError,
-) -> InputError:
+    kind: type[errors.InputError] = errors.InputError,
+) -> errors.InputError:
     """An InputError whose sentence says what is wrong, where, and what to write instead.
 
     `meant` are texts one of which may have been meant in the place of the name there, or of `span`; `declare` is the
@@ -66,9 +66,9 @@ def refusal(
     return kind(f"{what} at column {column}: {ways}.", "", column, meant, span, plain + ending, declare)
 
 
-def limit_passed(what: str, column: int, bound: int) -> InputError:
+def limit_passed(what: str, column: int, bound: int) -> errors.InputError:
     """A LimitError that names the bound."""
-    return refusal(what, column, f"the limit is {bound:,}; write less", kind=LimitError)
+    return refusal(what, column, f"the limit is {bound:,}; write less", kind=errors.LimitError)
 
 
 def at_most(count: int | Fraction, bound: int, what: str, column: int) -> None:

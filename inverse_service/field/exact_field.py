@@ -44,26 +44,7 @@ from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 from flint.utils.flint_exceptions import DomainError
 
 from inverse_service.deadline import end, now
-from inverse_service.expressions.tree import (
-    PI,
-    Apply,
-    Arbitrary,
-    Expression,
-    Integral,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    children,
-    distinct_nodes,
-    multiply,
-    number,
-    powers_of,
-    split_exponent,
-)
+from inverse_service.expressions import tree as ex
 
 Exponents = tuple[tuple[int, int], ...]
 
@@ -82,7 +63,7 @@ LARGEST_EXPONENT = 64
 FACTORED_TERMS = 120
 FACTORED_DEGREE = 60
 
-Family = tuple[str, tuple[Expression, ...]]
+Family = tuple[str, tuple[ex.Expression, ...]]
 
 
 # The derivative of each inverse function is sign / (constant + quadratic u^2)^exponent.
@@ -506,15 +487,15 @@ class ExactRing:
     """
 
     field: QuotientField
-    variables: tuple[Expression, ...]
+    variables: tuple[ex.Expression, ...]
     free: int
     slopes: bool = True
-    atoms: dict[Expression, Quotient] = dataclasses.field(default_factory=dict)
-    trees: dict[int, Expression] = dataclasses.field(default_factory=dict)
+    atoms: dict[ex.Expression, Quotient] = dataclasses.field(default_factory=dict)
+    trees: dict[int, ex.Expression] = dataclasses.field(default_factory=dict)
     images: list[dict[int, Quotient]] = dataclasses.field(default_factory=list)
     undefined: set[int] = dataclasses.field(default_factory=set)
 
-    def new_generator(self, tree: Expression) -> int:
+    def new_generator(self, tree: ex.Expression) -> int:
         """The next unused generator, printing as `tree`."""
         if self.free == 0:
             raise TooLarge("the formulas hold more functions than were counted")
@@ -558,42 +539,42 @@ class ExactRing:
         if not self.slopes:
             raise ValueError("this ring was made without derivatives")
 
-    def value(self, tree: Expression) -> Quotient:
+    def value(self, tree: ex.Expression) -> Quotient:
         """The tree as a ring element; ZeroDivisionError for a division by identically zero."""
         if tree in self.atoms:
             return self.atoms[tree]
         match tree:
-            case Number(value):
+            case ex.Number(value):
                 return self.constant(value)
-            case Sum(terms):
+            case ex.Sum(terms):
                 return self._sum(terms)
-            case Product(factors):
+            case ex.Product(factors):
                 return self._product(factors)
-            case Power(base, Number(exponent)) if exponent.denominator == 1:
+            case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
                 if abs(exponent) > LARGEST_EXPONENT:
                     raise TooLarge(f"a power above {LARGEST_EXPONENT} is not expanded")
                 return self.value(base) ** int(exponent)
         raise KeyError(f"{type(tree).__name__} node is not an atom of this ring")
 
-    def _sum(self, terms: Sequence[Expression]) -> Quotient:
+    def _sum(self, terms: Sequence[ex.Expression]) -> Quotient:
         total = self.constant(0)
         for term in terms:
             total = total + self.value(term)
         return total
 
-    def _product(self, factors: Sequence[Expression]) -> Quotient:
+    def _product(self, factors: Sequence[ex.Expression]) -> Quotient:
         total = self.constant(1)
         for factor in factors:
             total = total * self.value(factor)
         return total
 
 
-def is_integer_power(tree: Expression) -> bool:
+def is_integer_power(tree: ex.Expression) -> bool:
     """Whether the node is a Power with an integer exponent, which needs no generator."""
-    return isinstance(tree, Power) and isinstance(tree.exponent, Number) and tree.exponent.value.denominator == 1
+    return isinstance(tree, ex.Power) and isinstance(tree.exponent, ex.Number) and tree.exponent.value.denominator == 1
 
 
-def add_symbols(ring: ExactRing, symbols: Sequence[Symbol | Velocity]) -> None:
+def add_symbols(ring: ExactRing, symbols: Sequence[ex.Symbol | ex.Velocity]) -> None:
     """One generator for each symbol; the variables among them get derivative 1."""
     ring.images = [{} for _ in ring.variables]
     for symbol in symbols:
@@ -603,16 +584,16 @@ def add_symbols(ring: ExactRing, symbols: Sequence[Symbol | Velocity]) -> None:
             ring.images[ring.variables.index(symbol)][index] = ring.constant(1)
 
 
-def scaled_tree(tree: Expression, divisor: int) -> Expression:
+def scaled_tree(tree: ex.Expression, divisor: int) -> ex.Expression:
     """tree / divisor."""
     return tree if divisor == 1 else Fraction(1, divisor) * tree
 
 
-def quotient_tree(ring: ExactRing, quotient: Quotient) -> Expression:
+def quotient_tree(ring: ExactRing, quotient: Quotient) -> ex.Expression:
     """The element as constant * factors / denominators, or a sum of such where that is shorter."""
     if quotient.is_zero:
-        return number(0)
-    return add(*(_factored(ring, part) for part in _split_by_roots(ring, quotient)))
+        return ex.number(0)
+    return ex.add(*(_factored(ring, part) for part in _split_by_roots(ring, quotient)))
 
 
 def _split_by_roots(ring: ExactRing, quotient: Quotient) -> list[Quotient]:
@@ -626,20 +607,24 @@ def _split_by_roots(ring: ExactRing, quotient: Quotient) -> list[Quotient]:
     return parts if shorter else [quotient]
 
 
-def _factored(ring: ExactRing, quotient: Quotient) -> Expression:
+def _factored(ring: ExactRing, quotient: Quotient) -> ex.Expression:
     """constant * factors / denominators, monomials before sums."""
     constant, factors = _factors(ring, quotient.numerator)
-    table = dict[Expression, Fraction]()
+    table = dict[ex.Expression, Fraction]()
     for polynomial, exponent in factors:
         _collect(ring, table, polynomial, exponent)
     for index, exponent in quotient.exponents:
         _collect(ring, table, ring.field.denominators[index], -exponent)
     rank = {tree: _place(ring, index) for index, tree in ring.trees.items() if tree in table}
-    ordered = sorted(table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], Sum), rank.get(item[0], (3, 0))))
-    return multiply(number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent))
+    ordered = sorted(
+        table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], ex.Sum), rank.get(item[0], (3, 0)))
+    )
+    return ex.multiply(
+        ex.number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent)
+    )
 
 
-def factor_trees(ring: ExactRing, quotient: Quotient) -> list[Expression]:
+def factor_trees(ring: ExactRing, quotient: Quotient) -> list[ex.Expression]:
     """The factors of the numerator that are not numbers, each once: where the element can vanish."""
     _, factors = _factors(ring, quotient.numerator)
     return [polynomial_tree(ring, factor) for factor, _ in factors if not factor.is_constant()]
@@ -658,27 +643,27 @@ def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tu
     return content, [*found, *factors]
 
 
-def _collect(ring: ExactRing, table: dict[Expression, Fraction], factor: fmpq_mpoly, exponent: int) -> None:
+def _collect(ring: ExactRing, table: dict[ex.Expression, Fraction], factor: fmpq_mpoly, exponent: int) -> None:
     """Multiply the power of a factor into the table of trees and exponents."""
-    for base, inner in powers_of(polynomial_tree(ring, factor)):
+    for base, inner in ex.powers_of(polynomial_tree(ring, factor)):
         table[base] = table.get(base, Fraction(0)) + inner * exponent
 
 
-def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> Expression:
+def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> ex.Expression:
     """The polynomial as a sum of monomials."""
     used = (index for index, degree in enumerate(polynomial.degrees()) if degree > 0 and index in ring.trees)
     order = sorted(used, key=lambda index: _place(ring, index))
-    powers: dict[tuple[int, int], Expression] = {}
-    return add(*(_monomial_tree(ring, order, powers, e, as_fraction(c)) for e, c in polynomial.terms()))
+    powers: dict[tuple[int, int], ex.Expression] = {}
+    return ex.add(*(_monomial_tree(ring, order, powers, e, as_fraction(c)) for e, c in polynomial.terms()))
 
 
 def _monomial_tree(
     ring: ExactRing,
     order: Sequence[int],
-    powers: dict[tuple[int, int], Expression],
+    powers: dict[tuple[int, int], ex.Expression],
     exponents: Sequence[int],
     coefficient: Fraction,
-) -> Expression:
+) -> ex.Expression:
     """One term; `powers` keeps the powers of generators built so far."""
     parts = []
     for index in order:
@@ -687,37 +672,37 @@ def _monomial_tree(
             powers[index, exponent] = generator_power(ring.trees[index], Fraction(exponent))
         if exponent:
             parts.append(powers[index, exponent])
-    return multiply(number(coefficient), *parts)
+    return ex.multiply(ex.number(coefficient), *parts)
 
 
 def _place(ring: ExactRing, index: int) -> tuple[int, int]:
     """Parameters first, then coordinates and velocities, then functions."""
     tree = ring.trees.get(index)
-    if isinstance(tree, Symbol) and tree not in ring.variables:
+    if isinstance(tree, ex.Symbol) and tree not in ring.variables:
         return (0, index)
     return (1 if tree in ring.variables else 2, index)
 
 
-def generator_power(tree: Expression, exponent: Fraction) -> Expression:
+def generator_power(tree: ex.Expression, exponent: Fraction) -> ex.Expression:
     """tree ^ exponent, with (u^c)^e = u^(c e) for a root and exp(u)^e = exp(e u)."""
     match tree:
-        case Power(base, Number(inner)) if inner.denominator != 1:
+        case ex.Power(base, ex.Number(inner)) if inner.denominator != 1:
             return base ** (inner * exponent)
-        case Power(base, inner_exponent) if not isinstance(inner_exponent, Number):
+        case ex.Power(base, inner_exponent) if not isinstance(inner_exponent, ex.Number):
             return base ** (exponent * inner_exponent)
-        case Apply("exp", argument):
-            return Apply("exp", exponent * argument) if exponent != 1 else tree
+        case ex.Apply("exp", argument):
+            return ex.Apply("exp", exponent * argument) if exponent != 1 else tree
     return tree**exponent
 
 
-def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[Arbitrary], further: int) -> None:
+def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[ex.Arbitrary], further: int) -> None:
     """Generators for the functions in `nodes` and their derivatives of `further` more orders.
 
     Derivatives of the highest order have none in their turn and are marked undefined.
     """
     families: dict[Family, int] = {}
     for node in nodes:
-        if isinstance(node, Integral):
+        if isinstance(node, ex.Integral):
             index = ring.new_generator(node)
             ring.atoms[node] = ring.generator(index)
             ring.undefined.add(index)
@@ -728,12 +713,12 @@ def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[Arbitrary], further: int) 
         _adjoin_family(ring, name, arguments, order + further)
 
 
-def _adjoin_family(ring: ExactRing, name: str, arguments: tuple[Expression, ...], highest: int) -> None:
+def _adjoin_family(ring: ExactRing, name: str, arguments: tuple[ex.Expression, ...], highest: int) -> None:
     values = [ring.value(argument) for argument in arguments]
     indices: dict[tuple[int, ...], int] = {}
     # From the highest order down, so that lower derivatives are the greater generators.
     for orders in sorted(_orders(len(arguments), highest), key=lambda k: (-sum(k), k)):
-        node = Arbitrary(name, arguments, orders)
+        node = ex.Arbitrary(name, arguments, orders)
         indices[orders] = ring.new_generator(node)
         ring.atoms[node] = ring.generator(indices[orders])
         if sum(orders) == highest:
@@ -752,20 +737,20 @@ def _next(ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[in
     return ring.generator(indices[raised])
 
 
-def adjoin_roots(ring: ExactRing, powers: Sequence[Power]) -> None:
+def adjoin_roots(ring: ExactRing, powers: Sequence[ex.Power]) -> None:
     """Generators for rational powers; powers of one base share the root of the common denominator."""
-    degrees: dict[Expression, int] = {}
+    degrees: dict[ex.Expression, int] = {}
     for node in powers:
-        assert isinstance(node.exponent, Number)
+        assert isinstance(node.exponent, ex.Number)
         degrees[node.base] = math.lcm(degrees.get(node.base, 1), node.exponent.value.denominator)
     for base, degree in degrees.items():
         root = root_generator(ring, ring.value(base), base, degree)
         for node in powers:
-            if node.base == base and isinstance(node.exponent, Number):
+            if node.base == base and isinstance(node.exponent, ex.Number):
                 ring.atoms[node] = root ** int(node.exponent.value * degree)
 
 
-def root_generator(ring: ExactRing, radicand: Quotient, tree: Expression, degree: int) -> Quotient:
+def root_generator(ring: ExactRing, radicand: Quotient, tree: ex.Expression, degree: int) -> Quotient:
     """An element r with r^degree = radicand; the same radicand gives the same generator.
 
     For the radicand a/b the generator is b (a/b)^(1/degree), a root of the polynomial a b^(degree-1).
@@ -787,10 +772,10 @@ def root_generator(ring: ExactRing, radicand: Quotient, tree: Expression, degree
 
 def _is_root(ring: ExactRing, index: int) -> bool:
     """Whether the generator is a root, not a sine; sqrt(1 - cos^2) is sin up to a sign only."""
-    return not isinstance(ring.trees[index], Apply)
+    return not isinstance(ring.trees[index], ex.Apply)
 
 
-def adjoin_inverse(ring: ExactRing, node: Apply) -> None:
+def adjoin_inverse(ring: ExactRing, node: ex.Apply) -> None:
     """A generator for asin, acos, atan, asinh, acosh or atanh of an argument."""
     sign, constant, quadratic, exponent = INVERSE[node.function]
     argument = ring.value(node.argument)
@@ -805,11 +790,11 @@ def adjoin_inverse(ring: ExactRing, node: Apply) -> None:
 
 
 def exact_ring(
-    trees: Sequence[Expression],
-    variables: Sequence[Symbol | Velocity],
+    trees: Sequence[ex.Expression],
+    variables: Sequence[ex.Symbol | ex.Velocity],
     orders: int,
     budget: Budget,
-    further: Sequence[Symbol] = (),
+    further: Sequence[ex.Symbol] = (),
     spare: bool = False,
     slopes: bool = True,
 ) -> ExactRing:
@@ -829,7 +814,9 @@ def exact_ring(
     return _build(trees, variables, symbols, orders, budget, used, slopes)
 
 
-def factored(trees: Sequence[Expression], symbols: Sequence[Symbol | Velocity], budget: Budget) -> list[Expression]:
+def factored(
+    trees: Sequence[ex.Expression], symbols: Sequence[ex.Symbol | ex.Velocity], budget: Budget
+) -> list[ex.Expression]:
     """The trees, each over its common denominator with numerator and denominator factored.
 
     TooLarge where the budget ends, ZeroDivisionError where a denominator vanishes, KeyError for an unknown atom.
@@ -839,9 +826,9 @@ def factored(trees: Sequence[Expression], symbols: Sequence[Symbol | Velocity], 
 
 
 def _build(
-    trees: Sequence[Expression],
-    variables: Sequence[Symbol | Velocity],
-    symbols: Sequence[Symbol | Velocity],
+    trees: Sequence[ex.Expression],
+    variables: Sequence[ex.Symbol | ex.Velocity],
+    symbols: Sequence[ex.Symbol | ex.Velocity],
     orders: int,
     budget: Budget,
     size: int,
@@ -855,46 +842,48 @@ def _build(
     return ring
 
 
-def _symbols(trees: Sequence[Expression], variables: Sequence[Symbol | Velocity]) -> list[Symbol | Velocity]:
+def _symbols(
+    trees: Sequence[ex.Expression], variables: Sequence[ex.Symbol | ex.Velocity]
+) -> list[ex.Symbol | ex.Velocity]:
     """Parameters and numbers such as pi last, so that they get the smallest place in the order."""
-    found = dict.fromkeys(node for node in distinct_nodes(trees) if isinstance(node, Symbol | Velocity))
+    found = dict.fromkeys(node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Symbol | ex.Velocity))
     constants = [symbol for symbol in found if symbol not in variables]
     return constants + list(reversed(variables))
 
 
-def _occurring(trees: Sequence[Expression]) -> frozenset[str]:
+def _occurring(trees: Sequence[ex.Expression]) -> frozenset[str]:
     """Names of the functions in the trees, and "power" for a power with a symbolic exponent."""
     names = set()
-    for node in distinct_nodes(trees):
-        if isinstance(node, Apply):
+    for node in ex.distinct_nodes(trees):
+        if isinstance(node, ex.Apply):
             names.add(node.function)
-        elif isinstance(node, Power) and not isinstance(node.exponent, Number):
+        elif isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number):
             names.add("power")
     return frozenset(names)
 
 
-def _is_function(node: Expression) -> bool:
-    return isinstance(node, Apply | Arbitrary) or (isinstance(node, Power) and not is_integer_power(node))
+def _is_function(node: ex.Expression) -> bool:
+    return isinstance(node, ex.Apply | ex.Arbitrary) or (isinstance(node, ex.Power) and not is_integer_power(node))
 
 
-def _generators_needed(trees: Sequence[Expression], orders: int) -> int:
+def _generators_needed(trees: Sequence[ex.Expression], orders: int) -> int:
     """An upper bound; exact counting would need the arguments' relations."""
-    atoms = {node for node in distinct_nodes(trees) if _is_function(node)}
+    atoms = {node for node in ex.distinct_nodes(trees) if _is_function(node)}
     total = 0
     for node in atoms:
         total += 4
-        if isinstance(node, Arbitrary):
+        if isinstance(node, ex.Arbitrary):
             total += math.comb(len(node.arguments) + sum(node.orders) + orders, len(node.arguments))
     return total
 
 
-def _levels(trees: Sequence[Expression]) -> list[list[Expression]]:
+def _levels(trees: Sequence[ex.Expression]) -> list[list[ex.Expression]]:
     """The functions in the trees by nesting: arguments of level k hold levels below k only."""
-    depth: dict[Expression, int] = {}
+    depth: dict[ex.Expression, int] = {}
 
-    def measure(node: Expression) -> int:
+    def measure(node: ex.Expression) -> int:
         if node not in depth:
-            inside = max(map(measure, children(node)), default=0)
+            inside = max(map(measure, ex.children(node)), default=0)
             depth[node] = inside + 1 if _is_function(node) else inside
         return depth[node]
 
@@ -903,11 +892,11 @@ def _levels(trees: Sequence[Expression]) -> list[list[Expression]]:
     return [[node for node in found if depth[node] == level] for level in range(1, top + 1)]
 
 
-def _adjoin_level(ring: ExactRing, level: Sequence[Expression], orders: int, names: frozenset[str]) -> None:
+def _adjoin_level(ring: ExactRing, level: Sequence[ex.Expression], orders: int, names: frozenset[str]) -> None:
     """Generators for all functions of one level."""
-    adjoin_roots(ring, [node for node in level if isinstance(node, Power) and isinstance(node.exponent, Number)])
-    symbolic = [node for node in level if isinstance(node, Power) and not isinstance(node.exponent, Number)]
-    _adjoin_logarithms(ring, [*_applied(level, {"log"}), *(Apply("log", node.base) for node in symbolic)])
+    adjoin_roots(ring, [node for node in level if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)])
+    symbolic = [node for node in level if isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number)]
+    _adjoin_logarithms(ring, [*_applied(level, {"log"}), *(ex.Apply("log", node.base) for node in symbolic)])
     hyperbolic = _applied(level, HYPERBOLIC)
     by_exponentials = bool(names & {"exp", "power"})
     exponentials = _applied(level, {"exp"}) + (hyperbolic if by_exponentials else [])
@@ -917,15 +906,15 @@ def _adjoin_level(ring: ExactRing, level: Sequence[Expression], orders: int, nam
         adjoin_pairs(ring, hyperbolic, 1)
     for node in _applied(level, INVERSE):
         adjoin_inverse(ring, node)
-    adjoin_arbitrary(ring, [node for node in level if isinstance(node, Arbitrary)], orders)
+    adjoin_arbitrary(ring, [node for node in level if isinstance(node, ex.Arbitrary)], orders)
 
 
-def _applied(level: Sequence[Expression], names: Iterable[str]) -> list[Apply]:
+def _applied(level: Sequence[ex.Expression], names: Iterable[str]) -> list[ex.Apply]:
     wanted = frozenset(names)
-    return [node for node in level if isinstance(node, Apply) and node.function in wanted]
+    return [node for node in level if isinstance(node, ex.Apply) and node.function in wanted]
 
 
-def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[Apply]) -> None:
+def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[ex.Apply]) -> None:
     """log of products: a basis of the arguments' exponent vectors over Q."""
     nodes = list(dict.fromkeys(node for node in nodes if node not in ring.atoms))
     arguments = [ring.value(node.argument) for node in nodes]
@@ -943,13 +932,13 @@ def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[Apply]) -> None:
         ring.atoms[node] = total
 
 
-def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[Apply], powers: Sequence[Power]) -> None:
+def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[ex.Apply], powers: Sequence[ex.Power]) -> None:
     """exp(u), u^e = exp(e log u), and hyperbolic functions through exp(u); u^(e + 1) is u u^e."""
-    parts = [split_exponent(node.exponent) for node in powers]
-    symbolic = [Power(node.base, rest) for node, (rest, _) in zip(powers, parts, strict=True)]
+    parts = [ex.split_exponent(node.exponent) for node in powers]
+    symbolic = [ex.Power(node.base, rest) for node, (rest, _) in zip(powers, parts, strict=True)]
     arguments = [ring.value(node.argument) for node in nodes]
-    arguments += [ring.value(node.exponent) * ring.value(Apply("log", node.base)) for node in symbolic]
-    trees: list[Expression] = [Apply("exp", node.argument) for node in nodes]
+    arguments += [ring.value(node.exponent) * ring.value(ex.Apply("log", node.base)) for node in symbolic]
+    trees: list[ex.Expression] = [ex.Apply("exp", node.argument) for node in nodes]
     basis = argument_basis([coordinates_of(argument) for argument in arguments])
     generators = []
     for place, scale in zip(basis.chosen, basis.scales, strict=True):
@@ -958,7 +947,7 @@ def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[Apply], powers: Sequen
         argument = arguments[place].scaled(Fraction(1, scale))
         ring.set_slopes(index, [(ring.generator(index), argument)])
         generators.append(ring.generator(index))
-    functions: list[Apply | Power] = [*nodes, *powers]
+    functions: list[ex.Apply | ex.Power] = [*nodes, *powers]
     wholes = [*(0 for _ in nodes), *(whole for _, whole in parts)]
     for node, whole, row in zip(functions, wholes, basis.coefficients, strict=True):
         product = ring.constant(1)
@@ -966,7 +955,7 @@ def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[Apply], powers: Sequen
             product = product * generator**coefficient
         ring.atoms[node] = (
             _of_exponential(node.function, product)
-            if isinstance(node, Apply)
+            if isinstance(node, ex.Apply)
             else product * ring.value(node.base) ** whole
         )
 
@@ -1065,7 +1054,7 @@ class Pair:
     cosine: Quotient
 
 
-def adjoin_pairs(ring: ExactRing, nodes: Sequence[Apply], sign: int) -> None:
+def adjoin_pairs(ring: ExactRing, nodes: Sequence[ex.Apply], sign: int) -> None:
     """Values of the trigonometric (sign -1) or hyperbolic (1) functions in `nodes`; TooLarge for large multiples."""
     arguments = [ring.value(node.argument) for node in nodes]
     turns = [_quarter_turns(ring, argument) if sign < 0 else 0 for argument in arguments]
@@ -1089,18 +1078,18 @@ def adjoin_pairs(ring: ExactRing, nodes: Sequence[Apply], sign: int) -> None:
 
 def _quarter_turns(ring: ExactRing, argument: Quotient) -> int:
     """k where the argument holds k pi/2, k an integer; otherwise 0."""
-    if PI not in ring.atoms:
+    if ex.PI not in ring.atoms:
         return 0
-    (key,) = coordinates_of(ring.atoms[PI])
+    (key,) = coordinates_of(ring.atoms[ex.PI])
     twice = 2 * coordinates_of(argument).get(key, Fraction(0))
     return int(twice) if twice.denominator == 1 else 0
 
 
 def _quarters(ring: ExactRing, count: int) -> Quotient:
-    return ring.atoms[PI].scaled(Fraction(count, 2)) if count else ring.constant(0)
+    return ring.atoms[ex.PI].scaled(Fraction(count, 2)) if count else ring.constant(0)
 
 
-def _only_tangents(nodes: Sequence[Apply], turns: Sequence[int], basis: ArgumentBasis, users: Sequence[int]) -> bool:
+def _only_tangents(nodes: Sequence[ex.Apply], turns: Sequence[int], basis: ArgumentBasis, users: Sequence[int]) -> bool:
     """Whether a basis argument occurs alone and under tan and cot (tanh and coth) only."""
     return all(
         nodes[index].function in ("tan", "cot", "tanh", "coth")
@@ -1110,22 +1099,22 @@ def _only_tangents(nodes: Sequence[Apply], turns: Sequence[int], basis: Argument
     )
 
 
-def _adjoin_tangent(ring: ExactRing, nodes: Sequence[Apply], argument: Quotient, sign: int) -> None:
+def _adjoin_tangent(ring: ExactRing, nodes: Sequence[ex.Apply], argument: Quotient, sign: int) -> None:
     name = "tan" if sign < 0 else "tanh"
-    index = ring.new_generator(Apply(name, nodes[0].argument))
+    index = ring.new_generator(ex.Apply(name, nodes[0].argument))
     tangent = ring.generator(index)
     ring.set_slopes(index, [(ring.constant(1) - (tangent * tangent).scaled(sign), argument)])
     for node in nodes:
         ring.atoms[node] = tangent if node.function == name else tangent.inverse()
 
 
-def _new_pair(ring: ExactRing, plain: Expression | None, argument: Quotient, scale: int, sign: int) -> Pair:
+def _new_pair(ring: ExactRing, plain: ex.Expression | None, argument: Quotient, scale: int, sign: int) -> Pair:
     """Generators for the argument divided by `scale`; the sine squared is the one that is reduced."""
     names = ("sin", "cos") if sign < 0 else ("sinh", "cosh")
     tree = scaled_tree(plain if plain is not None else quotient_tree(ring, argument), scale)
     below = argument.scaled(Fraction(1, scale))
-    cosine_index = ring.new_generator(Apply(names[1], tree))
-    sine_index = ring.new_generator(Apply(names[0], tree))
+    cosine_index = ring.new_generator(ex.Apply(names[1], tree))
+    sine_index = ring.new_generator(ex.Apply(names[0], tree))
     pair = Pair(ring.generator(sine_index), ring.generator(cosine_index))
     square = (pair.cosine * pair.cosine - ring.constant(1)).scaled(sign)
     ring.field.relate(sine_index, 2, square.numerator)

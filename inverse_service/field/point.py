@@ -19,23 +19,12 @@ from hashlib import blake2b
 
 from flint import Ordering, nmod_mpoly, nmod_mpoly_ctx
 
-from inverse_service.expressions.tree import (
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    walk,
-)
-from inverse_service.field.modular import is_positive, positive_power, prime_factors
+from inverse_service.expressions import tree as ex
+from inverse_service.field import modular
 
 Series = tuple[nmod_mpoly, ...]
 
-Variable = Symbol | Velocity
+Variable = ex.Symbol | ex.Velocity
 
 
 class SingularPoint(ArithmeticError):
@@ -275,20 +264,20 @@ class Point:
     salts: Mapping[Variable, int] = field(default_factory=dict)
     flipped: frozenset[int] = frozenset()
     variables: dict[Variable, int] = field(default_factory=dict)
-    atoms: dict[Expression, int] = field(default_factory=dict)
+    atoms: dict[ex.Expression, int] = field(default_factory=dict)
 
     def draw(self, key: Hashable) -> int:
         """A random nonzero residue that depends on the seed and the key alone."""
         text = f"{self.seed}|{_text(key)}".encode()
         return int.from_bytes(blake2b(text, digest_size=16).digest()) % (self.prime - 3) + 2
 
-    def draw_free(self, atom: Expression) -> int:
+    def draw_free(self, atom: ex.Expression) -> int:
         """A random nonzero residue for a free generator; the salts of its variables change it too."""
         return self.draw((atom, tuple(self.salts.get(name, 0) for name in variables_in(atom))))
 
-    def atom(self, atom: Apply) -> int:
+    def atom(self, atom: ex.Apply) -> int:
         """The value of a transcendental atom; exp and log of a number need no rule."""
-        if atom not in self.atoms and isinstance(atom.argument, Number):
+        if atom not in self.atoms and isinstance(atom.argument, ex.Number):
             return constant_value(atom.function, atom.argument.value, self)
         return self.atoms[atom]
 
@@ -297,7 +286,7 @@ class Point:
         if name not in self.variables:
             value = self.draw((name, self.salts.get(name, 0)))
             sign = self.signs.get(name, 0)
-            if sign and is_positive(value, self.prime) != (sign > 0):
+            if sign and modular.is_positive(value, self.prime) != (sign > 0):
                 value = self.prime - value
             self.variables[name] = value
         return self.variables[name]
@@ -321,19 +310,19 @@ def _known_text(key: Hashable) -> str:
 
 
 @lru_cache(maxsize=1024)
-def variables_in(expression: Expression) -> tuple[Variable, ...]:
+def variables_in(expression: ex.Expression) -> tuple[Variable, ...]:
     """The coordinates, velocities and parameters in a tree, in the order of their first places."""
-    return tuple(dict.fromkeys(node for node in walk(expression) if isinstance(node, Symbol | Velocity)))
+    return tuple(dict.fromkeys(node for node in ex.walk(expression) if isinstance(node, ex.Symbol | ex.Velocity)))
 
 
 def constant_value(function: str, value: Fraction, point: Point) -> int:
     """exp(value) or, for a positive value, log(value): e and the logarithms of primes are free constants."""
     if function == "exp":
-        return positive_power(pow(point.draw("e"), 2, point.prime), value, point.prime)
+        return modular.positive_power(pow(point.draw("e"), 2, point.prime), value, point.prime)
     if function != "log" or value <= 0:
         raise KeyError(f"{function}({value})")
-    total = sum(k * point.draw(("log", ell)) for ell, k in prime_factors(value.numerator))
-    total -= sum(k * point.draw(("log", ell)) for ell, k in prime_factors(value.denominator))
+    total = sum(k * point.draw(("log", ell)) for ell, k in modular.prime_factors(value.numerator))
+    total -= sum(k * point.draw(("log", ell)) for ell, k in modular.prime_factors(value.denominator))
     return total % point.prime
 
 
@@ -346,7 +335,7 @@ def number_value(value: Fraction, prime: int) -> int:
     return numerator * pow(denominator, -1, prime) % prime
 
 
-def evaluate(expression: Expression, point: Point, known: dict[Expression, int] | None = None) -> int:
+def evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression, int] | None = None) -> int:
     """The value at the point; SingularPoint where a denominator vanishes, ValueError for a missing root.
 
     `known` keeps the values found at this point, for trees that share parts.
@@ -358,34 +347,34 @@ def evaluate(expression: Expression, point: Point, known: dict[Expression, int] 
     return value
 
 
-def _evaluate(expression: Expression, point: Point, known: dict[Expression, int]) -> int:
+def _evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression, int]) -> int:
     prime = point.prime
     match expression:
-        case Number(value):
+        case ex.Number(value):
             return number_value(value, prime)
-        case Symbol() | Velocity():
+        case ex.Symbol() | ex.Velocity():
             return point.variable(expression)
-        case Sum(terms):
+        case ex.Sum(terms):
             return sum(evaluate(term, point, known) for term in terms) % prime
-        case Product(factors):
+        case ex.Product(factors):
             product = 1
             for factor in factors:
                 product = product * evaluate(factor, point, known) % prime
             return product
-        case Power(base, Number(exponent)):
+        case ex.Power(base, ex.Number(exponent)):
             return _flip(base, exponent, point) * power_value(evaluate(base, point, known), exponent, prime) % prime
-        case Apply():
+        case ex.Apply():
             return point.atom(expression)
-        case Arbitrary(name, arguments, orders):
+        case ex.Arbitrary(name, arguments, orders):
             return point.jet(name, tuple(evaluate(argument, point, known) for argument in arguments), orders)
     raise TypeError(f"{type(expression).__name__} is not a kernel")
 
 
-def _flip(base: Expression, exponent: Fraction, point: Point) -> int:
+def _flip(base: ex.Expression, exponent: Fraction, point: Point) -> int:
     """The sign of a square root of a number at a conjugate point."""
-    if not point.flipped or exponent.denominator != 2 or not isinstance(base, Number):
+    if not point.flipped or exponent.denominator != 2 or not isinstance(base, ex.Number):
         return 1
-    odd = [ell for k in base.value.as_integer_ratio() for ell, times in prime_factors(k) if times % 2]
+    odd = [ell for k in base.value.as_integer_ratio() for ell, times in modular.prime_factors(k) if times % 2]
     return -1 if len(point.flipped.intersection(odd)) % 2 else 1
 
 
@@ -393,7 +382,7 @@ def power_value(base: int, exponent: Fraction, prime: int) -> int:
     """base^exponent modulo the prime; SingularPoint for 0 to a negative power."""
     if base == 0 and exponent < 0:
         raise SingularPoint("division by zero modulo the prime")
-    return positive_power(base, exponent, prime)
+    return modular.positive_power(base, exponent, prime)
 
 
 @dataclass(slots=True)
@@ -403,38 +392,38 @@ class Expansion:
     point: Point
     variables: Sequence[Variable]
     order: int
-    known: dict[Expression, Series] = field(default_factory=dict)
+    known: dict[ex.Expression, Series] = field(default_factory=dict)
     ring: SeriesRing = field(init=False)
 
     def __post_init__(self) -> None:
         self.ring = SeriesRing(self.point.prime, len(self.variables), self.order)
 
-    def expand(self, expression: Expression) -> Series:
+    def expand(self, expression: ex.Expression) -> Series:
         """The series of an expression in kernels (see `kernels.to_kernels`)."""
         if expression not in self.known:
             self.known[expression] = self._expand(expression)
         return self.known[expression]
 
-    def _expand(self, expression: Expression) -> Series:
+    def _expand(self, expression: ex.Expression) -> Series:
         ring = self.ring
         match expression:
-            case Number(value):
+            case ex.Number(value):
                 return ring.constant(number_value(value, ring.prime))
-            case Symbol() | Velocity():
+            case ex.Symbol() | ex.Velocity():
                 return self._variable(expression)
-            case Sum(terms):
+            case ex.Sum(terms):
                 total = self.expand(terms[0])
                 for term in terms[1:]:
                     total = add(total, self.expand(term))
                 return total
-            case Product(factors):
+            case ex.Product(factors):
                 return self._product(factors)
-            case Power(base, Number(exponent)):
+            case ex.Power(base, ex.Number(exponent)):
                 found = self._power(self.expand(base), exponent)
                 return found if _flip(base, exponent, self.point) > 0 else scale(found, ring.prime - 1)
-            case Apply(function, argument):
+            case ex.Apply(function, argument):
                 return self._apply(expression, function, self.expand(argument))
-            case Arbitrary(name, arguments, orders):
+            case ex.Arbitrary(name, arguments, orders):
                 return self._arbitrary(name, [self.expand(argument) for argument in arguments], orders)
         raise TypeError(f"{type(expression).__name__} is not a kernel")
 
@@ -444,10 +433,10 @@ class Expansion:
             return self.ring.variable(self.variables.index(name), value)
         return self.ring.constant(value)
 
-    def _product(self, factors: Sequence[Expression]) -> Series:
+    def _product(self, factors: Sequence[ex.Expression]) -> Series:
         product = self.expand(factors[0])
         for factor in factors[1:]:
-            if isinstance(factors[0], Number) and product is self.expand(factors[0]):
+            if isinstance(factors[0], ex.Number) and product is self.expand(factors[0]):
                 product = scale(self.expand(factor), value_at_point(product))
             else:
                 product = multiply(product, self.expand(factor))
@@ -459,13 +448,13 @@ class Expansion:
         start = power_value(value_at_point(base), exponent, self.ring.prime)
         return power(self.ring, base, exponent, start)
 
-    def _apply(self, node: Expression, function: str, argument: Series) -> Series:
+    def _apply(self, node: ex.Expression, function: str, argument: Series) -> Series:
         ring, atoms = self.ring, self.point.atoms
         if function in ("sin", "cos"):
             inner = node.argument  # type: ignore[union-attr]
-            pair = (atoms[Apply("sin", inner)], atoms[Apply("cos", inner)])
+            pair = (atoms[ex.Apply("sin", inner)], atoms[ex.Apply("cos", inner)])
             sine, cosine = sine_cosine(ring, argument, *pair)
-            self.known[Apply("sin", inner)], self.known[Apply("cos", inner)] = sine, cosine
+            self.known[ex.Apply("sin", inner)], self.known[ex.Apply("cos", inner)] = sine, cosine
             return sine if function == "sin" else cosine
         work = {"exp": exponential, "log": logarithm, "atan": arctangent}[function]
         return work(ring, argument, atoms[node])

@@ -13,27 +13,11 @@ from itertools import pairwise
 
 import mpmath
 
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import NoRealValue, evaluate, evaluate_once
-from inverse_service.expressions.tree import (
-    PI,
-    Apply,
-    Arbitrary,
-    Expression,
-    Integral,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    apply,
-    distinct_nodes,
-    walk,
-)
+from inverse_service import errors
+from inverse_service.expressions import evaluation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import tower
 from inverse_service.field.point import Variable
-from inverse_service.field.tower import RADIAN, Combination
 
 _DIGITS = 40
 _TRIES_PER_SCALE = 60
@@ -43,19 +27,19 @@ _STARTS, _NODES = 4, (0, 1, -1, 2, -2, 3)  # of walks along the axes
 _FINEST = 720  # of parts of pi
 _TINY = mpmath.mpf(10) ** -12
 
-RealTable = dict[Expression, mpmath.mpf]
+RealTable = dict[ex.Expression, mpmath.mpf]
 
 
 def find_real_point(
-    expressions: Sequence[Expression],
+    expressions: Sequence[ex.Expression],
     variables: Sequence[Variable],
     seed: int,
-    positive: Sequence[Expression] = (),
+    positive: Sequence[ex.Expression] = (),
     margins: Sequence[Fraction] = (Fraction(1, 4), Fraction(0)),
 ) -> RealTable | None:
     """A random real point at which all expressions have values and `positive` exceed the first margin with such a
     point, or None."""
-    functions = (node for node in distinct_nodes((*expressions, *positive)) if isinstance(node, Arbitrary))
+    functions = (node for node in ex.distinct_nodes((*expressions, *positive)) if isinstance(node, ex.Arbitrary))
     names = list(dict.fromkeys([*variables, *functions]))
     generator = random.Random(f"real {seed}")
     with mpmath.workdps(_DIGITS):
@@ -64,11 +48,11 @@ def find_real_point(
             for scale in map(mpmath.mpf, [*_SCALES, *_sizes(positive)]):
                 for attempt in range(_TRIES_PER_SCALE):
                     table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
-                    table[RADIAN] = mpmath.mpf(1)
+                    table[tower.RADIAN] = mpmath.mpf(1)
                     if are_positive(inside, table) and is_defined(expressions, table):
                         return table
         for _ in range(_STARTS if positive else 0):
-            table = {RADIAN: mpmath.mpf(1)}
+            table = {tower.RADIAN: mpmath.mpf(1)}
             table.update({name: _draw(generator, mpmath.mpf(2), False) for name in names})
             for name in [*variables, *reversed(variables)]:
                 _move_along(name, positive, table)
@@ -77,7 +61,7 @@ def find_real_point(
     return None
 
 
-def _off_axes(table: RealTable, positive: Sequence[Expression], expressions: Sequence[Expression]) -> RealTable:
+def _off_axes(table: RealTable, positive: Sequence[ex.Expression], expressions: Sequence[ex.Expression]) -> RealTable:
     """The point with a small number in the place of each 0."""
     for name in [name for name, value in table.items() if not value]:
         for k in range(1, 4 * _DIGITS):
@@ -88,15 +72,15 @@ def _off_axes(table: RealTable, positive: Sequence[Expression], expressions: Seq
     return table
 
 
-def _move_along(name: Variable, positive: Sequence[Expression], table: RealTable) -> None:
+def _move_along(name: Variable, positive: Sequence[ex.Expression], table: RealTable) -> None:
     """Move the point along the axis of a name to where most of the trees are positive, the least as much as can be.
 
     Along it they are polynomials of degree 4 at most, or are not looked at: small sets between zeros are found so.
     """
-    places, trees = [mpmath.mpf(0)], [tree for tree in positive if name in walk(tree)]
+    places, trees = [mpmath.mpf(0)], [tree for tree in positive if name in ex.walk(tree)]
     for tree in trees:
         try:
-            values = [evaluate(tree, table | {name: node}) for node in map(mpmath.mpf, _NODES)]
+            values = [evaluation.evaluate(tree, table | {name: node}) for node in map(mpmath.mpf, _NODES)]
             found = mpmath.lu_solve(mpmath.matrix([[mpmath.mpf(x) ** k for k in range(5)] for x in _NODES[:5]]),
                                     mpmath.matrix(values[:5]))  # fmt: skip
             least = mpmath.mpf(10) ** (8 - _DIGITS) * max(map(abs, values))
@@ -110,7 +94,7 @@ def _move_along(name: Variable, positive: Sequence[Expression], table: RealTable
                 if len(coefficients) > 1:
                     roots = mpmath.polyroots(coefficients[::-1], maxsteps=200, extraprec=200)
                     places += [mpmath.re(z) for z in roots if abs(mpmath.im(z)) <= abs(z) * least + least]
-        except (NoRealValue, mpmath.libmp.NoConvergence, ZeroDivisionError):
+        except (evaluation.NoRealValue, mpmath.libmp.NoConvergence, ZeroDivisionError):
             continue
     places = sorted({*places})
     between = [(a + b) / 2 for a, b in pairwise(places)]
@@ -118,25 +102,25 @@ def _move_along(name: Variable, positive: Sequence[Expression], table: RealTable
     table[name] = max(choices, key=lambda x: _fit(trees, table | {name: x}))
 
 
-def _fit(trees: Sequence[Expression], table: RealTable) -> tuple[int, mpmath.mpf]:
+def _fit(trees: Sequence[ex.Expression], table: RealTable) -> tuple[int, mpmath.mpf]:
     try:
-        values = [evaluate(tree, table) for tree in trees]
-    except NoRealValue:
+        values = [evaluation.evaluate(tree, table) for tree in trees]
+    except evaluation.NoRealValue:
         return -1, mpmath.mpf(0)
     return sum(value > 0 for value in values), min(values, default=mpmath.mpf(0))
 
 
-def _sizes(trees: Iterable[Expression]) -> list[int]:
+def _sizes(trees: Iterable[ex.Expression]) -> list[int]:
     """Sizes of points beyond the numbers in the trees: abs(x + 40) has a side beyond -40."""
-    numbers = {abs(node.value) for tree in trees for node in walk(tree) if isinstance(node, Number)}
+    numbers = {abs(node.value) for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Number)}
     return [3 * math.ceil(value) for value in sorted(numbers) if 10 < value < _LARGEST]
 
 
 def table_at(near: Mapping[str, str]) -> RealTable:
     """The point that is named by the texts of its values: x, x', t, a, ..."""
     values = {name: mpmath.mpf(text) for name, text in near.items()}
-    named: RealTable = {Velocity(n[:-1]) if n.endswith("'") else Symbol(n): x for n, x in values.items()}
-    return {RADIAN: mpmath.mpf(1)} | named
+    named: RealTable = {ex.Velocity(n[:-1]) if n.endswith("'") else ex.Symbol(n): x for n, x in values.items()}
+    return {tower.RADIAN: mpmath.mpf(1)} | named
 
 
 def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath.mpf:
@@ -144,75 +128,81 @@ def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath
     return magnitude if positive or generator.random() < 0.5 else -magnitude
 
 
-def is_defined(expressions: Sequence[Expression], table: RealTable) -> bool:
+def is_defined(expressions: Sequence[ex.Expression], table: RealTable) -> bool:
     """Whether all have finite values at the point."""
     known = dict(table)
     try:
-        return all(mpmath.isfinite(evaluate_once(expression, known)) for expression in expressions)
-    except NoRealValue:
+        return all(mpmath.isfinite(evaluation.evaluate_once(expression, known)) for expression in expressions)
+    except evaluation.NoRealValue:
         return False
 
 
-def are_positive(trees: Sequence[Expression], table: RealTable) -> bool:
+def are_positive(trees: Sequence[ex.Expression], table: RealTable) -> bool:
     """Whether all are, by more than rounding."""
     try:
         return all(real_sign(tree, table) > 0 for tree in trees)
-    except (NoRealValue, IrreducibleAtoms):
+    except (evaluation.NoRealValue, errors.IrreducibleAtoms):
         return False
 
 
-def real_sign(expression: Expression, table: RealTable) -> int:
+def real_sign(expression: ex.Expression, table: RealTable) -> int:
     """The sign of a value that is not zero, whatever its size: a sum is compared with its largest term."""
     match expression:
-        case Number(value) if value:
+        case ex.Number(value) if value:
             return 1 if value > 0 else -1
-        case Product(factors):
+        case ex.Product(factors):
             return math.prod(real_sign(factor, table) for factor in factors)
-        case Power(base, Number(exponent)) if exponent.denominator == 1:
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
             return real_sign(base, table) if exponent.numerator % 2 else 1
     known = table.get(expression)
     with mpmath.workdps(_DIGITS):
-        value = evaluate(expression, table) if known is None else known
-        size = max(abs(evaluate(term, table)) for term in expression.terms) if isinstance(expression, Sum) else 1
+        value = evaluation.evaluate(expression, table) if known is None else known
+        size = (
+            max(abs(evaluation.evaluate(term, table)) for term in expression.terms)
+            if isinstance(expression, ex.Sum)
+            else 1
+        )
     if _may_be_tiny(expression):
         return 1
     if abs(value) < _TINY * size:
-        raise IrreducibleAtoms("the sign of an expression under a root could not be determined at a real point")
+        raise errors.IrreducibleAtoms("the sign of an expression under a root could not be determined at a real point")
     return 1 if value > 0 else -1
 
 
-def _may_be_tiny(expression: Expression) -> bool:
+def _may_be_tiny(expression: ex.Expression) -> bool:
     """Whether it is positive however small its value is."""
-    return isinstance(expression, Power) or (isinstance(expression, Apply) and expression.function in ("exp", "cosh"))
+    return isinstance(expression, ex.Power) or (
+        isinstance(expression, ex.Apply) and expression.function in ("exp", "cosh")
+    )
 
 
 def turns(
-    table: RealTable | None, atom: Expression, known: Combination, constants: Sequence[Expression]
-) -> Combination | None:
+    table: RealTable | None, atom: ex.Expression, known: tower.Combination, constants: Sequence[ex.Expression]
+) -> tower.Combination | None:
     """What an arctangent relation leaves open: atom - sum a_j u_j as a combination of pi and constant arctangents.
 
     None where it is none. IrreducibleAtoms where there is no real point. It is a guess of the solver, from 30 digits:
     nothing that follows from it is shown before the checker, which proves such relations itself, agrees.
     """
     if table is None:
-        raise IrreducibleAtoms("an arctangent depends on other angles and no real point of f was found")
+        raise errors.IrreducibleAtoms("an arctangent depends on other angles and no real point of f was found")
     with mpmath.workdps(_DIGITS):
-        total = evaluate(atom, table)
+        total = evaluation.evaluate(atom, table)
         for u, a in known:
-            total -= evaluate(u, table) * a.numerator / a.denominator
+            total -= evaluation.evaluate(u, table) * a.numerator / a.denominator
         if abs(total) < _TINY:
             return ()
         part = Fraction(int(mpmath.nint(total / mpmath.pi * 10**20)), 10**20).limit_denominator(_FINEST)
         if abs(total / mpmath.pi * part.denominator - part.numerator) < _TINY:
-            return ((PI, part),)
-        values = [total, *(evaluate(u, table) for u in constants), +mpmath.pi]
+            return ((ex.PI, part),)
+        values = [total, *(evaluation.evaluate(u, table) for u in constants), +mpmath.pi]
         found = mpmath.pslq(values, tol=mpmath.mpf(10) ** -30, maxcoeff=1000, maxsteps=10_000) if constants else None
     if not found or not found[0]:
         return None
-    return tuple((u, Fraction(-a, found[0])) for u, a in zip((*constants, PI), found[1:], strict=True) if a)
+    return tuple((u, Fraction(-a, found[0])) for u, a in zip((*constants, ex.PI), found[1:], strict=True) if a)
 
 
-def requirements(formulas: Iterable[Expression], table: RealTable) -> list[Expression]:
+def requirements(formulas: Iterable[ex.Expression], table: RealTable) -> list[ex.Expression]:
     """What has to be positive for the functions with several branches in the formulas to stay on theirs.
 
     Bases of roots and of symbolic powers, arguments of logarithms, distances of those of inverse functions from the
@@ -220,98 +210,100 @@ def requirements(formulas: Iterable[Expression], table: RealTable) -> list[Expre
     """
     formulas = tuple(formulas)
     found = dict.fromkeys(own_requirements(formulas))
-    for node in distinct_nodes(formulas):
-        for pole in distinct_nodes(_branch_arguments(node)):
+    for node in ex.distinct_nodes(formulas):
+        for pole in ex.distinct_nodes(_branch_arguments(node)):
             for tree in _poles(pole):
                 found[tree if real_sign(tree, table) > 0 else -tree] = None
     return [tree for tree in found if varies(tree)]
 
 
-def own_requirements(formulas: Iterable[Expression]) -> list[Expression]:
+def own_requirements(formulas: Iterable[ex.Expression]) -> list[ex.Expression]:
     """What is positive wherever the formulas have a real value: radicands and the like."""
-    found = dict.fromkeys(tree for node in distinct_nodes(formulas) for tree in _own_requirements(node))
+    found = dict.fromkeys(tree for node in ex.distinct_nodes(formulas) for tree in _own_requirements(node))
     return [tree for tree in found if varies(tree)]
 
 
-def varies(tree: Expression) -> bool:
-    return any(isinstance(node, Symbol | Velocity | Arbitrary) and node != PI for node in walk(tree))
+def varies(tree: ex.Expression) -> bool:
+    return any(isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI for node in ex.walk(tree))
 
 
-def _own_requirements(node: Expression) -> list[Expression]:
+def _own_requirements(node: ex.Expression) -> list[ex.Expression]:
     match node:
-        case Power(base, Number(exponent)) if exponent.denominator > 1:
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator > 1:
             return [base]
-        case Power(base, exponent) if not isinstance(exponent, Number):
+        case ex.Power(base, exponent) if not isinstance(exponent, ex.Number):
             return [base]
-        case Apply("log", u):
+        case ex.Apply("log", u):
             return [u]
-        case Apply("asin" | "acos" | "atanh", u):
+        case ex.Apply("asin" | "acos" | "atanh", u):
             return [1 - u, 1 + u]
-        case Apply("acosh", u):
+        case ex.Apply("acosh", u):
             return [u - 1]
         case _:
             return []
 
 
-def _branch_arguments(node: Expression) -> tuple[Expression, ...]:
+def _branch_arguments(node: ex.Expression) -> tuple[ex.Expression, ...]:
     match node:
-        case Apply("log" | "asin" | "acos" | "atan" | "asinh" | "acosh" | "atanh", u):
+        case ex.Apply("log" | "asin" | "acos" | "atan" | "asinh" | "acosh" | "atanh", u):
             return (u,)
-        case Integral():
+        case ex.Integral():
             return (*node.arguments, *(slope for slope in node.slopes if slope is not None))
-        case Arbitrary(_, arguments, _):
+        case ex.Arbitrary(_, arguments, _):
             return arguments
-        case Power(base, exponent) if not isinstance(exponent, Number) or exponent.value.denominator > 1:
+        case ex.Power(base, exponent) if not isinstance(exponent, ex.Number) or exponent.value.denominator > 1:
             return (base, exponent)
         case _:
             return ()
 
 
-def _poles(node: Expression) -> list[Expression]:
+def _poles(node: ex.Expression) -> list[ex.Expression]:
     """What must not vanish."""
     match node:
-        case Power(base, Number(exponent)) if exponent < 0:
+        case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return [base]
-        case Apply("tan" | "sec", u):
-            return [apply("cos", u)]
-        case Apply("cot" | "csc", u):
-            return [apply("sin", u)]
-        case Apply("coth" | "csch", u):
+        case ex.Apply("tan" | "sec", u):
+            return [ex.apply("cos", u)]
+        case ex.Apply("cot" | "csc", u):
+            return [ex.apply("sin", u)]
+        case ex.Apply("coth" | "csch", u):
             return [u]
         case _:
             return []
 
 
-def known_positive(trees: Sequence[Expression]) -> set[Expression]:
+def known_positive(trees: Sequence[ex.Expression]) -> set[ex.Expression]:
     """What is positive where these trees are: they, and z for bounds z > a with a number a that is not below 0."""
     known, bounds = set(trees), [bound for tree in trees if (bound := bound_of(tree)) is not None]
     with mpmath.workdps(_DIGITS):
-        return known | {variable for variable, side, value in bounds if side > 0 and evaluate(value, {}) >= 0}
+        return known | {
+            variable for variable, side, value in bounds if side > 0 and evaluation.evaluate(value, {}) >= 0
+        }
 
 
-def strongest(trees: Iterable[Expression]) -> list[Expression]:
+def strongest(trees: Iterable[ex.Expression]) -> list[ex.Expression]:
     """Without those bounds z > a, z < b of one variable that follow from another."""
-    best: dict[object, tuple[mpmath.mpf, Expression]] = {}
+    best: dict[object, tuple[mpmath.mpf, ex.Expression]] = {}
     for tree in trees:
         found = bound_of(tree)
         with mpmath.workdps(_DIGITS):
-            limit = mpmath.mpf(0) if found is None else evaluate(found[2], {}) * found[1]
+            limit = mpmath.mpf(0) if found is None else evaluation.evaluate(found[2], {}) * found[1]
         key = tree if found is None else found[:2]
         if key not in best or limit > best[key][0]:
             best[key] = limit, tree
     return [tree for _, tree in best.values()]
 
 
-def bound_of(tree: Expression) -> tuple[Variable, int, Expression] | None:
+def bound_of(tree: ex.Expression) -> tuple[Variable, int, ex.Expression] | None:
     """(z, 1, a) for z > a, (z, -1, a) for z < a, where the tree > 0 says just that and a is a number; else None."""
     terms = getattr(tree, "terms", (tree,))
     varying = [term for term in terms if varies(term)]
     if len(varying) != 1:
         return None
     parts = getattr(varying[0], "factors", (varying[0],))
-    slope = parts[0].value if isinstance(parts[0], Number) else Fraction(1)
+    slope = parts[0].value if isinstance(parts[0], ex.Number) else Fraction(1)
     variable = parts[-1]
-    if len(parts) > 2 or (len(parts) == 2 and slope == 1) or not isinstance(variable, Symbol | Velocity):
+    if len(parts) > 2 or (len(parts) == 2 and slope == 1) or not isinstance(variable, ex.Symbol | ex.Velocity):
         return None
     rest = [-1 / slope * term for term in terms if term is not varying[0]]
-    return variable, 1 if slope > 0 else -1, add(*rest)
+    return variable, 1 if slope > 0 else -1, ex.add(*rest)

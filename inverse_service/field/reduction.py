@@ -30,37 +30,12 @@ from itertools import combinations
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz_mat
 
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.inequalities import is_plainly_positive
+from inverse_service import errors
+from inverse_service.expressions import collecting, inequalities
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.pieces import STEP
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    PI,
-    ZERO,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    apply,
-    distinct_nodes,
-    factors_of,
-    multiply,
-    number,
-    square_root,
-    substitute,
-)
-from inverse_service.field.exact_field import TooLarge, factor_polynomial
-from inverse_service.field.modular import is_positive, prime_factors
+from inverse_service.field import exact_field, modular, real_point
 from inverse_service.field.point import Variable, evaluate
-from inverse_service.field.real_point import RealTable, real_sign, turns, varies
 from inverse_service.field.tower import (
     RADIAN,
     AngleRule,
@@ -83,12 +58,12 @@ _LARGEST_MULTIPLE = 24
 _SAMPLES = 24
 _DEEPEST = 6
 
-Factors = dict[Expression, int]
+Factors = dict[ex.Expression, int]
 # Numbers under roots are factored up to here.
 _LARGEST_NUMBER = 10**40
 
 
-Way = tuple[Expression, tuple[Expression, ...]]
+Way = tuple[ex.Expression, tuple[ex.Expression, ...]]
 
 
 _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
@@ -110,8 +85,8 @@ class Generators:
     """
 
     tower: Tower
-    trees: list[Expression] = field(default_factory=list)
-    squares: dict[Expression, Expression] = field(default_factory=dict)
+    trees: list[ex.Expression] = field(default_factory=list)
+    squares: dict[ex.Expression, ex.Expression] = field(default_factory=dict)
     capacity: int = 48
     opaque: bool = False
 
@@ -119,27 +94,27 @@ class Generators:
     def context(self) -> fmpq_mpoly_ctx:
         return fmpq_mpoly_ctx.get(tuple(f"g{k}" for k in range(self.capacity)), Ordering.degrevlex)
 
-    def generator(self, tree: Expression) -> fmpq_mpoly:
+    def generator(self, tree: ex.Expression) -> fmpq_mpoly:
         if tree not in self.trees:
             if len(self.trees) == self.capacity:
-                raise IrreducibleAtoms("too many different atoms stand under roots")
+                raise errors.IrreducibleAtoms("too many different atoms stand under roots")
             self.trees.append(tree)
         return self.context.gen(self.trees.index(tree))
 
     def constant(self, value: Fraction) -> fmpq_mpoly:
         return self.context.constant(fmpq(value.numerator, value.denominator))
 
-    def tree_of(self, polynomial: fmpq_mpoly) -> Expression:
+    def tree_of(self, polynomial: fmpq_mpoly) -> ex.Expression:
         """The polynomial as a tree."""
         parts = []
         for exponents, coefficient in polynomial.to_dict().items():
             factors = [self.trees[k] ** int(e) for k, e in enumerate(exponents) if e]
-            parts.append(multiply(number(Fraction(int(coefficient.p), int(coefficient.q))), *factors))
-        return add(*parts)
+            parts.append(ex.multiply(ex.number(Fraction(int(coefficient.p), int(coefficient.q))), *factors))
+        return ex.add(*parts)
 
-    def sign(self, factor: Expression) -> int:
+    def sign(self, factor: ex.Expression) -> int:
         """The sign of an irreducible factor at the real point, as far as branches are fixed by now."""
-        if isinstance(factor, Symbol | Velocity):
+        if isinstance(factor, ex.Symbol | ex.Velocity):
             return self.tower.real_signs.get(factor, 1)
         return next((sign for known, sign in self.tower.signs if known == factor), 1)
 
@@ -154,37 +129,37 @@ def used_generators(polynomial: fmpq_mpoly) -> list[int]:
 def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
     """(rational content, [(irreducible factor, multiplicity)]); IrreducibleAtoms where it grows out of bounds."""
     try:
-        return factor_polynomial(polynomial)
-    except TooLarge as error:
-        raise IrreducibleAtoms(str(error)) from error
+        return exact_field.factor_polynomial(polynomial)
+    except exact_field.TooLarge as error:
+        raise errors.IrreducibleAtoms(str(error)) from error
 
 
-def to_quotient(ring: Generators, expression: Expression) -> Quotient:
+def to_quotient(ring: Generators, expression: ex.Expression) -> Quotient:
     """The tree (in kernels) over the generators; IrreducibleAtoms where it grows out of bounds."""
     result = _to_quotient(ring, expression)
     if max(len(result.numerator), len(result.denominator)) > _MOST_TERMS:
-        raise IrreducibleAtoms("an expression under a root is too large to be factored")
+        raise errors.IrreducibleAtoms("an expression under a root is too large to be factored")
     return result
 
 
-def _to_quotient(ring: Generators, expression: Expression) -> Quotient:
+def _to_quotient(ring: Generators, expression: ex.Expression) -> Quotient:
     one = ring.constant(Fraction(1))
     match expression:
-        case Number(value):
+        case ex.Number(value):
             return Quotient(ring.constant(value), one)
-        case Symbol() | Velocity() | Arbitrary():
+        case ex.Symbol() | ex.Velocity() | ex.Arbitrary():
             return Quotient(ring.generator(expression), one)
-        case Sum(terms):
+        case ex.Sum(terms):
             return _sum(ring, [to_quotient(ring, term) for term in terms])
-        case Product(parts):
+        case ex.Product(parts):
             return _product_of_quotients(ring, [to_quotient(ring, part) for part in parts])
-        case Power(base, Number(exponent)) if exponent.denominator == 1:
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
             return _integer_power(to_quotient(ring, base), int(exponent))
         case _ if ring.opaque:
             return Quotient(ring.generator(expression), one)
-        case Power(base, Number(exponent)):
+        case ex.Power(base, ex.Number(exponent)):
             return _root(ring, base, exponent)
-        case Apply():
+        case ex.Apply():
             return _atom(ring, expression)
     raise TypeError(f"{type(expression).__name__} is not a kernel")
 
@@ -215,7 +190,7 @@ def _integer_power(base: Quotient, exponent: int) -> Quotient:
     return Quotient(base.numerator**exponent, base.denominator**exponent)
 
 
-def _root(ring: Generators, base: Expression, exponent: Fraction) -> Quotient:
+def _root(ring: Generators, base: ex.Expression, exponent: Fraction) -> Quotient:
     """prod p_i^(k_i exponent) over the irreducible factors of the base; under even roots all |p_i|."""
     quotient = to_quotient(ring, base)
     even = exponent.denominator % 2 == 0
@@ -232,16 +207,16 @@ def _content_sign(quotient: Quotient) -> int:
     return -1 if (contents[0] < 0) != (contents[1] < 0) else 1
 
 
-def positive_factors(ring: Generators, quotient: Quotient) -> Iterator[tuple[Expression, int]]:
+def positive_factors(ring: Generators, quotient: Quotient) -> Iterator[tuple[ex.Expression, int]]:
     """Irreducible factors (primes of the content first) of numerator and denominator, as trees."""
     for polynomial, side in ((quotient.numerator, 1), (quotient.denominator, -1)):
         content, found = factors(polynomial)
         for value, way in ((abs(content.numerator), 1), (content.denominator, -1)):
-            yield from ((number(ell), side * way * k) for ell, k in prime_factors(value))
+            yield from ((ex.number(ell), side * way * k) for ell, k in modular.prime_factors(value))
         yield from ((ring.tree_of(factor), side * k) for factor, k in found)
 
 
-def _root_power(ring: Generators, base: Expression, exponent: Fraction) -> Quotient:
+def _root_power(ring: Generators, base: ex.Expression, exponent: Fraction) -> Quotient:
     """base^exponent with a generator for the root of smallest denominator."""
     whole = math.floor(exponent)
     part = exponent - whole
@@ -284,7 +259,7 @@ def split_square(ring: Generators, polynomial: fmpq_mpoly, k: int) -> tuple[fmpq
     return ring.context.from_dict(low), ring.context.from_dict(high)
 
 
-def _atom(ring: Generators, atom: Apply) -> Quotient:
+def _atom(ring: Generators, atom: ex.Apply) -> Quotient:
     one = ring.constant(Fraction(1))
     for rule in ring.tower.rules:
         if isinstance(rule, AngleRule):
@@ -302,16 +277,16 @@ def _atom(ring: Generators, atom: Apply) -> Quotient:
 def _dependent_exponential(ring: Generators, rule: ExponentialRule) -> Quotient:
     parts = [_root_power(ring, atom, a) for atom, a in rule.exponentials]
     parts += [_root(ring, argument, a) for argument, a in rule.arguments_of_logarithms]
-    parts += [_root_power(ring, number(ell), a) for ell, a in rule.prime_powers]
+    parts += [_root_power(ring, ex.number(ell), a) for ell, a in rule.prime_powers]
     if rule.constant:
-        parts.append(Quotient(ring.generator(apply("exp", number(rule.constant))), ring.constant(Fraction(1))))
+        parts.append(Quotient(ring.generator(ex.apply("exp", ex.number(rule.constant))), ring.constant(Fraction(1))))
     return _product_of_quotients(ring, parts)
 
 
 def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> Quotient:
     parts = [to_quotient(ring, a * u) for u, a in rule.linear]
     if isinstance(rule, ArctangentRule):
-        parts.append(to_quotient(ring, rule.turns * PI))
+        parts.append(to_quotient(ring, rule.turns * ex.PI))
     else:
         parts.append(_constant_logarithm(ring, rule))
     return _sum(ring, parts)
@@ -320,18 +295,18 @@ def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> Quotient:
 def _constant_logarithm(ring: Generators, rule: LogarithmRule) -> Quotient:
     total = ring.constant(Fraction(0))
     for value, way in ((rule.constant.numerator, 1), (rule.constant.denominator, -1)):
-        for ell, k in prime_factors(value):
-            total += ring.generator(apply("log", number(ell))) * ring.constant(Fraction(way * k, rule.root))
+        for ell, k in modular.prime_factors(value):
+            total += ring.generator(ex.apply("log", ex.number(ell))) * ring.constant(Fraction(way * k, rule.root))
     return Quotient(total, ring.constant(Fraction(1)))
 
 
 def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]:
     """(cos, sin) as fractions in tan(half angle)."""
     if rule.turns or rule.arctangents:
-        raise IrreducibleAtoms("an angle with pi or an arctangent stands under a root")
+        raise errors.IrreducibleAtoms("an angle with pi or an arctangent stands under a root")
     one = ring.constant(Fraction(1))
     real, imaginary, denominator = one, one * 0, one
-    steps: Mapping[Expression, Fraction] = {rule.angle: Fraction(1)} if rule.free else dict(rule.angles)
+    steps: Mapping[ex.Expression, Fraction] = {rule.angle: Fraction(1)} if rule.free else dict(rule.angles)
     if rule.radians:
         steps = {**steps, RADIAN: rule.radians}
     for angle, factor in steps.items():
@@ -339,7 +314,7 @@ def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]
         t = ring.generator(half_angle(angle, scale))
         count = int(factor * scale)
         if abs(count) > _LARGEST_MULTIPLE:
-            raise IrreducibleAtoms("an angle under a root is too large a multiple of another to be reduced")
+            raise errors.IrreducibleAtoms("an angle under a root is too large a multiple of another to be reduced")
         c, s = one - t * t, t * (2 if count > 0 else -2)
         for _ in range(abs(count)):
             real, imaginary = real * c - imaginary * s, real * s + imaginary * c
@@ -347,11 +322,11 @@ def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]
     return Quotient(real, denominator), Quotient(imaginary, denominator)
 
 
-def fix_branches(tower: Tower, table: RealTable | None) -> None:
+def fix_branches(tower: Tower, table: real_point.RealTable | None) -> None:
     """Add to the tower the signs of all factors of its radicands; IrreducibleAtoms if that fails."""
     radicands, tower.radicands = tower.radicands, []
     if radicands and table is None:
-        raise IrreducibleAtoms("f contains roots and no real point was found at which all of them are defined")
+        raise errors.IrreducibleAtoms("f contains roots and no real point was found at which all of them are defined")
     ring = Generators(tower)
     for radicand in radicands:
         assert table is not None
@@ -359,41 +334,41 @@ def fix_branches(tower: Tower, table: RealTable | None) -> None:
         tower.radicands.append(radicand)
 
 
-def _fix(ring: Generators, radicand: Expression, table: RealTable, depth: int) -> None:
+def _fix(ring: Generators, radicand: ex.Expression, table: real_point.RealTable, depth: int) -> None:
     if depth == 0:
-        raise IrreducibleAtoms("roots are nested too deeply to be reduced")
-    if real_sign(radicand, table) < 0:
-        raise IrreducibleAtoms("an even root of a negative quantity is not real")
+        raise errors.IrreducibleAtoms("roots are nested too deeply to be reduced")
+    if real_point.real_sign(radicand, table) < 0:
+        raise errors.IrreducibleAtoms("an even root of a negative quantity is not real")
     for factor, _ in positive_factors(ring, to_quotient(ring, radicand)):
         _fix_factor(ring, factor, table, depth)
 
 
-def _fix_factor(ring: Generators, factor: Expression, table: RealTable, depth: int) -> None:
+def _fix_factor(ring: Generators, factor: ex.Expression, table: real_point.RealTable, depth: int) -> None:
     known = ring.tower.signs
     # Variables have their sign already, and a root is positive by construction.
-    if isinstance(factor, Number | Symbol | Velocity) or is_root(factor) or any(p == factor for p, _ in known):
+    if isinstance(factor, ex.Number | ex.Symbol | ex.Velocity) or is_root(factor) or any(p == factor for p, _ in known):
         return
-    sign = real_sign(factor, table)
+    sign = real_point.real_sign(factor, table)
     polynomial = to_quotient(ring, factor).numerator
     if ring.has_roots(polynomial) and _has_constant_symbol(ring.tower, factor):
         positive = factor if sign > 0 else -factor
         root = _denested(ring, positive, table, depth)
-        known.append((root, real_sign(root, table)))
+        known.append((root, real_point.real_sign(root, table)))
     known.append((factor, sign))
 
 
-def _has_constant_symbol(tower: Tower, factor: Expression) -> bool:
+def _has_constant_symbol(tower: Tower, factor: ex.Expression) -> bool:
     """Whether the residue symbol is the same at random points that agree with the tower."""
     found = set()
     for k in range(_SAMPLES):
         point = draw_point(tower, 5000 + k)
-        found.add(is_positive(evaluate(factor, point), point.prime))
+        found.add(modular.is_positive(evaluate(factor, point), point.prime))
         if len(found) > 1:
             return False
     return True
 
 
-def _denested(ring: Generators, factor: Expression, table: RealTable, depth: int) -> Expression:
+def _denested(ring: Generators, factor: ex.Expression, table: real_point.RealTable, depth: int) -> ex.Expression:
     """A tree whose square is the factor, in roots of simpler quantities."""
     polynomial = to_quotient(ring, factor).numerator
     for k in reversed(used_generators(polynomial)):
@@ -404,20 +379,20 @@ def _denested(ring: Generators, factor: Expression, table: RealTable, depth: int
         if root is None:
             continue
         for radicand in root[:2]:
-            if real_sign(radicand, table) < 0:
+            if real_point.real_sign(radicand, table) < 0:
                 break
             _fix(ring, radicand, table, depth - 1)
             ring.tower.radicands.append(radicand)
         else:
-            first, second = square_root(root[0]), square_root(root[1])
-            sign = real_sign(root[2], table)
+            first, second = ex.square_root(root[0]), ex.square_root(root[1])
+            sign = real_point.real_sign(root[2], table)
             return first + second if sign > 0 else first - second
-    raise IrreducibleAtoms("a nested root depends on other roots in a way that was not found; denest it by hand")
+    raise errors.IrreducibleAtoms("a nested root depends on other roots in a way that was not found; denest it by hand")
 
 
 def _split_root(
-    ring: Generators, polynomial: fmpq_mpoly, k: int, square: Expression
-) -> tuple[Expression, Expression, Expression] | None:
+    ring: Generators, polynomial: fmpq_mpoly, k: int, square: ex.Expression
+) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
     """((A + e)/2, (A - e)/2, B) for A + B r with e^2 = A^2 - B^2 r^2 a square up to a rational factor."""
     generator = ring.context.gen(k)
     slope = polynomial.derivative(k)
@@ -429,60 +404,62 @@ def _split_root(
     root = _square_root(ring, reduce_roots(ring, discriminant))
     if root is None or split_square(ring, polynomial, k)[1]:
         return None
-    middle, half = ring.tree_of(rest), number(Fraction(1, 2))
-    e = root / square_root(ring.tree_of(radicand.denominator))
+    middle, half = ring.tree_of(rest), ex.number(Fraction(1, 2))
+    e = root / ex.square_root(ring.tree_of(radicand.denominator))
     return half * (middle + e), half * (middle - e), ring.tree_of(slope)
 
 
-def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> Expression | None:
+def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | None:
     """sqrt(content) prod p^(k/2) where all multiplicities are even and the content is positive."""
     content, found = factors(polynomial)
     if content <= 0 or any(k % 2 for _, k in found):
         return None
-    parts = [multiply(*[ring.tree_of(factor)] * (k // 2)) for factor, k in found]
-    return multiply(square_root(number(content)), *parts)
+    parts = [ex.multiply(*[ring.tree_of(factor)] * (k // 2)) for factor, k in found]
+    return ex.multiply(ex.square_root(ex.number(content)), *parts)
 
 
-def reduce_atoms(expressions: Sequence[Expression], variables: Sequence[Variable], table: RealTable | None) -> Tower:
+def reduce_atoms(
+    expressions: Sequence[ex.Expression], variables: Sequence[Variable], table: real_point.RealTable | None
+) -> Tower:
     """The tower of expressions in kernels; raises IrreducibleAtoms where it cannot be settled.
 
     Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. So where a
     function has a root in its argument they are searched for again when the branches are known.
     """
-    signs = {} if table is None else {name: real_sign(name, table) for name in variables}
-    tower = build_tower(expressions, variables, signs, partial(turns, table))
+    signs = {} if table is None else {name: real_point.real_sign(name, table) for name in variables}
+    tower = build_tower(expressions, variables, signs, partial(real_point.turns, table))
     fix_branches(tower, table)
     if tower.signs and _have_root_inside(expressions):
-        tower = build_tower(expressions, variables, signs, partial(turns, table), known=tower)
+        tower = build_tower(expressions, variables, signs, partial(real_point.turns, table), known=tower)
         fix_branches(tower, table)
     return tower
 
 
-def _have_root_inside(expressions: Sequence[Expression]) -> bool:
+def _have_root_inside(expressions: Sequence[ex.Expression]) -> bool:
     """Whether a transcendental function has an even root in its argument."""
-    arguments = (node.argument for node in distinct_nodes(expressions) if isinstance(node, Apply))
-    return any(is_even_root(node) for node in distinct_nodes(arguments))
+    arguments = (node.argument for node in ex.distinct_nodes(expressions) if isinstance(node, ex.Apply))
+    return any(is_even_root(node) for node in ex.distinct_nodes(arguments))
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
     """Formulas where every tree of `positive` is > 0; `roots` says what each rewritten root is there."""
 
-    formulas: tuple[Expression, ...]
-    positive: tuple[Expression, ...] = ()
-    roots: tuple[tuple[Expression, Expression], ...] = ()
+    formulas: tuple[ex.Expression, ...]
+    positive: tuple[ex.Expression, ...] = ()
+    roots: tuple[tuple[ex.Expression, ex.Expression], ...] = ()
 
-    def rewritten(self, node: Expression, value: Expression, positive: Iterable[Expression]) -> Case:
+    def rewritten(self, node: ex.Expression, value: ex.Expression, positive: Iterable[ex.Expression]) -> Case:
         """The formulas with `value` in the place of `node`, where these trees are positive too."""
-        formulas = tuple(substitute(formula, {node: value}) for formula in self.formulas)
+        formulas = tuple(ex.substitute(formula, {node: value}) for formula in self.formulas)
         return Case(formulas, tuple(dict.fromkeys((*self.positive, *positive))), (*self.roots, (node, value)))
 
-    def assuming(self, tree: Expression) -> Case:
+    def assuming(self, tree: ex.Expression) -> Case:
         """The same where this tree is positive too."""
         return replace(self, positive=(*self.positive, tree))
 
 
-def sign_cases(formulas: Sequence[Expression]) -> Iterator[Case]:
+def sign_cases(formulas: Sequence[ex.Expression]) -> Iterator[Case]:
     """The cases in order, that of positive signs first; some may have no point all the same."""
     yield from _split(Case(tuple(formulas)))
 
@@ -498,51 +475,55 @@ def _split(case: Case) -> Iterator[Case]:
             yield from _split(way)
 
 
-def is_empty(positive: Sequence[Expression]) -> bool:
+def is_empty(positive: Sequence[ex.Expression]) -> bool:
     """Whether these are seen not to be positive at once: one is negative, or two have a sum that is not positive."""
-    if any(is_plainly_positive(collect(-tree)) for tree in positive):
+    if any(inequalities.is_plainly_positive(collecting.collect(-tree)) for tree in positive):
         return True
-    sums = (collect(one + other) for one, other in combinations(positive, 2))
-    return any(isinstance(each, Number) and each.value <= 0 for each in sums)
+    sums = (collecting.collect(one + other) for one, other in combinations(positive, 2))
+    return any(isinstance(each, ex.Number) and each.value <= 0 for each in sums)
 
 
 def _ways(case: Case) -> list[Case] | None:
     """The cases that follow from the next root which can be rewritten, None where there is none."""
     atoms = atoms_in_order(case.formulas)
     for node in atoms:
-        found = _inverse_ways(node) if isinstance(node, Apply) else _root_ways(node, case.positive)
+        found = _inverse_ways(node) if isinstance(node, ex.Apply) else _root_ways(node, case.positive)
         if found:
             return [case.rewritten(node, value, positive) for value, positive in found]
-    return _dependent_ways(case, [node for node in atoms if is_root(node) and isinstance(node, Power)])
+    return _dependent_ways(case, [node for node in atoms if is_root(node) and isinstance(node, ex.Power)])
 
 
-def _inverse_ways(node: Apply) -> list[Way]:
+def _inverse_ways(node: ex.Apply) -> list[Way]:
     """Heaviside(u) on both sides; asin(sin u), acos(cos u), atan(tan u) on the two intervals next to 0."""
     inner = node.argument
     if node.function == STEP:
-        return [(ONE, (inner,)), (ZERO, (-inner,))]
-    if not isinstance(inner, Apply) or (node.function, inner.function) not in _INVERSE_PAIRS:
+        return [(ex.ONE, (inner,)), (ex.ZERO, (-inner,))]
+    if not isinstance(inner, ex.Apply) or (node.function, inner.function) not in _INVERSE_PAIRS:
         return []
-    u, quarter = inner.argument, HALF * PI
+    u, quarter = inner.argument, ex.HALF * ex.PI
     before, after = u + quarter, quarter - u
-    beyond = (u - quarter, Fraction(3, 2) * PI - u)
+    beyond = (u - quarter, Fraction(3, 2) * ex.PI - u)
     match node.function:
         case "asin":
-            return [(u, (before, after)), (PI - u, beyond)]
+            return [(u, (before, after)), (ex.PI - u, beyond)]
         case "acos":
-            return [(u, (u, PI - u)), (-u, (-u, u + PI))]
+            return [(u, (u, ex.PI - u)), (-u, (-u, u + ex.PI))]
         case _:
-            return [(u, (before, after)), (u - PI, beyond)]
+            return [(u, (before, after)), (u - ex.PI, beyond)]
 
 
-def root_ways(node: Expression) -> list[tuple[tuple[Expression, ...], Expression]]:
+def root_ways(node: ex.Expression) -> list[tuple[tuple[ex.Expression, ...], ex.Expression]]:
     """(what is positive, what the root is there) for each way to write a root of a square without it."""
     return [(side, value) for value, side in _root_ways(node, ())]
 
 
-def _root_ways(node: Expression, positive: Sequence[Expression]) -> list[Way]:
+def _root_ways(node: ex.Expression, positive: Sequence[ex.Expression]) -> list[Way]:
     """|T|^(2e) (c O)^e for (c T^2 O)^e, on both sides of the zeros of T; [] where T is 1."""
-    if not isinstance(node, Power) or not isinstance(node.exponent, Number) or node.exponent.value.denominator == 1:
+    if (
+        not isinstance(node, ex.Power)
+        or not isinstance(node.exponent, ex.Number)
+        or node.exponent.value.denominator == 1
+    ):
         return []
     exponent = node.exponent.value
     content, found = root_factors(node.base)
@@ -560,7 +541,7 @@ def _root_ways(node: Expression, positive: Sequence[Expression]) -> list[Way]:
     return [(_power(sign * number_square, square, 2 * exponent) * left, (sign * side,)) for sign in (1, -1)]
 
 
-def _power(content: Fraction, found: Factors, exponent: Fraction) -> Expression:
+def _power(content: Fraction, found: Factors, exponent: Fraction) -> ex.Expression:
     """(content prod p^k)^exponent."""
     if exponent.denominator > 1:
         return (content * _product(found)) ** exponent
@@ -574,16 +555,16 @@ def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way
         return []
     root = _product({factor: k // degree for factor, k in found.items()})
     value = ((1 if content > 0 else -1) * root) ** int(exponent.numerator)
-    return [(number(abs(content)) ** exponent * value, ())]
+    return [(ex.number(abs(content)) ** exponent * value, ())]
 
 
-def root_factors(tree: Expression) -> tuple[Fraction, Factors]:
+def root_factors(tree: ex.Expression) -> tuple[Fraction, Factors]:
     """(rational content, {factor: multiplicity}) of a tree; what cannot be factored is one factor."""
     content, found = Fraction(1), Factors()
-    for part in factors_of(tree):
+    for part in ex.factors_of(tree):
         k = 1
         match part:
-            case Power(base, Number(exponent)) if exponent.denominator == 1:
+            case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
                 part, k = base, int(exponent)
         inner, pieces = _factored(part)
         content *= inner**k
@@ -592,16 +573,16 @@ def root_factors(tree: Expression) -> tuple[Fraction, Factors]:
     return content, {factor: k for factor, k in found.items() if k}
 
 
-def signed_factors(trees: Iterable[Expression], table: RealTable) -> list[Expression]:
+def signed_factors(trees: Iterable[ex.Expression], table: real_point.RealTable) -> list[ex.Expression]:
     """The factors of trees, or their negatives: as they are positive at the point."""
-    found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if varies(factor))
-    signed = (factor if real_sign(factor, table) > 0 else -factor for factor in found)
-    return [factor for factor in signed if not is_plainly_positive(factor)]
+    found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if real_point.varies(factor))
+    signed = (factor if real_point.real_sign(factor, table) > 0 else -factor for factor in found)
+    return [factor for factor in signed if not inequalities.is_plainly_positive(factor)]
 
 
-def _factored(tree: Expression) -> tuple[Fraction, Factors]:
+def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
     """The irreducible factors over Q, functions and roots taken as letters."""
-    if isinstance(tree, Number):
+    if isinstance(tree, ex.Number):
         return (tree.value, {}) if tree.value else (Fraction(1), {tree: 1})
     ring = Generators(Tower(()), opaque=True)
     try:
@@ -609,7 +590,7 @@ def _factored(tree: Expression) -> tuple[Fraction, Factors]:
         parts = [
             (*factors(polynomial), side) for polynomial, side in ((quotient.numerator, 1), (quotient.denominator, -1))
         ]
-    except IrreducibleAtoms:
+    except errors.IrreducibleAtoms:
         return Fraction(1), {tree: 1}
     content, found = Fraction(1), Factors()
     for value, pieces, side in parts:
@@ -635,16 +616,16 @@ def _number_parts(content: Fraction) -> tuple[Fraction, Fraction]:
     square = Fraction(1)
     for value, side in ((abs(content.numerator), 1), (content.denominator, -1)):
         if 0 < value <= _LARGEST_NUMBER:
-            for ell, k in prime_factors(value):
+            for ell, k in modular.prime_factors(value):
                 square *= Fraction(ell) ** (side * (k // 2))
     return square, content / square**2
 
 
-def _product(found: Factors) -> Expression:
-    return multiply(*(factor**k for factor, k in found.items())) if found else ONE
+def _product(found: Factors) -> ex.Expression:
+    return ex.multiply(*(factor**k for factor, k in found.items())) if found else ex.ONE
 
 
-def _dependent_ways(case: Case, roots: Sequence[Power]) -> list[Case] | None:
+def _dependent_ways(case: Case, roots: Sequence[ex.Power]) -> list[Case] | None:
     """Roots that depend on each other as products, taken apart for each choice of the signs of their factors."""
     for node in _dependent(roots):
         content, found = root_factors(node.base)
@@ -654,19 +635,19 @@ def _dependent_ways(case: Case, roots: Sequence[Power]) -> list[Case] | None:
         signs = {factor: 1 if factor in case.positive else -1 for factor in found}
         if (content < 0) != (math.prod(signs[factor] ** abs(k) for factor, k in found.items()) < 0):
             return []  # the base would be negative
-        assert isinstance(node.exponent, Number)
+        assert isinstance(node.exponent, ex.Number)
         exponent = node.exponent.value
         parts = [(signs[factor] * factor) ** (k * exponent) for factor, k in found.items()]
-        numbers = [number(ell) ** (k * exponent) for ell, k in _primes(content).items()]
-        return [case.rewritten(node, multiply(*numbers, *parts), ())]
+        numbers = [ex.number(ell) ** (k * exponent) for ell, k in _primes(content).items()]
+        return [case.rewritten(node, ex.multiply(*numbers, *parts), ())]
     return None
 
 
-def _dependent(roots: Sequence[Power]) -> list[Power]:
+def _dependent(roots: Sequence[ex.Power]) -> list[ex.Power]:
     """The roots of several factors that are, up to rational factors, products of powers of the others."""
-    degrees: dict[Expression, int] = {}
+    degrees: dict[ex.Expression, int] = {}
     for node in roots:
-        assert isinstance(node.exponent, Number)
+        assert isinstance(node.exponent, ex.Number)
         degrees[node.base] = math.lcm(degrees.get(node.base, 1), node.exponent.value.denominator)
     vectors = {base: _vector(base) for base in degrees}
     whole = _order(vectors, degrees)
@@ -679,19 +660,19 @@ def _dependent(roots: Sequence[Power]) -> list[Power]:
     return [node for node in roots if node.base in involved]
 
 
-def _vector(base: Expression) -> Factors:
+def _vector(base: ex.Expression) -> Factors:
     """The exponents of prime numbers and factors in a base."""
     content, found = root_factors(base)
-    return {number(ell): k for ell, k in _primes(content).items()} | found
+    return {ex.number(ell): k for ell, k in _primes(content).items()} | found
 
 
 def _primes(content: Fraction) -> dict[int, int]:
     sides = ((abs(content.numerator), 1), (content.denominator, -1))
     small = [(value, side) for value, side in sides if 1 < value <= _LARGEST_NUMBER]
-    return {ell: side * k for value, side in small for ell, k in prime_factors(value)}
+    return {ell: side * k for value, side in small for ell, k in modular.prime_factors(value)}
 
 
-def _order(vectors: Mapping[Expression, Factors], degrees: Mapping[Expression, int]) -> int:
+def _order(vectors: Mapping[ex.Expression, Factors], degrees: Mapping[ex.Expression, int]) -> int:
     """The order of the group that the vectors over their degrees generate modulo integers."""
     columns = list(dict.fromkeys(key for vector in vectors.values() for key in vector))
     if not columns:

@@ -29,28 +29,9 @@ from functools import lru_cache
 
 from flint import nmod_mat
 
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import (
-    HALF,
-    PI,
-    ZERO,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Symbol,
-    add,
-    apply,
-    children,
-    distinct_nodes,
-    multiply,
-    number,
-    rebuild,
-    square_root,
-    walk,
-)
-from inverse_service.field.modular import is_positive, positive_power, prime_factors, reconstruct, safe_prime
+from inverse_service import errors
+from inverse_service.expressions import tree as ex
+from inverse_service.field import modular
 from inverse_service.field.point import (
     Expansion,
     Point,
@@ -64,16 +45,16 @@ from inverse_service.field.point import (
 )
 
 # The angle of one radian, when constants such as cos(1) occur.
-RADIAN = Symbol("radian")
-Combination = tuple[tuple[Expression, Fraction], ...]
+RADIAN = ex.Symbol("radian")
+Combination = tuple[tuple[ex.Expression, Fraction], ...]
 # The free generator of an angle is that angle divided by its scale.
-Scale = Callable[[Expression], int]
+Scale = Callable[[ex.Expression], int]
 
 # In the search for relations an angle may be any of these fractions of a free one.
 _SEARCH_SCALE = 2520
 _DRAWS = 4_000
 # A quantity and the sign of its residue symbol.
-Requirement = tuple[Expression, int]
+Requirement = tuple[ex.Expression, int]
 
 
 # A residue of 61 bits is a fraction below the bound by chance with probability 10^-6.
@@ -82,57 +63,57 @@ _COEFFICIENT_BOUND = 10**6
 _CONSTANT_BOUND = 10**8
 _MOST_PARTS = 5040
 # (atom, sum a_j u_j, constants) -> atom - sum at a real point, in pi and the constants.
-Turns = Callable[[Expression, Combination, Sequence[Expression]], Combination | None]
+Turns = Callable[[ex.Expression, Combination, Sequence[ex.Expression]], Combination | None]
 
 
 @lru_cache(maxsize=8192)
-def to_kernels(expression: Expression) -> Expression:
+def to_kernels(expression: ex.Expression) -> ex.Expression:
     """The same function of the same variables, written with the six kernels only."""
-    inner = rebuild(expression, to_kernels)
-    if isinstance(inner, Apply) and inner.function in _REWRITE:
+    inner = ex.rebuild(expression, to_kernels)
+    if isinstance(inner, ex.Apply) and inner.function in _REWRITE:
         return _REWRITE[inner.function](inner.argument)
-    if isinstance(inner, Power):
+    if isinstance(inner, ex.Power):
         return _rational_power(inner)
     return inner
 
 
-def _rational_power(node: Power) -> Expression:
-    if not isinstance(node.exponent, Number):
-        return _exp(node.exponent * Apply("log", node.base))
-    if isinstance(node.base, Apply) and node.base.function == "exp":
+def _rational_power(node: ex.Power) -> ex.Expression:
+    if not isinstance(node.exponent, ex.Number):
+        return _exp(node.exponent * ex.Apply("log", node.base))
+    if isinstance(node.base, ex.Apply) and node.base.function == "exp":
         return _exp(node.exponent * node.base.argument)
     return node
 
 
-def _exp(u: Expression) -> Expression:
-    return Apply("exp", u)
+def _exp(u: ex.Expression) -> ex.Expression:
+    return ex.Apply("exp", u)
 
 
-def _sin(u: Expression) -> Expression:
-    return Apply("sin", u)
+def _sin(u: ex.Expression) -> ex.Expression:
+    return ex.Apply("sin", u)
 
 
-def _cos(u: Expression) -> Expression:
-    return Apply("cos", u)
+def _cos(u: ex.Expression) -> ex.Expression:
+    return ex.Apply("cos", u)
 
 
-def _cosh(u: Expression) -> Expression:
-    return HALF * (_exp(u) + _exp(-u))
+def _cosh(u: ex.Expression) -> ex.Expression:
+    return ex.HALF * (_exp(u) + _exp(-u))
 
 
-def _sinh(u: Expression) -> Expression:
-    return HALF * (_exp(u) - _exp(-u))
+def _sinh(u: ex.Expression) -> ex.Expression:
+    return ex.HALF * (_exp(u) - _exp(-u))
 
 
-def _asin(u: Expression) -> Expression:
-    return Apply("atan", u / square_root(1 - u**2))
+def _asin(u: ex.Expression) -> ex.Expression:
+    return ex.Apply("atan", u / ex.square_root(1 - u**2))
 
 
-def _log_with_root(u: Expression, sign: int) -> Expression:
-    return Apply("log", u + square_root(u**2 + sign))
+def _log_with_root(u: ex.Expression, sign: int) -> ex.Expression:
+    return ex.Apply("log", u + ex.square_root(u**2 + sign))
 
 
-_REWRITE: dict[str, Callable[[Expression], Expression]] = {
+_REWRITE: dict[str, Callable[[ex.Expression], ex.Expression]] = {
     "tan": lambda u: _sin(u) / _cos(u),
     "cot": lambda u: _cos(u) / _sin(u),
     "sec": lambda u: _cos(u) ** -1,
@@ -144,24 +125,26 @@ _REWRITE: dict[str, Callable[[Expression], Expression]] = {
     "sech": lambda u: _cosh(u) ** -1,
     "csch": lambda u: _sinh(u) ** -1,
     "asin": _asin,
-    "Heaviside": lambda u: HALF * (1 + u / square_root(u**2)),
-    "acos": lambda u: HALF * PI - _asin(u),
+    "Heaviside": lambda u: ex.HALF * (1 + u / ex.square_root(u**2)),
+    "acos": lambda u: ex.HALF * ex.PI - _asin(u),
     "asinh": lambda u: _log_with_root(u, 1),
     "acosh": lambda u: _log_with_root(u, -1),
-    "atanh": lambda u: HALF * Apply("log", (1 + u) / (1 - u)),
+    "atanh": lambda u: ex.HALF * ex.Apply("log", (1 + u) / (1 - u)),
 }
 
 
-def is_even_root(node: Expression) -> bool:
+def is_even_root(node: ex.Expression) -> bool:
     """Whether the node is a power with an even denominator."""
-    return isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator % 2 == 0
+    return (
+        isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value.denominator % 2 == 0
+    )
 
 
-def is_root(node: Expression) -> bool:
+def is_root(node: ex.Expression) -> bool:
     """Whether the node is a power with a fractional exponent."""
     return (
-        isinstance(node, Power)
-        and isinstance(node.exponent, Number)
+        isinstance(node, ex.Power)
+        and isinstance(node.exponent, ex.Number)
         and node.exponent.value != Fraction(node.exponent.value.numerator)
     )
 
@@ -170,7 +153,7 @@ def is_root(node: Expression) -> bool:
 class ExponentialRule:
     """exp(u) = e^constant prod exp_j^a_j prod w_k^c_k, or free (a random positive value)."""
 
-    atom: Apply
+    atom: ex.Apply
     free: bool
     exponentials: Combination = ()
     arguments_of_logarithms: Combination = ()
@@ -182,27 +165,27 @@ class ExponentialRule:
             return pow(point.draw_free(self.atom), 2, point.prime)
         result = constant_value("exp", self.constant, point)
         for atom, exponent in self.exponentials:
-            result *= positive_power(point.atoms[atom], exponent, point.prime)
+            result *= modular.positive_power(point.atoms[atom], exponent, point.prime)
         for argument, exponent in self.arguments_of_logarithms:
-            result *= positive_power(evaluate(argument, point), exponent, point.prime)
+            result *= modular.positive_power(evaluate(argument, point), exponent, point.prime)
         for ell, exponent in self.prime_powers:
-            result *= positive_power(ell, exponent, point.prime)
+            result *= modular.positive_power(ell, exponent, point.prime)
         return result % point.prime
 
     @property
-    def tree(self) -> Expression:
+    def tree(self) -> ex.Expression:
         """The product, where it is not free."""
-        primes = (number(ell) ** exponent for ell, exponent in self.prime_powers)
+        primes = (ex.number(ell) ** exponent for ell, exponent in self.prime_powers)
         atoms = (tree**exponent for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms))
-        constant = [apply("exp", number(self.constant))] if self.constant else []
-        return multiply(*constant, *primes, *atoms)
+        constant = [ex.apply("exp", ex.number(self.constant))] if self.constant else []
+        return ex.multiply(*constant, *primes, *atoms)
 
 
 @dataclass(frozen=True, slots=True)
 class LogarithmRule:
     """log(w) = sum a_j u_j + sum c_k log(w_k) + log(constant), or free."""
 
-    atom: Apply
+    atom: ex.Apply
     free: bool
     linear: Combination = ()
     constant: Fraction = Fraction(1)
@@ -216,9 +199,9 @@ class LogarithmRule:
         return (result + logarithm) % point.prime
 
     @property
-    def tree(self) -> Expression:
+    def tree(self) -> ex.Expression:
         """The sum, where it is not free."""
-        logarithm = ZERO if self.constant == 1 else apply("log", number(self.constant))
+        logarithm = ex.ZERO if self.constant == 1 else ex.apply("log", ex.number(self.constant))
         return _sum_tree(self.linear) + Fraction(1, self.root) * logarithm
 
 
@@ -226,7 +209,7 @@ class LogarithmRule:
 class AngleRule:
     """phi = sum b_k phi_k + sum d_j atan(w_j) + radians + pi turns, or free."""
 
-    angle: Expression
+    angle: ex.Expression
     free: bool
     angles: Combination = ()
     arctangents: Combination = ()
@@ -249,10 +232,10 @@ class AngleRule:
         return total
 
     @staticmethod
-    def _scaled(point: Point, angle: Expression, factor: Fraction, scale: Scale) -> tuple[int, int]:
+    def _scaled(point: Point, angle: ex.Expression, factor: Fraction, scale: Scale) -> tuple[int, int]:
         steps = factor * scale(angle)
         if steps.denominator != 1:
-            raise IrreducibleAtoms(f"two angles have the ratio {factor}, which is finer than can be reduced")
+            raise errors.IrreducibleAtoms(f"two angles have the ratio {factor}, which is finer than can be reduced")
         return circle_power(_random_turn(point, angle), steps.numerator, point.prime)
 
 
@@ -260,7 +243,7 @@ class AngleRule:
 class ArctangentRule:
     """atan(w) = sum b_k phi_k + sum d_j atan(w_j) + pi turns, or free."""
 
-    atom: Apply
+    atom: ex.Apply
     free: bool
     linear: Combination = ()
     turns: Fraction = Fraction(0)
@@ -269,16 +252,16 @@ class ArctangentRule:
         if self.free:
             return point.draw_free(self.atom)
         result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
-        return (result + point.variable(PI) * number_value(self.turns, point.prime)) % point.prime
+        return (result + point.variable(ex.PI) * number_value(self.turns, point.prime)) % point.prime
 
     @property
-    def tree(self) -> Expression:
+    def tree(self) -> ex.Expression:
         """The sum, where it is not free."""
-        return _sum_tree(self.linear) + self.turns * PI
+        return _sum_tree(self.linear) + self.turns * ex.PI
 
 
-def _sum_tree(linear: Combination) -> Expression:
-    return add(*(a * u for u, a in linear))
+def _sum_tree(linear: Combination) -> ex.Expression:
+    return ex.add(*(a * u for u, a in linear))
 
 
 Rule = ExponentialRule | LogarithmRule | AngleRule | ArctangentRule
@@ -288,8 +271,8 @@ def replay(rule: Rule, point: Point, scale: Scale) -> None:
     """Give the rule's atom its value at the point."""
     if isinstance(rule, AngleRule):
         cosine, sine = rule.value(point, scale)
-        point.atoms[Apply("cos", rule.angle)] = cosine
-        point.atoms[Apply("sin", rule.angle)] = sine
+        point.atoms[ex.Apply("cos", rule.angle)] = cosine
+        point.atoms[ex.Apply("sin", rule.angle)] = sine
         if rule.free:
             point.atoms[half_angle(rule.angle, scale(rule.angle))] = _random_tangent(point, rule.angle)
         if rule.radians:
@@ -299,9 +282,9 @@ def replay(rule: Rule, point: Point, scale: Scale) -> None:
 
 
 @lru_cache(maxsize=256)
-def half_angle(angle: Expression, scale: int) -> Expression:
+def half_angle(angle: ex.Expression, scale: int) -> ex.Expression:
     """tan(angle / (2 scale)), in which cos and sin of angle/scale are rational."""
-    return Apply("tan", Fraction(1, 2 * scale) * angle)
+    return ex.Apply("tan", Fraction(1, 2 * scale) * angle)
 
 
 def circle_product(left: tuple[int, int], right: tuple[int, int], prime: int) -> tuple[int, int]:
@@ -320,14 +303,14 @@ def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int,
     return result
 
 
-def _random_turn(point: Point, angle: Expression) -> tuple[int, int]:
+def _random_turn(point: Point, angle: ex.Expression) -> tuple[int, int]:
     """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is no square."""
     return _circle_point(_random_tangent(point, angle), point.prime)
 
 
-def _random_tangent(point: Point, angle: Expression) -> int:
+def _random_tangent(point: Point, angle: ex.Expression) -> int:
     """That of half the angle, in its scale: never the number that is drawn for an angle such as e^x or log x itself."""
-    return point.draw_free(Apply("tan", angle))
+    return point.draw_free(ex.Apply("tan", angle))
 
 
 def _circle_point(t: int, prime: int) -> tuple[int, int]:
@@ -335,11 +318,11 @@ def _circle_point(t: int, prime: int) -> tuple[int, int]:
     return (1 - t * t) * factor % prime, 2 * t * factor % prime
 
 
-def _arctangent_turn(atom: Expression, point: Point) -> tuple[int, int]:
+def _arctangent_turn(atom: ex.Expression, point: Point) -> tuple[int, int]:
     """(cos, sin) of atan(w) = (1, w)/sqrt(1 + w^2)."""
-    assert isinstance(atom, Apply)
+    assert isinstance(atom, ex.Apply)
     w = evaluate(atom.argument, point)
-    factor = positive_power((1 + w * w) % point.prime, Fraction(-1, 2), point.prime)
+    factor = modular.positive_power((1 + w * w) % point.prime, Fraction(-1, 2), point.prime)
     return factor, w * factor % point.prime
 
 
@@ -351,9 +334,9 @@ def _circle_part(turn: tuple[int, int], number: int, prime: int) -> tuple[int, i
     """
     while number % 2 == 0:
         square = (1 + turn[0]) * pow(2, -1, prime) % prime
-        if not is_positive(square, prime):
+        if not modular.is_positive(square, prime):
             return 1, 0  # the point is refused for what is under its roots
-        cosine = positive_power(square, Fraction(1, 2), prime)
+        cosine = modular.positive_power(square, Fraction(1, 2), prime)
         turn, number = (cosine, turn[1] * pow(2 * cosine, -1, prime) % prime), number // 2
     order = prime + 1
     while (common := math.gcd(order, number)) > 1:
@@ -368,8 +351,10 @@ def circle_turn(turns: Fraction, prime: int) -> tuple[int, int]:
     """(cos, sin) of pi turns, where twice the denominator divides prime + 1, the order of the circle."""
     whole, total = 2 * turns.denominator, (1, 0)
     if (prime + 1) % whole:
-        raise IrreducibleAtoms(f"the angle {turns} pi is too fine a part of pi: write a letter for its sine and cosine")
-    for ell, k in prime_factors(whole):
+        raise errors.IrreducibleAtoms(
+            f"the angle {turns} pi is too fine a part of pi: write a letter for its sine and cosine"
+        )
+    for ell, k in modular.prime_factors(whole):
         rest = whole // ell**k
         total = circle_product(
             total, circle_power(_unit(ell, k, prime), turns.numerator * pow(rest, -1, ell**k), prime), prime
@@ -397,11 +382,11 @@ def _order_is_multiple(t: int, ell: int, prime: int) -> bool:
 def _is_principal(turn: tuple[int, int], ell: int, order: int, prime: int) -> bool:
     """Whether sqrt(2)/2, sqrt(3)/2, or by Gauss the root of a larger prime, follows from a turn by 2 pi/order."""
     if ell == 2:
-        half = positive_power(2, Fraction(-1, 2), prime)
+        half = modular.positive_power(2, Fraction(-1, 2), prime)
         return circle_power(turn, order // 8, prime) == (half, half)
     powers = [circle_power(turn, order // ell * a, prime)[ell // 2 % 2] for a in range(1, ell)]
-    total = sum(value * (1 if is_positive(a, ell) else -1) for a, value in enumerate(powers, 1))
-    return total % prime == positive_power(ell, Fraction(1, 2), prime)
+    total = sum(value * (1 if modular.is_positive(a, ell) else -1) for a, value in enumerate(powers, 1))
+    return total % prime == modular.positive_power(ell, Fraction(1, 2), prime)
 
 
 @dataclass(slots=True)
@@ -411,23 +396,23 @@ class Tower:
     variables: tuple[Variable, ...]
     real_signs: Mapping[Variable, int] = field(default_factory=dict)
     rules: list[Rule] = field(default_factory=list)
-    radicands: list[Expression] = field(default_factory=list)
+    radicands: list[ex.Expression] = field(default_factory=list)
     signs: list[Requirement] = field(default_factory=list)
-    scales: dict[Expression, int] = field(default_factory=dict)
+    scales: dict[ex.Expression, int] = field(default_factory=dict)
     default_scale: int = _SEARCH_SCALE
     residues: frozenset[int] = frozenset()
     parts_of_pi: int = 1
 
-    def scale(self, angle: Expression) -> int:
+    def scale(self, angle: ex.Expression) -> int:
         """The denominator of a free angle's generator."""
         return self.scales.get(angle, self.default_scale)
 
-    def values_all(self, expression: Expression) -> bool:
+    def values_all(self, expression: ex.Expression) -> bool:
         """Whether the rules give values to all atoms in a tree."""
-        return all(self._values(node) for node in walk(expression) if isinstance(node, Apply))
+        return all(self._values(node) for node in ex.walk(expression) if isinstance(node, ex.Apply))
 
-    def _values(self, atom: Apply) -> bool:
-        if isinstance(atom.argument, Number) and atom.function in ("exp", "log"):
+    def _values(self, atom: ex.Apply) -> bool:
+        if isinstance(atom.argument, ex.Number) and atom.function in ("exp", "log"):
             return True
         for rule in self.rules:
             if isinstance(rule, AngleRule):
@@ -441,20 +426,20 @@ class Tower:
         return False
 
 
-def atoms_in_order(expressions: Iterable[Expression]) -> list[Expression]:
+def atoms_in_order(expressions: Iterable[ex.Expression]) -> list[ex.Expression]:
     """Transcendental atoms and roots of trees in kernels, each once, inner ones first."""
-    found: dict[Expression, None] = {}
+    found: dict[ex.Expression, None] = {}
     for expression in expressions:
         _collect(expression, found)
     return list(found)
 
 
-def _collect(expression: Expression, found: dict[Expression, None]) -> None:
+def _collect(expression: ex.Expression, found: dict[ex.Expression, None]) -> None:
     if expression in found:
         return
-    for child in children(expression):
+    for child in ex.children(expression):
         _collect(child, found)
-    if isinstance(expression, Apply) or is_root(expression):
+    if isinstance(expression, ex.Apply) or is_root(expression):
         found[expression] = None
 
 
@@ -465,11 +450,11 @@ def draw_point(tower: Tower, seed: int, prime: int | None = None, flipped: froze
     """
     stages = _stages(tower, tower.variables)
     for attempt in range(_DRAWS // 64):
-        modulus = prime or safe_prime(seed * 1009 + attempt, tower.residues, 2 * tower.parts_of_pi)
+        modulus = prime or modular.safe_prime(seed * 1009 + attempt, tower.residues, 2 * tower.parts_of_pi)
         point = _meet(tower, stages, modulus, seed * _DRAWS + attempt, {}, 0, flipped)
         if point is not None:
             return point
-    raise IrreducibleAtoms("no point was found at which all roots exist together")
+    raise errors.IrreducibleAtoms("no point was found at which all roots exist together")
 
 
 @dataclass(frozen=True, slots=True)
@@ -527,7 +512,7 @@ def _meet(
             if salt:
                 salts.update(dict.fromkeys(stage.names, first + salt))
                 point, missing = Point(prime, seed, tower.real_signs, dict(salts), flipped), None
-            known: dict[Expression, int] = {}
+            known: dict[ex.Expression, int] = {}
             if not _hold(stage.without_atoms, point, known):
                 continue
             missing = _replayed(tower, point) if missing is None else missing
@@ -552,7 +537,7 @@ def moved_point(tower: Tower, place: Point, moving: Sequence[Variable], number: 
         point = _meet(tower, stages, place.prime, place.seed, salts, first)
         if point is not None:
             return point
-    raise IrreducibleAtoms("no other point was found at which all roots exist together")
+    raise errors.IrreducibleAtoms("no other point was found at which all roots exist together")
 
 
 def _replayed(tower: Tower, point: Point) -> list[tuple[Variable, ...]]:
@@ -567,18 +552,20 @@ def _replayed(tower: Tower, point: Point) -> list[tuple[Variable, ...]]:
 
 
 @lru_cache(maxsize=1024)
-def _has_no_atoms(expression: Expression) -> bool:
-    return not any(isinstance(node, Apply) for node in walk(expression))
+def _has_no_atoms(expression: ex.Expression) -> bool:
+    return not any(isinstance(node, ex.Apply) for node in ex.walk(expression))
 
 
-def _hold(requirements: Iterable[Requirement], point: Point, known: dict[Expression, int]) -> bool:
+def _hold(requirements: Iterable[Requirement], point: Point, known: dict[ex.Expression, int]) -> bool:
     try:
-        return all(is_positive(evaluate(p, point, known), point.prime) == (sign > 0) for p, sign in requirements)
+        return all(
+            modular.is_positive(evaluate(p, point, known), point.prime) == (sign > 0) for p, sign in requirements
+        )
     except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
         return False
 
 
-class IrrationalRatio(IrreducibleAtoms):
+class IrrationalRatio(errors.IrreducibleAtoms):
     """Some arguments have constant ratios modulo the prime."""
 
 
@@ -596,10 +583,10 @@ class Samples:
     flips: tuple[int, ...] = ()
     expansions: dict[int, Expansion] = field(default_factory=dict)  # by the id of their point, which they keep
 
-    def values(self, expression: Expression) -> list[int]:
+    def values(self, expression: ex.Expression) -> list[int]:
         return [evaluate(expression, point) for point in self.points]
 
-    def gradients(self, expression: Expression) -> list[list[int]]:
+    def gradients(self, expression: ex.Expression) -> list[list[int]]:
         """Per point the partial derivatives with respect to all variables and parameters."""
         return [gradient(self._expansion(point).expand(expression)) for point in self.points]
 
@@ -624,7 +611,9 @@ class Samples:
             return None
         if rank < len(columns):
             raise IrrationalRatio("arguments of exponentials, logarithms or angles have irrational ratios")
-        solution = [reconstruct(int(reduced[i, len(columns)]), self.prime, _COEFFICIENT_BOUND) for i in range(rank)]
+        solution = [
+            modular.reconstruct(int(reduced[i, len(columns)]), self.prime, _COEFFICIENT_BOUND) for i in range(rank)
+        ]
         return None if any(a is None for a in solution) else [a for a in solution if a is not None]
 
     def ensure(self, columns: int) -> None:
@@ -643,15 +632,15 @@ class Samples:
             self.tower.signs += [requirement for requirement in ready if requirement not in self.tower.signs]
             self.points.clear()
 
-    def require_positive(self, radicand: Expression) -> None:
+    def require_positive(self, radicand: ex.Expression) -> None:
         """From now on only points at which the radicand has a root."""
         if radicand not in self.tower.radicands:
             self.tower.radicands.append(radicand)
-            self.points[:] = [p for p in self.points if is_positive(evaluate(radicand, p), p.prime)]
+            self.points[:] = [p for p in self.points if modular.is_positive(evaluate(radicand, p), p.prime)]
 
 
 def build_tower(
-    expressions: Sequence[Expression],
+    expressions: Sequence[ex.Expression],
     variables: Sequence[Variable],
     real_signs: Mapping[Variable, int],
     turns: Turns,
@@ -662,7 +651,7 @@ def build_tower(
     `known` is an earlier tower of the same expressions whose branches are fixed: its signs hold
     from the first point on at which they have a meaning.
     """
-    names = (*variables, PI) if _needs_pi(expressions) else tuple(variables)
+    names = (*variables, ex.PI) if _needs_pi(expressions) else tuple(variables)
     tower = Tower(names, real_signs, residues=_root_primes(expressions), parts_of_pi=_parts_of_pi(expressions))
     samples = Samples(tower)
     if known is not None:
@@ -676,52 +665,54 @@ def build_tower(
             else:
                 _admit(atom, tower, samples, turns)
     except SingularPoint as problem:
-        raise IrreducibleAtoms("a denominator inside a function vanishes at the points tried") from problem
+        raise errors.IrreducibleAtoms("a denominator inside a function vanishes at the points tried") from problem
     _finish_scales(tower)
     samples.admit_pending()
     if samples.pending or not all(tower.values_all(p) for p, _ in tower.signs):
-        raise IrreducibleAtoms("the branches of roots and the relations among angles could not be settled together")
+        raise errors.IrreducibleAtoms(
+            "the branches of roots and the relations among angles could not be settled together"
+        )
     return tower
 
 
-def _needs_pi(expressions: Sequence[Expression]) -> bool:
+def _needs_pi(expressions: Sequence[ex.Expression]) -> bool:
     """Whether pi occurs, or may: two arctangents often differ by a part of pi."""
-    nodes = distinct_nodes(expressions)
-    return any(node == PI or (isinstance(node, Apply) and node.function == "atan") for node in nodes)
+    nodes = ex.distinct_nodes(expressions)
+    return any(node == ex.PI or (isinstance(node, ex.Apply) and node.function == "atan") for node in nodes)
 
 
-def _parts_of_pi(expressions: Sequence[Expression]) -> int:
+def _parts_of_pi(expressions: Sequence[ex.Expression]) -> int:
     """The common denominator of the fractions of pi that are written."""
-    found = [f.value.denominator for node in distinct_nodes(expressions) if isinstance(node, Product)
-             and PI in node.factors for f in node.factors if isinstance(f, Number)]  # fmt: skip
+    found = [f.value.denominator for node in ex.distinct_nodes(expressions) if isinstance(node, ex.Product)
+             and ex.PI in node.factors for f in node.factors if isinstance(f, ex.Number)]  # fmt: skip
     whole = math.lcm(*found)
     return whole if whole <= _MOST_PARTS else 1
 
 
-def _root_primes(expressions: Sequence[Expression]) -> frozenset[int]:
+def _root_primes(expressions: Sequence[ex.Expression]) -> frozenset[int]:
     """The primes that occur in numbers under even roots."""
     found: set[int] = set()
-    for node in distinct_nodes(expressions):
-        if is_even_root(node) and isinstance(node, Power) and isinstance(node.base, Number):
+    for node in ex.distinct_nodes(expressions):
+        if is_even_root(node) and isinstance(node, ex.Power) and isinstance(node.base, ex.Number):
             value = node.base.value
             if value > 0:
-                found.update(ell for k in (value.numerator, value.denominator) for ell, _ in prime_factors(k))
+                found.update(ell for k in (value.numerator, value.denominator) for ell, _ in modular.prime_factors(k))
     return frozenset(ell for ell in found if ell > 13)
 
 
-def _admit_root(atom: Expression, tower: Tower, samples: Samples) -> None:
-    assert isinstance(atom, Power)
+def _admit_root(atom: ex.Expression, tower: Tower, samples: Samples) -> None:
+    assert isinstance(atom, ex.Power)
     if not is_even_root(atom):
         return
-    if isinstance(atom.base, Number) and atom.base.value <= 0:
-        raise IrreducibleAtoms("an even root of a negative number is not real")
-    if atom.base not in tower.radicands and not isinstance(atom.base, Number):
+    if isinstance(atom.base, ex.Number) and atom.base.value <= 0:
+        raise errors.IrreducibleAtoms("an even root of a negative number is not real")
+    if atom.base not in tower.radicands and not isinstance(atom.base, ex.Number):
         tower.radicands.append(atom.base)
         samples.points.clear()
 
 
-def _admit(atom: Expression, tower: Tower, samples: Samples, turns: Turns) -> None:
-    assert isinstance(atom, Apply)
+def _admit(atom: ex.Expression, tower: Tower, samples: Samples, turns: Turns) -> None:
+    assert isinstance(atom, ex.Apply)
     if atom.function in ("sin", "cos") and any(
         isinstance(rule, AngleRule) and rule.angle == atom.argument for rule in tower.rules
     ):
@@ -750,20 +741,20 @@ def _admit(atom: Expression, tower: Tower, samples: Samples, turns: Turns) -> No
 _KINDS: tuple[type[Rule], ...] = (ExponentialRule, LogarithmRule, AngleRule, ArctangentRule)
 
 
-def _square_roots(*trees: Expression) -> tuple[int, ...]:
+def _square_roots(*trees: ex.Expression) -> tuple[int, ...]:
     """The primes under square roots of numbers, where no other roots of constants occur."""
     found: dict[int, None] = {}
-    for node in distinct_nodes(trees):
-        if not is_root(node) or not isinstance(node, Power) or variables_in(node):
+    for node in ex.distinct_nodes(trees):
+        if not is_root(node) or not isinstance(node, ex.Power) or variables_in(node):
             continue
         base, exponent = node.base, node.exponent
-        if not (isinstance(base, Number) and isinstance(exponent, Number) and exponent.value.denominator == 2):
+        if not (isinstance(base, ex.Number) and isinstance(exponent, ex.Number) and exponent.value.denominator == 2):
             return ()
-        found |= {ell: None for k in base.value.as_integer_ratio() for ell, _ in prime_factors(k)}
+        found |= {ell: None for k in base.value.as_integer_ratio() for ell, _ in modular.prime_factors(k)}
     return tuple(found)[:3]
 
 
-def _free(tower: Tower, kind: type[Rule]) -> list[Expression]:
+def _free(tower: Tower, kind: type[Rule]) -> list[ex.Expression]:
     """The free atoms (for angles: the angles) of a kind."""
     return [
         rule.angle if isinstance(rule, AngleRule) else rule.atom
@@ -774,10 +765,10 @@ def _free(tower: Tower, kind: type[Rule]) -> list[Expression]:
 
 def _logarithm_primes(tower: Tower) -> list[int]:
     constants = [rule.constant for rule in tower.rules if isinstance(rule, LogarithmRule)]
-    return sorted({ell for c in constants for k in (c.numerator, c.denominator) for ell, _ in prime_factors(k)})
+    return sorted({ell for c in constants for k in (c.numerator, c.denominator) for ell, _ in modular.prime_factors(k)})
 
 
-def _exponential_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
+def _exponential_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
     exponentials = _free(tower, ExponentialRule)
     logarithms = _free(tower, LogarithmRule)
     primes = _logarithm_primes(tower)
@@ -804,15 +795,15 @@ def _exponential_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns)
     )
 
 
-def _logarithm_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
-    if isinstance(atom.argument, Number):
+def _logarithm_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
+    if isinstance(atom.argument, ex.Number):
         if atom.argument.value <= 0:
-            raise IrreducibleAtoms("the logarithm of a number that is not positive is not real")
+            raise errors.IrreducibleAtoms("the logarithm of a number that is not positive is not real")
         return LogarithmRule(atom, False, (), atom.argument.value)
     basis = [_argument(e) for e in _free(tower, ExponentialRule)] + _free(tower, LogarithmRule)
     columns = [_flat(samples.gradients(u)) for u in basis]
     if not all(samples.values(atom.argument)):
-        raise IrreducibleAtoms("the argument of a logarithm vanishes at the points tried")
+        raise errors.IrreducibleAtoms("the argument of a logarithm vanishes at the points tried")
     inverse = [pow(w, -1, samples.prime) for w in samples.values(atom.argument)]
     gradient = samples.gradients(atom.argument)
     target = [x * w % samples.prime for row, w in zip(gradient, inverse, strict=True) for x in row]
@@ -825,41 +816,41 @@ def _logarithm_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -
 
 
 def _constant_factor(
-    atom: Apply, linear: Sequence[tuple[Expression, Fraction]], samples: Samples
+    atom: ex.Apply, linear: Sequence[tuple[ex.Expression, Fraction]], samples: Samples
 ) -> tuple[Fraction, int]:
     """kappa^root = w^root / prod (e^u_j)^(a_j root), a positive rational; else IrreducibleAtoms."""
     root = 2
     for _, a in linear:
         root *= a.denominator
     found = {
-        reconstruct(_constant_power(atom, linear, root, point), point.prime, _CONSTANT_BOUND)
+        modular.reconstruct(_constant_power(atom, linear, root, point), point.prime, _CONSTANT_BOUND)
         for point in samples.points
     }
     constant = found.pop()
     # A second prime tells a rational number from another one that looks like it modulo the first.
     other = draw_point(samples.tower, 11)
     if found or constant is None or constant <= 0 or other.prime == samples.prime:
-        raise IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
+        raise errors.IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
     if number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
-        raise IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
+        raise errors.IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
     return constant, root
 
 
-def _constant_power(atom: Apply, linear: Sequence[tuple[Expression, Fraction]], root: int, point: Point) -> int:
+def _constant_power(atom: ex.Apply, linear: Sequence[tuple[ex.Expression, Fraction]], root: int, point: Point) -> int:
     """w^root / prod (e^u_j)^(a_j root) at a point."""
     value = pow(evaluate(atom.argument, point), root, point.prime)
     for u, a in linear:
-        base = point.atoms[Apply("exp", u)] if Apply("exp", u) in point.atoms else evaluate(_argument(u), point)
+        base = point.atoms[ex.Apply("exp", u)] if ex.Apply("exp", u) in point.atoms else evaluate(_argument(u), point)
         value = value * pow(base, -int(a * root), point.prime) % point.prime
     return value
 
 
-def _angle_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
+def _angle_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
     angles, arctangents = _free(tower, AngleRule), _free(tower, ArctangentRule)
     columns = [samples.values(u) for u in (*angles, *arctangents)]
     columns.append([1] * len(samples.points))
-    if PI in tower.variables:
-        columns.append(samples.values(PI))
+    if ex.PI in tower.variables:
+        columns.append(samples.values(ex.PI))
     solution = samples.solve(columns, samples.values(atom.argument))
     if solution is None:
         return AngleRule(atom.argument, True)
@@ -869,21 +860,21 @@ def _angle_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Ru
     for u, a in by_atan:
         for radicand in _radicands(_argument(u), a.denominator):
             samples.require_positive(radicand)
-    turns_of_pi = rest[-1] if PI in tower.variables else Fraction(0)
+    turns_of_pi = rest[-1] if ex.PI in tower.variables else Fraction(0)
     _refine_scales(tower, samples, (*by_angle, (RADIAN, rest[len(arctangents)])))
     return AngleRule(atom.argument, False, by_angle, by_atan, rest[len(arctangents)], turns_of_pi)
 
 
-def _radicands(w: Expression, number: int) -> Iterator[Expression]:
+def _radicands(w: ex.Expression, number: int) -> Iterator[ex.Expression]:
     """What has a root where the number-th part of atan w is an angle: 1 + w^2, and for each half 1 + cos."""
     yield (square := 1 + w**2)
     cosine = square ** Fraction(-1, 2)
     while number % 2 == 0:
-        yield (half := HALF * (1 + cosine))
+        yield (half := ex.HALF * (1 + cosine))
         cosine, number = half ** Fraction(1, 2), number // 2
 
 
-def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[Expression, Fraction]]) -> None:
+def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[ex.Expression, Fraction]]) -> None:
     """Free angles become fine enough to have these multiples; points with coarser ones are dropped."""
     for angle, factor in parts:
         scale = tower.scale(angle)
@@ -892,7 +883,7 @@ def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[Express
             samples.points.clear()
 
 
-def _arctangent_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
+def _arctangent_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
     columns = {u: _flat(samples.gradients(u)) for u in _free(tower, AngleRule) + _free(tower, ArctangentRule)}
     basis = [u for u, column in columns.items() if any(column)]
     constants = [u for u in _free(tower, ArctangentRule) if u not in basis]
@@ -906,13 +897,13 @@ def _arctangent_rule(atom: Apply, tower: Tower, samples: Samples, turns: Turns) 
     linear = tuple((u, a) for u, a in zip(basis, solution, strict=True) if a)
     rest = turns(atom, linear, constants)
     if rest is None and linear:
-        raise IrreducibleAtoms(
+        raise errors.IrreducibleAtoms(
             "an arctangent differs from others by a constant that is not known: write a letter for it"
         )
     if rest is None:
         return ArctangentRule(atom, True)  # a constant that no other one gives
     found = dict(rest)
-    return ArctangentRule(atom, False, linear + tuple(p for p in rest if p[0] != PI), found.get(PI, Fraction(0)))
+    return ArctangentRule(atom, False, linear + tuple(p for p in rest if p[0] != ex.PI), found.get(ex.PI, Fraction(0)))
 
 
 def _finish_scales(tower: Tower) -> None:
@@ -928,8 +919,8 @@ def _finish_scales(tower: Tower) -> None:
     tower.default_scale = 1
 
 
-def _argument(atom: Expression) -> Expression:
-    assert isinstance(atom, Apply)
+def _argument(atom: ex.Expression) -> ex.Expression:
+    assert isinstance(atom, ex.Apply)
     return atom.argument
 
 

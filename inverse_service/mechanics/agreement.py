@@ -14,7 +14,7 @@ from functools import reduce
 from time import thread_time
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.certificate.checker import CheckResult, Claims, Question, judged
+from inverse_service.certificate import checker
 from inverse_service.certificate.formulas import (
     MAX_POWER,
     Ended,
@@ -26,27 +26,15 @@ from inverse_service.certificate.formulas import (
     read_tokens,
 )
 from inverse_service.certificate.numbers import Balls, Undefined
-from inverse_service.expressions.derivative import differentiate, differentiate_in_time
-from inverse_service.expressions.tree import (
-    Acceleration,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    walk,
-)
+from inverse_service.expressions import derivative
+from inverse_service.expressions import tree as ex
 
 if TYPE_CHECKING:
     from inverse_service.mechanics.constrained_motion import NonholonomicSystem
 
 Ring = Any  # one of the checker's, and an element of it
 Value = Any
-Table = dict[Expression, Value]
+Table = dict[ex.Expression, Value]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,20 +63,22 @@ class _Parts:
 
 
 def equations_agree(
-    equations: Sequence[Expression],
+    equations: Sequence[ex.Expression],
     coordinates: Sequence[str],
     canonical: Canonical,
     time_limit: float = 60.0,
     texts: Sequence[GivenText | None] = (),
-) -> CheckResult:
+) -> checker.CheckResult:
     """Whether E_k(t, q, q', f) = 0 for all k and dE/dq'' is regular there: then f is what E = 0 determines.
 
     `texts`, one for each equation or none, are read by the checker's reader as well, where it accepts them: the
     two have to agree about E_k.
     """
     if len(equations) != len(coordinates):
-        return CheckResult("invalid", ("The number of equations as given is not that of the coordinates.",))
-    slopes = [[differentiate(equation, Acceleration(name)) for name in coordinates] for equation in equations]
+        return checker.CheckResult("invalid", ("The number of equations as given is not that of the coordinates.",))
+    slopes = [
+        [derivative.differentiate(equation, ex.Acceleration(name)) for name in coordinates] for equation in equations
+    ]
 
     def parts(ring: Ring) -> _Parts:
         table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
@@ -117,19 +107,19 @@ def _against(value: Value, number: int, ring: Ring) -> Value:
     return ring.multiply(ring.add([value, own], [1, 1]), ring.add([value, own], [1, -1]), 0)
 
 
-def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
+def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
     """Whether f is the motion of L under the constraints w(t, q, v) = 0, where they hold.
 
     At points with w = 0: dw/dt = 0, and the Euler-Lagrange expressions of L are a combination of the
     rows of dw/dv; with M = d2L/dv2 the matrix (M, (dw/dv)^T; dw/dv, 0) is regular, so there is one such f.
     """
     names = given.coordinates
-    slopes = [[differentiate(each, Velocity(name)) for name in names] for each in given.constraints]
-    momenta = [differentiate(given.lagrangian, Velocity(name)) for name in names]
-    masses = [[differentiate(momentum, Velocity(name)) for name in names] for momentum in momenta]
-    rates = [differentiate_in_time(each, names) for each in given.constraints]
+    slopes = [[derivative.differentiate(each, ex.Velocity(name)) for name in names] for each in given.constraints]
+    momenta = [derivative.differentiate(given.lagrangian, ex.Velocity(name)) for name in names]
+    masses = [[derivative.differentiate(momentum, ex.Velocity(name)) for name in names] for momentum in momenta]
+    rates = [derivative.differentiate_in_time(each, names) for each in given.constraints]
     forces = [
-        differentiate_in_time(momentum, names) - differentiate(given.lagrangian, Symbol(name))
+        derivative.differentiate_in_time(momentum, names) - derivative.differentiate(given.lagrangian, ex.Symbol(name))
         for momentum, name in zip(momenta, names, strict=True)
     ]
     pivots: list[int] = []
@@ -162,29 +152,29 @@ def _examined(
     rational: bool,
     sentences: tuple[str, str],
     time_limit: float,
-) -> CheckResult:
+) -> checker.CheckResult:
     """The verdict on the parts by the checker's two rules; never raises."""
 
-    def claims(ring: Ring) -> Claims:
+    def claims(ring: Ring) -> checker.Claims:
         found = parts(ring)
         matrix = [[entry.get(0, 0) for entry in row] for row in found.matrix]
-        return Claims(found.zeros, [(matrix, sentences[1])])
+        return checker.Claims(found.zeros, [(matrix, sentences[1])])
 
     def work(tools: Any) -> list[str]:
-        question = Question(tools, canonical.system, True, canonical.claim)
+        question = checker.Question(tools, canonical.system, True, canonical.claim)
         question.prepare(parts, (), rational)
         question.settle(0, claims)
         return [sentences[0]]
 
     begun = thread_time()
-    found = judged(work, time_limit, None)
+    found = checker.judged(work, time_limit, None)
     left = time_limit - (thread_time() - begun)
     # The points are drawn at random: others may settle what these did not.
-    return judged(work, left, None) if found.verdict == "incomplete" and left > time_limit / 2 else found
+    return checker.judged(work, left, None) if found.verdict == "incomplete" and left > time_limit / 2 else found
 
 
 def _on_constraints(
-    given: NonholonomicSystem, slopes: list[list[Expression]], ring: Ring, pivots: list[int]
+    given: NonholonomicSystem, slopes: list[list[ex.Expression]], ring: Ring, pivots: list[int]
 ) -> dict[str, Value]:
     """The point with some velocities moved to where the constraints hold; they are affine in the velocities."""
     values = dict(ring.names)
@@ -231,7 +221,7 @@ def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value |
     """left - right by the checker's reader; None where one of the texts is not in its grammar."""
     if text is None:
         return None
-    given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, Acceleration)}
+    given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, ex.Acceleration)}
     try:
         given |= {name: Reader(ring, read_tokens(written, "formula")).value for name, written in text.values.items()}
         sides = [Reader(ring, read_tokens(side, "formula"), **given).value for side in (text.left, text.right)]
@@ -242,14 +232,14 @@ def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value |
     return ring.add(sides, [1, -1])
 
 
-def _is_rational(formulas: Iterable[Expression]) -> bool:
+def _is_rational(formulas: Iterable[ex.Expression]) -> bool:
     """Whether they are rational in everything, with moderate exponents."""
-    nodes = [node for formula in formulas for node in walk(formula)]
-    powers = [node.exponent for node in nodes if isinstance(node, Power)]
+    nodes = [node for formula in formulas for node in ex.walk(formula)]
+    powers = [node.exponent for node in nodes if isinstance(node, ex.Power)]
     whole = [
-        isinstance(each, Number) and each.value.denominator == 1 and abs(each.value) <= MAX_POWER for each in powers
+        isinstance(each, ex.Number) and each.value.denominator == 1 and abs(each.value) <= MAX_POWER for each in powers
     ]
-    return all(whole) and not any(isinstance(node, Apply) for node in nodes)
+    return all(whole) and not any(isinstance(node, ex.Apply) for node in nodes)
 
 
 def _is_irrational(text: GivenText) -> bool:
@@ -264,7 +254,10 @@ def _is_irrational(text: GivenText) -> bool:
 
 def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
     velocities = {f"{name}'": name for name in coordinates}
-    return {Velocity(velocities[name]) if name in velocities else Symbol(name): value for name, value in values.items()}
+    return {
+        ex.Velocity(velocities[name]) if name in velocities else ex.Symbol(name): value
+        for name, value in values.items()
+    }
 
 
 def _table(ring: Ring, coordinates: Sequence[str], values: dict[str, Value]) -> Table:
@@ -272,31 +265,31 @@ def _table(ring: Ring, coordinates: Sequence[str], values: dict[str, Value]) -> 
     bound = {name: value for name, value in values.items() if name.endswith("'")}
     forces = read_formulas(ring, ring.question.force_texts, **bound)
     return _leaves(coordinates, values) | {
-        Acceleration(name): force for name, force in zip(coordinates, forces, strict=True)
+        ex.Acceleration(name): force for name, force in zip(coordinates, forces, strict=True)
     }
 
 
-def _value(tree: Expression, ring: Ring, table: Table) -> Value:
-    for node in reversed(list(walk(tree))):  # parts before what they are parts of
+def _value(tree: ex.Expression, ring: Ring, table: Table) -> Value:
+    for node in reversed(list(ex.walk(tree))):  # parts before what they are parts of
         if node not in table:
             table[node] = _evaluated(node, ring, table)
     return table[tree]
 
 
-def _evaluated(node: Expression, ring: Ring, table: Table) -> Value:
+def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
     match node:
-        case Number(value):
+        case ex.Number(value):
             return ring.constant(value)
-        case Sum(terms):
+        case ex.Sum(terms):
             return ring.add([table[term] for term in terms])
-        case Product(factors):
+        case ex.Product(factors):
             return reduce(lambda a, b: ring.multiply(a, b, 0), [table[factor] for factor in factors])
-        case Power(base, Number(value)) if value.denominator == 1:
+        case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             return ring.power(table[base], value.numerator)
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             return joined(ring, "^", table[base], table[exponent])
-        case Apply(name, argument):
+        case ex.Apply(name, argument):
             return applied(ring, name, table[argument])
-        case Arbitrary(name, arguments, orders):
+        case ex.Arbitrary(name, arguments, orders):
             return ring.function(name, orders, [table[argument] for argument in arguments])
     raise Undefined  # a leaf that the system does not know

@@ -20,10 +20,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Generic, Protocol, Self, TypeVar
 
-from inverse_service import bounds
-from inverse_service.deadline import now
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity
-from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, exact_ring, quotient_tree
+from inverse_service import bounds, deadline
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 
@@ -145,7 +144,7 @@ def antisymmetric(motion: Motion[S], entry: Callable[[int, int, int], S]) -> Ten
     return tuple(tuple(tuple(read(i, k, m) for m in span) for k in span) for i in span)
 
 
-Matrix = tuple[tuple[Expression, ...], ...]
+Matrix = tuple[tuple[ex.Expression, ...], ...]
 
 TIME_LIMIT = 2.0
 
@@ -165,26 +164,28 @@ class Tensors:
 class MotionInRing:
     """The ring of a system's formulas, and its motion over that ring."""
 
-    ring: ExactRing
-    motion: Motion[Quotient]
+    ring: exact_field.ExactRing
+    motion: Motion[exact_field.Quotient]
 
 
 def motion_in_ring(
     system: SecondOrderSystem,
     orders: int,
-    budget: Budget,
-    further: Sequence[Symbol] = (),
-    trees: Sequence[Expression] = (),
+    budget: exact_field.Budget,
+    further: Sequence[ex.Symbol] = (),
+    trees: Sequence[ex.Expression] = (),
 ) -> MotionInRing:
     """The system over an exact ring that allows `orders` derivations of f.
 
     The ring also holds the constants `further` and the formulas `trees`. Raises TooLarge
     (with the reason) and ZeroDivisionError, as the ring does.
     """
-    coordinates = [Symbol(name) for name in system.coordinates]
-    velocities = [Velocity(name) for name in system.coordinates]
+    coordinates = [ex.Symbol(name) for name in system.coordinates]
+    velocities = [ex.Velocity(name) for name in system.coordinates]
     n = len(coordinates)
-    ring = exact_ring([*system.accelerations, *trees], [TIME, *coordinates, *velocities], orders, budget, further)
+    ring = exact_field.exact_ring(
+        [*system.accelerations, *trees], [ex.TIME, *coordinates, *velocities], orders, budget, further
+    )
     accelerations = tuple(ring.value(f) for f in system.accelerations)
     along = ring.along([ring.constant(1), *(ring.atoms[v] for v in velocities), *accelerations])
     partials = tuple(ring.partial(index) for index in range(1, 2 * n + 1))
@@ -199,7 +200,7 @@ def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Ten
     """
     found = Tensors()
     try:
-        exact = motion_in_ring(system, 3, Budget(bounds.TERMS, now() + time_limit))
+        exact = motion_in_ring(system, 3, exact_field.Budget(bounds.TERMS, deadline.now() + time_limit))
         n = connection(exact.motion)
         found = replace(found, N=matrix_trees(exact.ring, n))
         phi = jacobi_endomorphism(exact.motion)
@@ -207,13 +208,13 @@ def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Ten
         found = replace(found, nabla_Phi=matrix_trees(exact.ring, nabla(exact.motion, n, phi)))
         bend = curvature(exact.motion, phi)
         return replace(found, R=tuple(matrix_trees(exact.ring, part) for part in bend))
-    except TooLarge as error:
+    except exact_field.TooLarge as error:
         missing = next(name for name in ("N", "Phi", "nabla_Phi", "R") if getattr(found, name) is None)
         return replace(found, reason=f"{missing.replace('_', ' ')} and what follows is left out: {error}")
     except ZeroDivisionError as error:
         return replace(found, reason=f"the equations cannot be differentiated: {error}")
 
 
-def matrix_trees(ring: ExactRing, matrix: tuple[tuple[Quotient, ...], ...]) -> Matrix:
+def matrix_trees(ring: exact_field.ExactRing, matrix: tuple[tuple[exact_field.Quotient, ...], ...]) -> Matrix:
     """Each entry as a tree."""
-    return tuple(tuple(quotient_tree(ring, entry) for entry in row) for row in matrix)
+    return tuple(tuple(exact_field.quotient_tree(ring, entry) for entry in row) for row in matrix)

@@ -21,28 +21,14 @@ from functools import partial, reduce
 
 from flint import nmod_mat
 
+from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
-from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions import collecting, derivative, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.printing import to_text
+from inverse_service.field import exact_field, matrices, real_point, reduction
 from inverse_service.field import point as ps
-from inverse_service.field.exact_field import (
-    Budget,
-    Derivation,
-    ExactRing,
-    Quotient,
-    TooLarge,
-    as_fraction,
-    exact_ring,
-    quotient_tree,
-)
-from inverse_service.field.matrices import null_vectors
 from inverse_service.field.point import Expansion, Point, Variable
 from inverse_service.field.point import evaluate as value_at
-from inverse_service.field.real_point import find_real_point
-from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.tower import AngleRule, Tower, draw_point, moved_point, to_kernels
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -59,7 +45,7 @@ _MOST_COORDINATES = 12
 _LONGEST_UNIT = 40
 # A symmetry that is longer says nothing to a reader.
 _LONGEST_SYMMETRY = 160
-_NO_RING = (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms)
+_NO_RING = (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,15 +101,15 @@ def energy_of(lagrangian: Expression, coordinates: Sequence[str]) -> Expression:
     terms = lagrangian.terms if isinstance(lagrangian, ex.Sum) else (lagrangian,)
     found = []
     for term in terms:
-        work = ex.add(*(v * differentiate(term, v) for v in velocities if ex.holds(term, v)))
-        degree = next((d for d in (0, 1, 2, 3, 4) if collect(work - d * term) == ex.ZERO), None)
-        found.append(collect(work - term) if degree is None else (degree - 1) * term)
+        work = ex.add(*(v * derivative.differentiate(term, v) for v in velocities if ex.holds(term, v)))
+        degree = next((d for d in (0, 1, 2, 3, 4) if collecting.collect(work - d * term) == ex.ZERO), None)
+        found.append(collecting.collect(work - term) if degree is None else (degree - 1) * term)
     return ex.add(*found)
 
 
 def shorter(tree: Expression) -> Expression:
     """The formula collected, where that is shorter."""
-    return min((tree, collect(tree)), key=ex.node_count)
+    return min((tree, collecting.collect(tree)), key=ex.node_count)
 
 
 class _Integrals:
@@ -181,14 +167,14 @@ class _Integrals:
             self._propose([FirstIntegral("energy", energy_of(self.lagrangian, self.names), "t -> t + s")])
         for name in self.names:
             if not ex.holds(self.lagrangian, ex.Symbol(name)):
-                p = shorter(differentiate(self.lagrangian, ex.Velocity(name)))
+                p = shorter(derivative.differentiate(self.lagrangian, ex.Velocity(name)))
                 self._propose([FirstIntegral(f"momentum of {name}", p, f"{name} -> {name} + s")])
 
     def _momentum(self, lagrangian: Expression, name: str) -> Expression:
         """That of a free coordinate: dL/du, the dependent velocities being functions of the free ones."""
         slopes: list[tuple[Expression, Expression]] = [(ex.Velocity(name), ex.ONE)]
-        slopes += [(v, differentiate(w, ex.Velocity(name))) for v, w in self.constraints.items()]
-        parts = (shorter(differentiate(lagrangian, v)) * slope for v, slope in slopes if slope != ex.ZERO)
+        slopes += [(v, derivative.differentiate(w, ex.Velocity(name))) for v, w in self.constraints.items()]
+        parts = (shorter(derivative.differentiate(lagrangian, v)) * slope for v, slope in slopes if slope != ex.ZERO)
         return ex.add(*parts)
 
     def _propose(self, candidates: Iterable[FirstIntegral]) -> None:
@@ -205,7 +191,7 @@ class _Integrals:
                 self._keep(one, tree)
 
     def _on_constraints(self, tree: Expression) -> Expression:
-        return collect(ex.substitute(tree, self.constraints)) if self.constraints else tree
+        return collecting.collect(ex.substitute(tree, self.constraints)) if self.constraints else tree
 
     def _keep(self, one: FirstIntegral, tree: Expression) -> None:
         """Take it if it is independent of those before."""
@@ -231,10 +217,10 @@ class _Integrals:
 
     def _tower(self, trees: Sequence[Expression]) -> Tower:
         wanted = list(dict.fromkeys(map(to_kernels, [*self.trees, *trees])))
-        table = find_real_point(wanted, self.variables, 2, self.positive)
+        table = real_point.find_real_point(wanted, self.variables, 2, self.positive)
         if table is None:
-            raise IrreducibleAtoms("no common real point")
-        return reduce_atoms(wanted, self.variables, table)
+            raise errors.IrreducibleAtoms("no common real point")
+        return reduction.reduce_atoms(wanted, self.variables, table)
 
     def _search(self, forms: tuple[Expression, ...], degree: int, moving: bool, plain: bool = False) -> None:
         """Integrals of the degree in the forms; with `moving` also those that hold t, the `plain` ones have numbers."""
@@ -326,11 +312,11 @@ class _Integrals:
 
     # Exact.
 
-    def _ring(self, trees: Sequence[Expression]) -> tuple[ExactRing, Derivation]:
+    def _ring(self, trees: Sequence[Expression]) -> tuple[exact_field.ExactRing, exact_field.Derivation]:
         """A ring that holds the motion and the trees, and the derivation along the motion."""
         variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *self.positions, *self.free]
         motion = [*self.motion.free_accelerations, *self.motion.dependent_velocities]
-        ring = exact_ring([*motion, *trees], variables, 1, Budget(4_000, self.deadline))
+        ring = exact_field.exact_ring([*motion, *trees], variables, 1, exact_field.Budget(4_000, self.deadline))
         speeds = [self.constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in self.names]
         drift = [ring.value(tree) for tree in (ex.ONE, *speeds, *self.motion.free_accelerations)]
         return ring, ring.along(drift)
@@ -340,12 +326,12 @@ class _Integrals:
         trees = [self._on_constraints(ansatz.tree(place)) for place in support]
         ring, along = self._ring(trees)
         rates = [[along(ring.value(tree))] for tree in trees]
-        vectors = null_vectors(ring, rates)
+        vectors = matrices.null_vectors(ring, rates)
         if not vectors:
             return None
         moving = [bool(ansatz.terms[place][0]) for place in support]
         pairs = zip(_cleared(ring, vectors[0], moving), support, strict=True)
-        return [(quotient_tree(ring, c), place) for c, place in pairs if not c.is_zero]
+        return [(exact_field.quotient_tree(ring, c), place) for c, place in pairs if not c.is_zero]
 
     # For a reader.
 
@@ -382,11 +368,11 @@ class _Integrals:
         """The function written as it was made, collected, or factored, in all velocities or in the free ones."""
         found = []
         for one in dict.fromkeys((tree, self._on_constraints(tree))):
-            found += [one, collect(one)]
+            found += [one, collecting.collect(one)]
             with suppress(*_NO_RING):
                 ring, _ = self._ring([one])
-                found.append(quotient_tree(ring, ring.value(one)))
-        return min(found, key=lambda one: len(to_text(one)))
+                found.append(exact_field.quotient_tree(ring, ring.value(one)))
+        return min(found, key=lambda one: len(printing.to_text(one)))
 
     def _field(self, ansatz: _Ansatz, vector: Sequence[tuple[Expression, int]], i: int) -> Expression:
         """eta_i = dF/dp_i."""
@@ -397,11 +383,11 @@ class _Integrals:
                 if forms[k] == i:
                     rest = [ansatz.forms[j] for j in (*forms[:k], *forms[k + 1 :])]
                     total.append(ex.multiply(c, *rest, ansatz.factors[factor]))
-        return collect(ex.add(*total)) if total else ex.ZERO
+        return collecting.collect(ex.add(*total)) if total else ex.ZERO
 
     def _symmetry(self, fields: Sequence[Expression]) -> str:
         moved = [
-            f"{name} -> {to_text(ex.Symbol(name) + ex.Symbol('s') * eta)}"
+            f"{name} -> {printing.to_text(ex.Symbol(name) + ex.Symbol('s') * eta)}"
             for name, eta in zip(self.names, fields, strict=True)
             if eta != ex.ZERO
         ]
@@ -417,7 +403,7 @@ class _Integrals:
             (one, first), (other, second) = moving
             if (
                 first * ex.Symbol(one) + second * ex.Symbol(other) == ex.ZERO
-                or collect(first * ex.Symbol(one) + second * ex.Symbol(other)) == ex.ZERO
+                or collecting.collect(first * ex.Symbol(one) + second * ex.Symbol(other)) == ex.ZERO
             ):
                 return f"angular momentum in {listed}"
         return otherwise
@@ -507,23 +493,27 @@ def _kernel(matrix: nmod_mat) -> list[list[int]]:
     return [[*(p for i, p in enumerate(leading[:rank]) if int(reduced[i, k])), k] for k in free]
 
 
-def _cleared(ring: ExactRing, vector: Sequence[Quotient], moving: Sequence[bool]) -> list[Quotient]:
+def _cleared(
+    ring: exact_field.ExactRing, vector: Sequence[exact_field.Quotient], moving: Sequence[bool]
+) -> list[exact_field.Quotient]:
     """The vector times its common denominator, the numbers of its entries that are `moving` whole and coprime."""
     powers: dict[int, int] = {}
     for entry in vector:
         for index, power in entry.exponents:
             powers[index] = max(powers.get(index, 0), power)
-    scale = Quotient(ring.field, ring.field.expand(tuple(sorted(powers.items()))), ())
+    scale = exact_field.Quotient(ring.field, ring.field.expand(tuple(sorted(powers.items()))), ())
     whole = [entry * scale for entry in vector]
     pairs = zip(whole, moving, strict=True)
-    numbers = [as_fraction(c) for entry, counts in pairs if counts for _, c in entry.numerator.terms()]
+    numbers = [exact_field.as_fraction(c) for entry, counts in pairs if counts for _, c in entry.numerator.terms()]
     content = Fraction(math.gcd(*(c.numerator for c in numbers)), math.lcm(*(c.denominator for c in numbers)))
     return [entry.scaled(1 / content) for entry in whole] if content else whole
 
 
 def _is_negative(tree: Expression) -> bool:
     """Whether most of its terms are, or half of them with the first."""
-    negative = [to_text(term).startswith("-") for term in (tree.terms if isinstance(tree, ex.Sum) else (tree,))]
+    negative = [
+        printing.to_text(term).startswith("-") for term in (tree.terms if isinstance(tree, ex.Sum) else (tree,))
+    ]
     return (2 * sum(negative), negative[0]) > (len(negative), False)
 
 
@@ -536,7 +526,7 @@ def _squared_forms(lagrangian: Expression) -> tuple[Expression, ...]:
                 for factor in ex.factors_of(base):
                     velocities = {leaf for leaf in ex.walk(factor) if isinstance(leaf, ex.Velocity)}
                     linear = all(
-                        not any(isinstance(leaf, ex.Velocity) for leaf in ex.walk(differentiate(factor, v)))
+                        not any(isinstance(leaf, ex.Velocity) for leaf in ex.walk(derivative.differentiate(factor, v)))
                         for v in velocities
                     )
                     if velocities and linear:
@@ -560,7 +550,7 @@ class _Units:
                 self.single[q] |= {q: 1, q**2: 2}
             if q not in nodes and work.lagrangian is not None:
                 # An angle that is cyclic, about an axis that turns or tilts.
-                momentum = differentiate(work.lagrangian, ex.Velocity(name))
+                momentum = derivative.differentiate(work.lagrangian, ex.Velocity(name))
                 if any(ex.holds(momentum, other) for other in circular):
                     self.single[q] |= {ex.Apply("sin", q): 1, ex.Apply("cos", q): 1}
         for node in nodes:
@@ -637,7 +627,7 @@ class _Units:
         if lagrangian is None:
             return []
         at_rest: dict[Expression, Expression] = {ex.Velocity(name): ex.ZERO for name in self.names}
-        rest = collect(ex.substitute(lagrangian, at_rest))
+        rest = collecting.collect(ex.substitute(lagrangian, at_rest))
         terms = rest.terms if isinstance(rest, ex.Sum) else (rest,)
         parameters = {*map(ex.Symbol, self.work.motion.parameters)}
         plain = [
@@ -654,7 +644,9 @@ class _Units:
             yield from ([tree for tree, _ in self._factors(width, moving)] for width in (2, 1, 0))
             return
         velocities = map(ex.Velocity, self.names)
-        slopes = (collect(differentiate(form, v)) for v, form in itertools.product(velocities, forms))
+        slopes = (
+            collecting.collect(derivative.differentiate(form, v)) for v, form in itertools.product(velocities, forms)
+        )
         letters = list(dict.fromkeys(slope for slope in slopes if ex.holds(slope, *self.positions)))
         for width in range(degree, -1, -1):
             choices = (itertools.combinations_with_replacement(letters, k) for k in range(width + 1))
@@ -697,5 +689,5 @@ class _Units:
     def _is_even(self) -> bool:
         """Whether the motion is the same backwards."""
         back: dict[Expression, Expression] = {v: ex.negate(v) for v in map(ex.Velocity, self.names)}
-        turned = [collect(ex.substitute(f, back) - f) for f in self.work.motion.free_accelerations]
+        turned = [collecting.collect(ex.substitute(f, back) - f) for f in self.work.motion.free_accelerations]
         return not self.work.moves and all(tree == ex.ZERO for tree in turned)

@@ -23,30 +23,10 @@ from typing import Any
 import flint
 from mpmath import mp, mpf
 
-from inverse_service import bounds
-from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate
-from inverse_service.expressions.graphs import components, matching
-from inverse_service.expressions.tree import (
-    ONE,
-    PI,
-    ZERO,
-    Acceleration,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    node_count,
-    number,
-    walk,
-)
-from inverse_service.field.exact_field import TooLarge, factor_polynomial
+from inverse_service import bounds, errors
+from inverse_service.expressions import evaluation, graphs
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field
 
 _POINTS = 3
 _ATTEMPTS = 60
@@ -64,65 +44,67 @@ _LARGE = 10**9
 class LinearEquation:
     """Coefficient of each coordinate's acceleration (missing: 0) and what is left; `pointer` is its place."""
 
-    coefficients: Mapping[str, Expression]
-    rest: Expression
+    coefficients: Mapping[str, ex.Expression]
+    rest: ex.Expression
     pointer: str = ""
 
 
-def linear_equation(residual: Expression, pointer: str = "") -> LinearEquation:
+def linear_equation(residual: ex.Expression, pointer: str = "") -> LinearEquation:
     """The parts of residual = 0; InputError where an acceleration enters otherwise than linearly."""
     coefficients, rest = _parts(residual, pointer)
     return LinearEquation(coefficients, rest, pointer)
 
 
-def has_acceleration(expression: Expression) -> bool:
-    return any(isinstance(node, Acceleration) for node in walk(expression))
+def has_acceleration(expression: ex.Expression) -> bool:
+    return any(isinstance(node, ex.Acceleration) for node in ex.walk(expression))
 
 
-def _parts(expression: Expression, pointer: str) -> tuple[dict[str, Expression], Expression]:
+def _parts(expression: ex.Expression, pointer: str) -> tuple[dict[str, ex.Expression], ex.Expression]:
     if not has_acceleration(expression):
         return {}, expression
     match expression:
-        case Acceleration(coordinate):
-            return {coordinate: ONE}, ZERO
-        case Sum(terms):
+        case ex.Acceleration(coordinate):
+            return {coordinate: ex.ONE}, ex.ZERO
+        case ex.Sum(terms):
             return _parts_of_sum(terms, pointer)
-        case Product(factors):
+        case ex.Product(factors):
             return _parts_of_product(factors, pointer)
         case _:
             raise _nonlinear(expression, pointer)
 
 
-def _parts_of_sum(terms: tuple[Expression, ...], pointer: str) -> tuple[dict[str, Expression], Expression]:
-    collected: dict[str, list[Expression]] = {}
+def _parts_of_sum(terms: tuple[ex.Expression, ...], pointer: str) -> tuple[dict[str, ex.Expression], ex.Expression]:
+    collected: dict[str, list[ex.Expression]] = {}
     rests = []
     for term in terms:
         coefficients, rest = _parts(term, pointer)
         rests.append(rest)
         for coordinate, coefficient in coefficients.items():
             collected.setdefault(coordinate, []).append(coefficient)
-    return {coordinate: add(*found) for coordinate, found in collected.items()}, add(*rests)
+    return {coordinate: ex.add(*found) for coordinate, found in collected.items()}, ex.add(*rests)
 
 
-def _parts_of_product(factors: tuple[Expression, ...], pointer: str) -> tuple[dict[str, Expression], Expression]:
+def _parts_of_product(
+    factors: tuple[ex.Expression, ...], pointer: str
+) -> tuple[dict[str, ex.Expression], ex.Expression]:
     holders = [factor for factor in factors if has_acceleration(factor)]
     if len(holders) != 1:
-        raise _nonlinear(Product(factors), pointer)
+        raise _nonlinear(ex.Product(factors), pointer)
     others = [factor for factor in factors if factor is not holders[0]]
     coefficients, rest = _parts(holders[0], pointer)
-    scaled = {coordinate: multiply(*others, found) for coordinate, found in coefficients.items()}
-    return scaled, multiply(*others, rest)
+    scaled = {coordinate: ex.multiply(*others, found) for coordinate, found in coefficients.items()}
+    return scaled, ex.multiply(*others, rest)
 
 
-def _nonlinear(expression: Expression, pointer: str) -> InputError:
-    name = next(node.coordinate for node in walk(expression) if isinstance(node, Acceleration))
-    return InputError(
+def _nonlinear(expression: ex.Expression, pointer: str) -> errors.InputError:
+    name = next(node.coordinate for node in ex.walk(expression) if isinstance(node, ex.Acceleration))
+    return errors.InputError(
         f"the acceleration {name}'' does not enter linearly: write the equation solved for {name}''.",
         pointer,
     )
 
 
-def vanishes(tree: Expression) -> bool:
+def vanishes(tree: ex.Expression) -> bool:
     """True where the tree is 0 at several random points, relative to the size of its terms.
 
     InputError where no point is found at which it has a real value.
@@ -133,43 +115,47 @@ def vanishes(tree: Expression) -> bool:
         for attempt in range(_ATTEMPTS):
             try:
                 values.append(_is_small(tree, _point(tree, source, 1 + attempt % 5)))
-            except NoRealValue:
+            except evaluation.NoRealValue:
                 continue
             if not values[-1] or len(values) == _POINTS:
                 return values[-1]
-    raise InputError(
+    raise errors.InputError(
         "no point was found at which the coefficients of the accelerations are real: check roots and logarithms.",
         "/equations",
     )
 
 
-def _point(tree: Expression, source: random.Random, width: int) -> dict[Expression, Real]:
+def _point(tree: ex.Expression, source: random.Random, width: int) -> dict[ex.Expression, evaluation.Real]:
     """Random values of all leaves; the first attempts are positive, later ones of both signs."""
-    table: dict[Expression, Real] = {}
-    for node in walk(tree):
-        if isinstance(node, Symbol | Velocity | Acceleration | Arbitrary) and node not in table and node != PI:
+    table: dict[ex.Expression, evaluation.Real] = {}
+    for node in ex.walk(tree):
+        if (
+            isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration | ex.Arbitrary)
+            and node not in table
+            and node != ex.PI
+        ):
             value = mpf(source.randrange(1, 10**18)) / 10**18
             low = 0 if width <= 2 else -width
             table[node] = low + (width - low) * value
     return table
 
 
-def _is_small(tree: Expression, table: Mapping[Expression, Real]) -> bool:
+def _is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]) -> bool:
     """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its terms."""
     match tree:
-        case Power(base, _):
+        case ex.Power(base, _):
             return _is_small(base, table)
-        case Product(factors):
+        case ex.Product(factors):
             return any(_is_small(factor, table) for factor in factors)
-        case Sum(terms):
-            values = [evaluate(term, table) for term in terms]
+        case ex.Sum(terms):
+            values = [evaluation.evaluate(term, table) for term in terms]
         case _:
-            values = [evaluate(tree, table)]
+            values = [evaluation.evaluate(tree, table)]
     size = mp.fsum(map(abs, values)) if len(values) > 1 else 1
     return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - bounds.DIGITS) * size)
 
 
-def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> tuple[Expression, ...]:
+def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:
     """f with q'' = f, in the order of `coordinates`.
 
     InputError where the numbers differ or the matrix of the accelerations is singular; LimitError
@@ -183,8 +169,8 @@ def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequen
     rows = [_row(ring, equation, coordinates) for equation in equations]
     pattern = [[k for k, entry in enumerate(row) if not entry.numerator.is_zero()] for row in rows]
     row_of = _matched(pattern, equations, coordinates)
-    solved: dict[str, Expression] = {}
-    for block in components({column: pattern[row_of[column]] for column in range(len(pattern))}):
+    solved: dict[str, ex.Expression] = {}
+    for block in graphs.components({column: pattern[row_of[column]] for column in range(len(pattern))}):
         chosen = [row_of[column] for column in block]
         rests = [_with_known(equations[row], solved) for row in chosen]
         inverse = _inverse(ring, [[rows[row][column] for column in block] for row in chosen])
@@ -196,12 +182,12 @@ def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequen
 
 
 def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str]) -> list[OpaqueFraction]:
-    zero = ring.fraction(ZERO)
+    zero = ring.fraction(ex.ZERO)
     try:
         found = {name: ring.fraction(tree) for name, tree in equation.coefficients.items()}
         return [found.get(name, zero) for name in coordinates]
     except ZeroDivisionError:
-        raise InputError("an equation divides by zero: write it without that.", equation.pointer) from None
+        raise errors.InputError("an equation divides by zero: write it without that.", equation.pointer) from None
 
 
 def _matched(
@@ -209,29 +195,29 @@ def _matched(
 ) -> dict[int, int]:
     for columns, equation in zip(pattern, equations, strict=True):
         if not columns:
-            raise InputError(
+            raise errors.InputError(
                 "this equation contains no acceleration, the matrix of the accelerations is singular, as is every "
                 "Lagrangian that has it: write an equation of second order, or give a constraint as a nonholonomic "
                 "system.",
                 equation.pointer,
             )
-    found = matching(pattern)
+    found = graphs.matching(pattern)
     lost = [name for column, name in enumerate(coordinates) if column not in found]
     if lost:
         raise _singular(lost)
     return found
 
 
-def _with_known(equation: LinearEquation, solved: Mapping[str, Expression]) -> Expression:
+def _with_known(equation: LinearEquation, solved: Mapping[str, ex.Expression]) -> ex.Expression:
     """The rest of the equation with the accelerations of earlier blocks put in."""
     known = [(solved[name], c) for name, c in equation.coefficients.items() if name in solved]
-    return add(equation.rest, *(_scaled(coefficient, acceleration) for acceleration, coefficient in known))
+    return ex.add(equation.rest, *(_scaled(coefficient, acceleration) for acceleration, coefficient in known))
 
 
-def _scaled(coefficient: Expression, expression: Expression) -> Expression:
+def _scaled(coefficient: ex.Expression, expression: ex.Expression) -> ex.Expression:
     """The product; a number is multiplied into the terms of a sum."""
-    if isinstance(coefficient, Number) and isinstance(expression, Sum):
-        return add(*(coefficient * term for term in expression.terms))
+    if isinstance(coefficient, ex.Number) and isinstance(expression, ex.Sum):
+        return ex.add(*(coefficient * term for term in expression.terms))
     return coefficient * expression
 
 
@@ -247,42 +233,42 @@ def _inverse(ring: OpaqueRing, matrix: list[list[OpaqueFraction]]) -> list[list[
 def _solution(
     ring: OpaqueRing,
     inverse_row: Sequence[OpaqueFraction],
-    rests: Sequence[Expression],
-    places: Mapping[Expression, int],
-) -> Expression:
+    rests: Sequence[ex.Expression],
+    places: Mapping[ex.Expression, int],
+) -> ex.Expression:
     """-Σ inverse_j rest_j: as it stands, or put over one denominator where that is not much longer."""
     parts = [(entry, rest) for entry, rest in zip(inverse_row, rests, strict=True) if not entry.numerator.is_zero()]
-    plain = add(*(_scaled(-1 * ring.tree(entry), rest) for entry, rest in parts))
-    if all(isinstance(ring.tree(entry), Number) and len(parts) == 1 for entry, _ in parts):
+    plain = ex.add(*(_scaled(-1 * ring.tree(entry), rest) for entry, rest in parts))
+    if all(isinstance(ring.tree(entry), ex.Number) and len(parts) == 1 for entry, _ in parts):
         return plain
     gathered = _gathered(plain, places)
-    return gathered if 2 * node_count(gathered) <= 3 * node_count(plain) else plain
+    return gathered if 2 * ex.node_count(gathered) <= 3 * ex.node_count(plain) else plain
 
 
-def _gathered(plain: Expression, places: Mapping[Expression, int]) -> Expression:
+def _gathered(plain: ex.Expression, places: Mapping[ex.Expression, int]) -> ex.Expression:
     """The same over one denominator, in lowest terms; as it is where that would be too large."""
     if max(expanded_terms(plain)) > bounds.TERMS:
         return plain
     ring = OpaqueRing([plain], places)
     try:
         return ring.tree(ring.fraction(plain))
-    except (LimitError, ZeroDivisionError):
+    except (errors.LimitError, ZeroDivisionError):
         return plain
 
 
-def _wrong_number(count: int, coordinates: Sequence[str]) -> InputError:
+def _wrong_number(count: int, coordinates: Sequence[str]) -> errors.InputError:
     wanted = ", ".join(f"{name}''" for name in coordinates)
     equations, number_of = ("1 equation is" if count == 1 else f"{count} equations are"), len(coordinates)
-    return InputError(
+    return errors.InputError(
         f"{equations} given for {number_of} acceleration{'s' * (number_of != 1)} ({wanted}): "
         "write one equation for each coordinate.",
         "/equations",
     )
 
 
-def _singular(names: Sequence[str]) -> InputError:
+def _singular(names: Sequence[str]) -> errors.InputError:
     unknowns = ", ".join(f"{name}''" for name in names)
-    return InputError(
+    return errors.InputError(
         f"the matrix of the accelerations is singular, the equations do not determine {unknowns}: "
         "write equations that are independent in the accelerations.",
         "/equations",
@@ -306,8 +292,8 @@ class OpaqueRing:
 
     __slots__ = ("_context", "_index", "atoms")
 
-    def __init__(self, trees: Iterable[Expression], places: Mapping[Expression, int] | None = None) -> None:
-        found: dict[Expression, None] = {}
+    def __init__(self, trees: Iterable[ex.Expression], places: Mapping[ex.Expression, int] | None = None) -> None:
+        found: dict[ex.Expression, None] = {}
         for tree in trees:
             found.update(dict.fromkeys(atoms_of(tree)))
         known = places or {}
@@ -327,14 +313,14 @@ class OpaqueRing:
             numerator, denominator = divmod(numerator, common)[0], divmod(denominator, common)[0]
         return OpaqueFraction(numerator, denominator)
 
-    def fraction(self, tree: Expression) -> OpaqueFraction:
+    def fraction(self, tree: ex.Expression) -> OpaqueFraction:
         """The tree as a quotient; ZeroDivisionError where it divides by the zero polynomial."""
         match tree:
-            case Number(value):
+            case ex.Number(value):
                 return OpaqueFraction(self.constant(value), self.constant(1))
-            case Sum(terms):
+            case ex.Sum(terms):
                 return self.sum([self.fraction(term) for term in terms])
-            case Product(factors):
+            case ex.Product(factors):
                 return self.product([self.fraction(factor) for factor in factors])
             case _:
                 base, exponent = _whole_power(tree)
@@ -366,24 +352,24 @@ class OpaqueRing:
             raise ZeroDivisionError("a formula divides by zero")
         return OpaqueFraction(over ** abs(exponent), under ** abs(exponent))
 
-    def tree(self, fraction: OpaqueFraction) -> Expression:
+    def tree(self, fraction: OpaqueFraction) -> ex.Expression:
         """The quotient as a tree, factored where that is cheap."""
         content, over = self._factors(fraction.numerator)
         under_content, under = self._factors(fraction.denominator)
         below = [factor**-exponent for factor, exponent in under]
         if len(under) > 1 or (under and (content / under_content).denominator != 1):
-            inside = multiply(*(factor**exponent for factor, exponent in under))
+            inside = ex.multiply(*(factor**exponent for factor, exponent in under))
             below = [inside**-1]
-        return multiply(number(content / under_content), *(f**k for f, k in over), *below)
+        return ex.multiply(ex.number(content / under_content), *(f**k for f, k in over), *below)
 
-    def _factors(self, polynomial: Polynomial) -> tuple[Fraction, list[tuple[Expression, int]]]:
+    def _factors(self, polynomial: Polynomial) -> tuple[Fraction, list[tuple[ex.Expression, int]]]:
         if polynomial.is_zero():
             return Fraction(0), []
         total, factors = Fraction(1), [(polynomial, 1)]
         if len(polynomial) <= _FACTORED_TERMS:
             try:
-                total, factors = factor_polynomial(polynomial)
-            except TooLarge:
+                total, factors = exact_field.factor_polynomial(polynomial)
+            except exact_field.TooLarge:
                 factors = self._monomial_apart(polynomial)
         result = []
         for factor, exponent in factors:
@@ -405,22 +391,22 @@ class OpaqueRing:
         sign = -1 if polynomial.leading_coefficient() < 0 else 1
         return sign * abs(Fraction(int(scale.p), int(scale.q)))
 
-    def _sum_tree(self, polynomial: Polynomial, scale: Fraction) -> Expression:
+    def _sum_tree(self, polynomial: Polynomial, scale: Fraction) -> ex.Expression:
         terms = []
         for exponents, value in polynomial.to_dict().items():
             powers = [self.atoms[k] ** int(e) for k, e in enumerate(exponents) if e]
-            terms.append(multiply(number(Fraction(int(value.p), int(value.q)) / scale), *powers))
-        return add(*terms)
+            terms.append(ex.multiply(ex.number(Fraction(int(value.p), int(value.q)) / scale), *powers))
+        return ex.add(*terms)
 
 
-def _rank(atom: Expression) -> int:
-    return 0 if isinstance(atom, Symbol) else 2 if isinstance(atom, Velocity) else 1
+def _rank(atom: ex.Expression) -> int:
+    return 0 if isinstance(atom, ex.Symbol) else 2 if isinstance(atom, ex.Velocity) else 1
 
 
 def times(left: Polynomial, right: Polynomial, most: int = MOST_TERMS) -> Polynomial:
     """The product; LimitError where it could have too many terms."""
     if len(left) * len(right) > most:
-        raise LimitError(
+        raise errors.LimitError(
             f"the accelerations cannot be solved for, a polynomial would have over {most:,} terms: "
             "write the equations solved, or with fewer symbols.",
             "/equations",
@@ -468,48 +454,48 @@ def solved_rows(
     return [row[size:] for row in table], previous
 
 
-def expanded_terms(tree: Expression) -> tuple[int, int]:
+def expanded_terms(tree: ex.Expression) -> tuple[int, int]:
     """An upper bound for the numbers of terms of numerator and denominator, capped."""
     match tree:
-        case Sum(terms):
+        case ex.Sum(terms):
             over, under = 0, 1
             for part_over, part_under in map(expanded_terms, terms):
                 over, under = over * part_under + part_over * under, under * part_under
-        case Product(factors):
+        case ex.Product(factors):
             over, under = 1, 1
             for part_over, part_under in map(expanded_terms, factors):
                 over, under = over * part_over, under * part_under
         case _:
             base, exponent = _whole_power(tree)
-            if base == tree or not isinstance(base, Sum | Product):
+            if base == tree or not isinstance(base, ex.Sum | ex.Product):
                 return 1, 1
             pair = expanded_terms(base)
             over, under = (min(_LARGE, size ** min(abs(exponent), 40)) for size in pair[:: 1 if exponent > 0 else -1])
     return min(over, _LARGE), min(under, _LARGE)
 
 
-def _whole_power(tree: Expression) -> tuple[Expression, int]:
+def _whole_power(tree: ex.Expression) -> tuple[ex.Expression, int]:
     """(base, k) with tree = base^k; u^(p/q) is the p-th power of the atom u^(1/q)."""
     match tree:
-        case Power(base, Number(value)) if value.denominator == 1:
+        case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             return base, int(value)
-        case Power(base, Number(value)):
-            return Power(base, number(Fraction(1, value.denominator))), value.numerator
+        case ex.Power(base, ex.Number(value)):
+            return ex.Power(base, ex.number(Fraction(1, value.denominator))), value.numerator
         case _:
             return tree, 1
 
 
-def atoms_of(tree: Expression) -> list[Expression]:
+def atoms_of(tree: ex.Expression) -> list[ex.Expression]:
     """The atoms in order of appearance; what stands inside an atom is not looked at."""
-    found: dict[Expression, None] = {}
+    found: dict[ex.Expression, None] = {}
     stack = [tree]
     while stack:
         node = stack.pop()
-        if isinstance(node, Sum):
+        if isinstance(node, ex.Sum):
             stack.extend(reversed(node.terms))
-        elif isinstance(node, Product):
+        elif isinstance(node, ex.Product):
             stack.extend(reversed(node.factors))
-        elif not isinstance(node, Number):
+        elif not isinstance(node, ex.Number):
             base, _ = _whole_power(node)
             if base == node or _is_root(base):
                 found[base] = None
@@ -518,5 +504,5 @@ def atoms_of(tree: Expression) -> list[Expression]:
     return list(found)
 
 
-def _is_root(base: Expression) -> bool:
-    return isinstance(base, Power) and isinstance(base.exponent, Number) and base.exponent.value.denominator != 1
+def _is_root(base: ex.Expression) -> bool:
+    return isinstance(base, ex.Power) and isinstance(base.exponent, ex.Number) and base.exponent.value.denominator != 1

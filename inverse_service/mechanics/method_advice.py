@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, holds, substitute, walk
-from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.expressions import collecting, derivative, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics import euler_lagrange
 
 EXACT = "; where a single trajectory is to be exact, adaptive costs less."
 ENERGY = f"and the energy does not drift{EXACT}"
@@ -18,38 +16,40 @@ LEAVES = " It ends where {} changes its sign: a motion that passes there needs a
 
 
 def for_lagrangian(
-    lagrangian: Expression, coordinates: Sequence[str], walls: Iterable[Expression] = ()
+    lagrangian: ex.Expression, coordinates: Sequence[str], walls: Iterable[ex.Expression] = ()
 ) -> dict[str, Any]:
     """The advice for a regular L without constraints and forces; `walls` are formulas at whose zeros L ends."""
-    moving = {*map(Symbol, coordinates), *map(Velocity, coordinates), TIME}
-    reached = dict.fromkeys(to_text(wall) for wall in walls if moving & set(walk(wall)))
+    moving = {*map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates), ex.TIME}
+    reached = dict.fromkeys(printing.to_text(wall) for wall in walls if moving & set(ex.walk(wall)))
     ends = LEAVES.format(" or ".join(reached)) if reached else ""
-    with_time = holds(lagrangian, TIME)
+    with_time = ex.holds(lagrangian, ex.TIME)
     why = "; L contains t, so the energy is no constant to be kept." if with_time else f", {ENERGY}"
-    masses = {node for row in hessian(lagrangian, coordinates) for entry in row for node in walk(entry)}
+    masses = {
+        node for row in euler_lagrange.hessian(lagrangian, coordinates) for entry in row for node in ex.walk(entry)
+    }
     separable = is_separable(lagrangian, coordinates)
     if separable and not moving & masses:
         return advice("stormer-verlet", 8, f"L is separable, so its steps are explicit and symplectic{why}{ends}")
-    but = "its masses depend on the time" if moving & masses == {TIME} else "not quadratic in the velocities"
+    but = "its masses depend on the time" if moving & masses == {ex.TIME} else "not quadratic in the velocities"
     form = f"separable, but {but}" if separable else "not separable"
     return advice("variational", 8, f"L is {form}; the steps are implicit and symplectic{why}{ends}", "1/2")
 
 
 def for_constraints(
-    lagrangian: Expression, constraints: Sequence[Expression], coordinates: Sequence[str]
+    lagrangian: ex.Expression, constraints: Sequence[ex.Expression], coordinates: Sequence[str]
 ) -> dict[str, Any]:
     """The advice for a Lagrangian with nonholonomic constraints.
 
     The method keeps the energy of regular motions for long, and nearly that of others, where motions turned round are
     motions: L is even in the velocities and the constraints are odd.
     """
-    turned: dict[Expression, Expression] = {Velocity(name): -Velocity(name) for name in coordinates}
+    turned: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): -ex.Velocity(name) for name in coordinates}
     why = f"and the energy drifts little, because motions can be turned round{EXACT}"
-    if collect(lagrangian - substitute(lagrangian, turned)) != ZERO:
+    if collecting.collect(lagrangian - ex.substitute(lagrangian, turned)) != ex.ZERO:
         why = f"but the energy may drift, as terms of odd degree in the velocities let no motion be turned round{EXACT}"
-    if any(collect(one + substitute(one, turned)) != ZERO for one in constraints):
+    if any(collecting.collect(one + ex.substitute(one, turned)) != ex.ZERO for one in constraints):
         why = "but the energy is no constant to be kept, because constraints with parts free of velocities do work."
-    if any(holds(tree, TIME) for tree in (lagrangian, *constraints)):
+    if any(ex.holds(tree, ex.TIME) for tree in (lagrangian, *constraints)):
         why = "but L contains t, so the energy is no constant to be kept."
     return advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {why}", "1/2")
 
@@ -59,7 +59,11 @@ def advice(method: str, order: int | None, reason: str, alpha: str | None = None
     return {"method": method, "order": order, "alpha": alpha, "reason": reason}
 
 
-def is_separable(lagrangian: Expression, coordinates: Sequence[str]) -> bool:
+def is_separable(lagrangian: ex.Expression, coordinates: Sequence[str]) -> bool:
     """L = T(t, v) - V(t, q)."""
-    rest = [differentiate(differentiate(lagrangian, Velocity(v)), Symbol(q)) for v in coordinates for q in coordinates]
-    return all(collect(slope) == ZERO for slope in rest)
+    rest = [
+        derivative.differentiate(derivative.differentiate(lagrangian, ex.Velocity(v)), ex.Symbol(q))
+        for v in coordinates
+        for q in coordinates
+    ]
+    return all(collecting.collect(slope) == ex.ZERO for slope in rest)

@@ -13,35 +13,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.refusals import LIMITS, refusal
-from inverse_service.expressions.tree import (
-    ONE,
-    TIME,
-    ZERO,
-    Acceleration,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    substitute,
-    walk,
-)
-from inverse_service.mechanics.implicit_equations import has_acceleration, linear_equation, solve_accelerations
+from inverse_service import errors
+from inverse_service.expressions import derivative, refusals
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading.document_names import Declared, Parameters, bounded, known_names, with_products
+from inverse_service.reading import document_names, reader
 from inverse_service.reading.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.reading.names import Names, check_clashes, escaped
-from inverse_service.reading.reader import (
-    is_latex,
-    note,
-    placed_at,
-    read_equation,
-    read_formula,
-    read_tokens,
-    split_equations,
-)
 from inverse_service.reading.tokens import Token
 
 MOST_PAIRS = 3  # of which every half is tried
@@ -56,12 +35,12 @@ class Pairs:
     """The coordinates, the acceleration of each, and what the other names are by the equations, p = p(t, q, q')."""
 
     coordinates: tuple[str, ...]
-    accelerations: tuple[Expression, ...]
-    others: tuple[tuple[str, Expression], ...]
+    accelerations: tuple[ex.Expression, ...]
+    others: tuple[tuple[str, ex.Expression], ...]
 
 
 def from_pairs(
-    equations: Sequence[tuple[Expression, Expression]], coordinates: Sequence[str], preferred: Sequence[str] = ()
+    equations: Sequence[tuple[ex.Expression, ex.Expression]], coordinates: Sequence[str], preferred: Sequence[str] = ()
 ) -> Pairs:
     """The second-order system of u' = …, one equation for each of `coordinates`; InputError where there is none.
 
@@ -73,8 +52,8 @@ def from_pairs(
     order = tuple(slopes)
     half = len(order) // 2
     if len(order) != 2 * half or set(order) != set(coordinates):
-        raise InputError(NOT_PAIRS, "/equations")
-    plain = tuple(name for name in order if slopes[name] in {Symbol(other) for other in order if other != name})
+        raise errors.InputError(NOT_PAIRS, "/equations")
+    plain = tuple(name for name in order if slopes[name] in {ex.Symbol(other) for other in order if other != name})
     named = tuple(name for name in order if not _is_momentum(name, order))
     halves = itertools.combinations(order, half) if half <= MOST_PAIRS and len(named) != half else [order[:half]]
     for chosen in (tuple(preferred), plain, named, *halves):
@@ -82,7 +61,7 @@ def from_pairs(
             return found
         if chosen and chosen == tuple(preferred):
             break
-    raise InputError(NOT_PAIRS, "/equations")
+    raise errors.InputError(NOT_PAIRS, "/equations")
 
 
 def _is_momentum(name: str, names: Sequence[str]) -> bool:
@@ -90,53 +69,57 @@ def _is_momentum(name: str, names: Sequence[str]) -> bool:
     return name in ("p", "v") or any(name in (f"{letter}_{q}", f"{letter}{q}") for letter in "pv" for q in names)
 
 
-def _slopes(equations: Sequence[tuple[Expression, Expression]], coordinates: Sequence[str]) -> dict[str, Expression]:
+def _slopes(
+    equations: Sequence[tuple[ex.Expression, ex.Expression]], coordinates: Sequence[str]
+) -> dict[str, ex.Expression]:
     """What each derivative is, in the order of the equations; InputError for one that is not u' = … ."""
-    found: dict[str, Expression] = {}
+    found: dict[str, ex.Expression] = {}
     for left, right in equations:
         zero = left - right
-        moving = {node for node in walk(zero) if isinstance(node, Velocity)}
+        moving = {node for node in ex.walk(zero) if isinstance(node, ex.Velocity)}
         rate = next(iter(moving), None)
-        factor = differentiate(zero, rate) if rate is not None and len(moving) == 1 else ZERO
-        if rate is None or factor == ZERO or any(isinstance(node, Velocity) for node in walk(factor)):
-            raise InputError(NOT_PAIRS, "/equations")
-        rest = substitute(zero, {rate: ZERO})
-        found[rate.coordinate] = -(rest if factor == ONE else rest / factor)
+        factor = derivative.differentiate(zero, rate) if rate is not None and len(moving) == 1 else ex.ZERO
+        if rate is None or factor == ex.ZERO or any(isinstance(node, ex.Velocity) for node in ex.walk(factor)):
+            raise errors.InputError(NOT_PAIRS, "/equations")
+        rest = ex.substitute(zero, {rate: ex.ZERO})
+        found[rate.coordinate] = -(rest if factor == ex.ONE else rest / factor)
     return found
 
 
-def _solved(slopes: Mapping[str, Expression], chosen: tuple[str, ...]) -> Pairs | None:
+def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pairs | None:
     """The system for these coordinates; None where their equations cannot be solved for the other names."""
     momenta = [name for name in slopes if name not in chosen]
-    unknowns: dict[Expression, Expression] = {Symbol(name): Acceleration(name) for name in momenta}
+    unknowns: dict[ex.Expression, ex.Expression] = {ex.Symbol(name): ex.Acceleration(name) for name in momenta}
     try:
-        linear = [linear_equation(substitute(slopes[q], unknowns) - Velocity(q)) for q in chosen]
-        values = solve_accelerations(linear, momenta)
-    except InputError:
+        linear = [
+            implicit_equations.linear_equation(ex.substitute(slopes[q], unknowns) - ex.Velocity(q)) for q in chosen
+        ]
+        values = implicit_equations.solve_accelerations(linear, momenta)
+    except errors.InputError:
         return None
-    known: dict[Expression, Expression] = dict(zip(map(Symbol, momenta), values, strict=True))
-    found = tuple(substitute(_along(slopes[q], slopes, chosen), known) for q in chosen)
+    known: dict[ex.Expression, ex.Expression] = dict(zip(map(ex.Symbol, momenta), values, strict=True))
+    found = tuple(ex.substitute(_along(slopes[q], slopes, chosen), known) for q in chosen)
     return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
 
 
-def _along(slope: Expression, slopes: Mapping[str, Expression], chosen: Sequence[str]) -> Expression:
+def _along(slope: ex.Expression, slopes: Mapping[str, ex.Expression], chosen: Sequence[str]) -> ex.Expression:
     """The time derivative of h(t, q, p) along the motion."""
-    terms = [differentiate(slope, TIME)]
+    terms = [derivative.differentiate(slope, ex.TIME)]
     for name, motion in slopes.items():
-        rate = Velocity(name) if name in chosen else motion
-        terms.append(differentiate(slope, Symbol(name)) * rate)
-    return add(*terms)
+        rate = ex.Velocity(name) if name in chosen else motion
+        terms.append(derivative.differentiate(slope, ex.Symbol(name)) * rate)
+    return ex.add(*terms)
 
 
 Equations = Mapping[str, str] | Sequence[str] | str
 _EQUAL = re.compile("(?<![<>])=")  # and not a condition of a piece
-_Equation = tuple[Expression, Expression, str]  # left side, right side, pointer
+_Equation = tuple[ex.Expression, ex.Expression, str]  # left side, right side, pointer
 
 
 def read_system(
     coordinates: Sequence[str] | None,
     equations: Equations,
-    parameters: Parameters = (),
+    parameters: document_names.Parameters = (),
     functions: Mapping[str, Sequence[str]] | None = None,
     name: str = "",
     where: Mapping[str, str] | None = None,
@@ -149,7 +132,9 @@ def read_system(
     and names in `where` are replaced exactly. InputError with JSON
     pointer and column for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
     """
-    names, found, others = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
+    names, found, others = _understood(
+        document_names.Declared(coordinates, parameters, functions or {}, where or {}), equations
+    )
     return SecondOrderSystem(
         coordinates=names.coordinates,
         accelerations=_accelerations(found, names.coordinates),
@@ -165,25 +150,27 @@ class GivenEquations:
     """What a document says before anything is solved: its names, parameters with a value left out, and E = 0."""
 
     names: Names
-    residuals: tuple[Expression, ...]
+    residuals: tuple[ex.Expression, ...]
 
 
 def read_given(
     coordinates: Sequence[str] | None,
     equations: Equations,
-    parameters: Parameters = (),
+    parameters: document_names.Parameters = (),
     functions: Mapping[str, Sequence[str]] | None = None,
     where: Mapping[str, str] | None = None,
 ) -> GivenEquations:
     """The equations of a document as they stand, left side minus right side; InputError as in `read_system`."""
-    names, found, _ = _understood(Declared(coordinates, parameters, functions or {}, where or {}), equations)
+    names, found, _ = _understood(
+        document_names.Declared(coordinates, parameters, functions or {}, where or {}), equations
+    )
     return GivenEquations(names, tuple(left - right for left, right, _ in found))
 
 
-_Others = tuple[tuple[str, Expression], ...]
+_Others = tuple[tuple[str, ex.Expression], ...]
 
 
-def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_Equation], _Others]:
+def _understood(declared: document_names.Declared, equations: Equations) -> tuple[Names, list[_Equation], _Others]:
     """The names that have no value and no formula, the equations with these put in, what pairs leave out."""
     texts = _texts(equations)
     if not isinstance(equations, Mapping) and (defined := _definitions(texts, declared)):
@@ -191,7 +178,7 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
     pairs = not keys and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared
-    known = known_names(asked, texts, 1 if pairs else 2, keys, pairs)
+    known = document_names.known_names(asked, texts, 1 if pairs else 2, keys, pairs)
     found = [
         (known.put_in(left), known.put_in(right), pointer) for left, right, pointer in _read(equations, known.names)
     ]
@@ -202,14 +189,14 @@ def _understood(declared: Declared, equations: Equations) -> tuple[Names, list[_
     names = replace(names, coordinates=system.coordinates)
     check_clashes(names)
     trees = zip(system.coordinates, system.accelerations, strict=True)
-    return names, [(Acceleration(name), tree, "/equations") for name, tree in trees], system.others
+    return names, [(ex.Acceleration(name), tree, "/equations") for name, tree in trees], system.others
 
 
 _DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
 _ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
 
 
-def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]:
+def _definitions(texts: Mapping[str, str], declared: document_names.Declared) -> dict[str, str]:
     """The names that equations such as omega = sqrt(k/m) define, which move nothing, each with its formula.
 
     InputError for one that defines what has an equation of its own, and for a second derivative in letters.
@@ -218,8 +205,8 @@ def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]
     found: dict[str, str] = {}
     for pointer, text in texts.items():
         try:
-            groups = split_equations(text, names) if "=" in text else []
-        except InputError:
+            groups = reader.split_equations(text, names) if "=" in text else []
+        except errors.InputError:
             continue  # its fault is reported where it is read
         for group in groups:
             first, *rest = group.tokens
@@ -227,7 +214,9 @@ def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]
             if moved and not names.role(first.text) and rest and rest[0].is_operator("="):
                 meant = f"{next(filter(None, moved.groups()))}''"
                 what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
-                raise refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(pointer)
+                raise refusals.refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(
+                    pointer
+                )
             moves = names.role(first.text) or derived_stem(first.text) or _DERIVATIVE.search(first.text)
             # r^2 = x^2 + y^2, where r is in another equation
             squared = _is_squared(group.tokens) * any(
@@ -241,19 +230,21 @@ def _definitions(texts: Mapping[str, str], declared: Declared) -> dict[str, str]
                 continue  # what is missing is the motion
             what, instead = f"{first.text} = … is a definition, not an equation of motion; it occurs", ""
             if first.text == "L":
-                raise refusal(what, first.column, 'write it in the document as "lagrangian": "…"').at(pointer)
+                raise refusals.refusal(what, first.column, 'write it in the document as "lagrangian": "…"').at(pointer)
             if [token.text for token in rest[1:]] == ["0"]:
                 what = f"{first.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
                 instead = f'write it in the document as "where": {{"{first.text}": "0"}}'
-                raise refusal(what, first.column, instead).at(pointer)
+                raise refusals.refusal(what, first.column, instead).at(pointer)
             if any(_moves(each, first.text) for each in texts.values()):  # a definition would leave its own equation
                 instead = f"leave out the equation with {first.text}'' and put {first.text} into the others"
-                raise refusal(what, first.column, instead).at(pointer)
+                raise refusals.refusal(what, first.column, instead).at(pointer)
             if len(rest) > 1:
                 formula = _END_OF_TEXT.sub("", text[rest[0].column : group.end_column - 1])
-                root = ("\\sqrt{%s}" if is_latex(text) else "sqrt(%s)") if squared else "%s"
+                root = ("\\sqrt{%s}" if reader.is_latex(text) else "sqrt(%s)") if squared else "%s"
                 found[first.text] = root % formula
-                note(text[first.column - 1 : rest[0].column] + formula.rstrip(), DEFINITION + ROOT * bool(squared))
+                reader.note(
+                    text[first.column - 1 : rest[0].column] + formula.rstrip(), DEFINITION + ROOT * bool(squared)
+                )
     return found
 
 
@@ -276,16 +267,16 @@ _END_OF_TEXT = re.compile(
 def _moves(text: str, name: str = "") -> bool:
     """Whether a name of the text has a derivative in time; with `name`, whether this has two."""
     try:
-        moving = moving_names(read_tokens(text), 2 if name else 1)
+        moving = moving_names(reader.read_tokens(text), 2 if name else 1)
         return name in moving if name else bool(moving)
-    except InputError:
+    except errors.InputError:
         return not name
 
 
-def _are_pairs(texts: Mapping[str, str], declared: Declared) -> bool:
+def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> bool:
     """Whether no name has two derivatives, and at least two have one."""
     named = (*declared.named_parameters(), *declared.where)
-    names = with_products(Names((), named, dict.fromkeys(declared.functions, ())), declared, texts)
+    names = document_names.with_products(Names((), named, dict.fromkeys(declared.functions, ())), declared, texts)
     return not inferred_coordinates(texts, names, 2) and len(inferred_coordinates(texts, names, 1)) > 1
 
 
@@ -298,7 +289,7 @@ def _texts(equations: Equations) -> dict[str, str]:
     for place, text in enumerate(equations):
         if not isinstance(text, str):
             detail = "an equation is not a text: write it in quotation marks, as in \"x'' = -x\"."
-            raise InputError(detail, f"/equations/{place}")
+            raise errors.InputError(detail, f"/equations/{place}")
     return {f"/equations/{place}": text for place, text in enumerate(equations)}
 
 
@@ -307,7 +298,7 @@ def _read(equations: Equations, names: Names) -> list[_Equation]:
         return _whole_equations(equations, names, "/equations")
     if isinstance(equations, Mapping):
         return _keyed_equations(equations, names)
-    bounded(list(equations), "/equations", "equations", LIMITS.coordinates)
+    document_names.bounded(list(equations), "/equations", "equations", refusals.LIMITS.coordinates)
     return [
         equation
         for place, text in enumerate(equations)
@@ -316,18 +307,18 @@ def _read(equations: Equations, names: Names) -> list[_Equation]:
 
 
 def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
-    with placed_at(pointer):
-        groups = split_equations(_text(text), names)
-        if len(groups) > LIMITS.coordinates:
-            most = LIMITS.coordinates
-            raise LimitError(f"there are {len(groups)} equations: the limit is {most}; write fewer.")
-        return [(*read_equation(group, names), pointer) for group in groups if not _defines(group.tokens, names)]
+    with reader.placed_at(pointer):
+        groups = reader.split_equations(_text(text), names)
+        if len(groups) > refusals.LIMITS.coordinates:
+            most = refusals.LIMITS.coordinates
+            raise errors.LimitError(f"there are {len(groups)} equations: the limit is {most}; write fewer.")
+        return [(*reader.read_equation(group, names), pointer) for group in groups if not _defines(group.tokens, names)]
 
 
 def _defines(tokens: Sequence[Token], names: Names) -> bool:
     """Whether the equation is the definition of a name that stands for a formula."""
     equals = tokens[1 + _is_squared(tokens) :][:1]
-    defined = tokens[0].kind == "name" and Symbol(names.spelling(tokens[0].text)) in names.definitions
+    defined = tokens[0].kind == "name" and ex.Symbol(names.spelling(tokens[0].text)) in names.definitions
     return defined and any(token.is_operator("=") for token in equals)
 
 
@@ -335,7 +326,7 @@ def _text(value: object) -> str:
     if isinstance(value, int) and not isinstance(value, bool):
         return str(value)
     if not isinstance(value, str):
-        raise InputError('an equation is not a text: write it in quotation marks, as in "-x".')
+        raise errors.InputError('an equation is not a text: write it in quotation marks, as in "-x".')
     return value
 
 
@@ -345,39 +336,39 @@ def _keyed_equations(equations: Mapping[str, str], names: Names) -> list[_Equati
         pointer = f"/equations/{escaped(key)}"
         coordinate = key_coordinate(key, names, pointer)
         if coordinate in found:
-            raise InputError(f"there are two equations for {coordinate}: leave one out.", pointer)
-        found[coordinate] = (Acceleration(coordinate), _right_side(value, coordinate, names, pointer), pointer)
+            raise errors.InputError(f"there are two equations for {coordinate}: leave one out.", pointer)
+        found[coordinate] = (ex.Acceleration(coordinate), _right_side(value, coordinate, names, pointer), pointer)
     for coordinate in names.coordinates:
         if coordinate not in found:
-            raise InputError(
+            raise errors.InputError(
                 f"the equation of {coordinate} is missing: add {coordinate} with its acceleration, 0 if it has none.",
                 "/equations",
             )
     return [found[coordinate] for coordinate in names.coordinates]
 
 
-def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> Expression:
-    with placed_at(pointer):
+def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> ex.Expression:
+    with reader.placed_at(pointer):
         text = _text(value)
         if not _EQUAL.search(text):
-            tree = read_formula(text, names)
-            if Acceleration(coordinate) in set(walk(tree)):
+            tree = reader.read_formula(text, names)
+            if ex.Acceleration(coordinate) in set(ex.walk(tree)):
                 detail = f"{coordinate}'' occurs in what {coordinate}'' is: write whole equations with = in a list."
-                raise InputError(detail, column=1)
+                raise errors.InputError(detail, column=1)
             return tree
-        groups = split_equations(text, names)
+        groups = reader.split_equations(text, names)
         if len(groups) != 1:
-            raise InputError("several equations occur here: write only the acceleration.", column=1)
-        left, right = read_equation(groups[0], names)
-        if left != Acceleration(coordinate):
-            raise InputError(f"the left side is not {coordinate}'': write only the acceleration.", column=1)
+            raise errors.InputError("several equations occur here: write only the acceleration.", column=1)
+        left, right = reader.read_equation(groups[0], names)
+        if left != ex.Acceleration(coordinate):
+            raise errors.InputError(f"the left side is not {coordinate}'': write only the acceleration.", column=1)
         return right
 
 
-def _accelerations(found: list[_Equation], coordinates: tuple[str, ...]) -> tuple[Expression, ...]:
-    explicit = {left.coordinate: right for left, right, _ in found if isinstance(left, Acceleration)}
-    solved = not any(has_acceleration(right) for right in explicit.values())
+def _accelerations(found: list[_Equation], coordinates: tuple[str, ...]) -> tuple[ex.Expression, ...]:
+    explicit = {left.coordinate: right for left, right, _ in found if isinstance(left, ex.Acceleration)}
+    solved = not any(implicit_equations.has_acceleration(right) for right in explicit.values())
     if solved and len(explicit) == len(found) == len(coordinates):
         return tuple(explicit[coordinate] for coordinate in coordinates)
-    residuals = [linear_equation(left - right, pointer) for left, right, pointer in found]
-    return solve_accelerations(residuals, coordinates)
+    residuals = [implicit_equations.linear_equation(left - right, pointer) for left, right, pointer in found]
+    return implicit_equations.solve_accelerations(residuals, coordinates)

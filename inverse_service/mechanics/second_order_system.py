@@ -8,12 +8,10 @@ from functools import lru_cache
 from itertools import islice
 from typing import TypeVar
 
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, distinct_nodes, substitute, walk
+from inverse_service.expressions import collecting
+from inverse_service.expressions import tree as ex
+from inverse_service.field import real_point, reduction, tower
 from inverse_service.field.point import Variable
-from inverse_service.field.real_point import are_positive, find_real_point, own_requirements
-from inverse_service.field.reduction import Case, is_empty, sign_cases
-from inverse_service.field.tower import to_kernels
 from inverse_service.reading.names import Names
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
@@ -28,9 +26,9 @@ class Branch:
     `roots` pairs each root of them with what it is there; one within another comes before it.
     """
 
-    given: tuple[Expression, ...]
-    positive: tuple[Expression, ...] = ()
-    roots: tuple[tuple[Expression, Expression], ...] = ()
+    given: tuple[ex.Expression, ...]
+    positive: tuple[ex.Expression, ...] = ()
+    roots: tuple[tuple[ex.Expression, ex.Expression], ...] = ()
     unsolved: bool = False
 
 
@@ -44,12 +42,12 @@ class SecondOrderSystem:
     """
 
     coordinates: tuple[str, ...]
-    accelerations: tuple[Expression, ...]
+    accelerations: tuple[ex.Expression, ...]
     parameters: tuple[str, ...] = ()
     functions: Functions = ()
     name: str = ""
     branch: Branch | None = None
-    others: tuple[tuple[str, Expression], ...] = ()
+    others: tuple[tuple[str, ex.Expression], ...] = ()
 
     @property
     def names(self) -> Names:
@@ -59,12 +57,12 @@ class SecondOrderSystem:
     @property
     def depends_on_time(self) -> bool:
         """Whether t occurs in f, also where it only says which formula holds."""
-        return TIME in distinct_nodes((*self.accelerations, *self.given))
+        return ex.TIME in ex.distinct_nodes((*self.accelerations, *self.given))
 
     @property
-    def letters(self) -> tuple[Symbol, ...]:
+    def letters(self) -> tuple[ex.Symbol, ...]:
         """The accelerations where they are letters, as in a system that is too long to be solved for them."""
-        return tuple(f for f in self.accelerations if isinstance(f, Symbol)) if self.is_unsolved else ()
+        return tuple(f for f in self.accelerations if isinstance(f, ex.Symbol)) if self.is_unsolved else ()
 
     @property
     def is_unsolved(self) -> bool:
@@ -72,29 +70,29 @@ class SecondOrderSystem:
         return self.branch is not None and self.branch.unsolved
 
     @property
-    def positive(self) -> tuple[Expression, ...]:
+    def positive(self) -> tuple[ex.Expression, ...]:
         """What is positive on the branch, of what names this system has."""
         names = {"t", "pi", *self.coordinates, *self.parameters}
         found = () if self.branch is None else self.branch.positive
-        return tuple(tree for tree in found if all(_name(node) in names for node in walk(tree) if _name(node)))
+        return tuple(tree for tree in found if all(_name(node) in names for node in ex.walk(tree) if _name(node)))
 
     @property
-    def given(self) -> tuple[Expression, ...]:
+    def given(self) -> tuple[ex.Expression, ...]:
         """f as it was given, before its roots of squares were rewritten."""
         return self.accelerations if self.branch is None else self.branch.given
 
 
-def unsolved_system(names: Names, equations: Sequence[Expression], name: str = "") -> SecondOrderSystem:
+def unsolved_system(names: Names, equations: Sequence[ex.Expression], name: str = "") -> SecondOrderSystem:
     """The system of E(t, q, q', q'') = 0, its accelerations letters that are named like x''."""
-    letters = tuple(Symbol(f"{coordinate}''") for coordinate in names.coordinates)
+    letters = tuple(ex.Symbol(f"{coordinate}''") for coordinate in names.coordinates)
     branch = Branch(tuple(equations), unsolved=True)
     return SecondOrderSystem(names.coordinates, letters, names.parameters, tuple(names.functions.items()), name, branch)
 
 
-def _name(node: Expression) -> str:
-    if isinstance(node, Velocity):
+def _name(node: ex.Expression) -> str:
+    if isinstance(node, ex.Velocity):
         return node.coordinate
-    return node.name if isinstance(node, Symbol) else ""
+    return node.name if isinstance(node, ex.Symbol) else ""
 
 
 MOST_BRANCHES = 8
@@ -119,16 +117,16 @@ def branches_of(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
 
 def _default_first(system: SecondOrderSystem, branches: tuple[SecondOrderSystem, ...]) -> tuple[SecondOrderSystem, ...]:
     """First comes the branch of a point with positive parameters, else of any, that one formula would be taken at."""
-    kernels, parameters = tuple(map(to_kernels, system.accelerations)), [*map(Symbol, system.parameters)]
-    points = (find_real_point(kernels, _variables(system), _SEED, positive) for positive in (parameters, ()))
+    kernels, parameters = tuple(map(tower.to_kernels, system.accelerations)), [*map(ex.Symbol, system.parameters)]
+    points = (real_point.find_real_point(kernels, _variables(system), _SEED, positive) for positive in (parameters, ()))
     table = next((point for point in points if point is not None), None)
-    return tuple(sorted(branches, key=lambda one: table is None or not are_positive(one.positive, table)))
+    return tuple(sorted(branches, key=lambda one: table is None or not real_point.are_positive(one.positive, table)))
 
 
-def on_branch(tree: Expression, system: SecondOrderSystem) -> Expression:
+def on_branch(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """The tree with the roots of the system as they are on its branch."""
     for root, value in () if system.branch is None else system.branch.roots:
-        tree = substitute(tree, {root: value})
+        tree = ex.substitute(tree, {root: value})
     return tree
 
 
@@ -141,34 +139,34 @@ def unreached(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
 def _cases(system: SecondOrderSystem) -> tuple[tuple[SecondOrderSystem, bool], ...]:
     """The system on each case of signs, and whether a real point of it is known; without those seen to be empty."""
     found = []
-    for case in islice(sign_cases(system.accelerations), 4 * MOST_COUNTED):
+    for case in islice(reduction.sign_cases(system.accelerations), 4 * MOST_COUNTED):
         reached = not case.positive or _has_point(system, case)
-        if reached or not is_empty([*case.positive, *own_requirements(case.formulas)]):
+        if reached or not reduction.is_empty([*case.positive, *real_point.own_requirements(case.formulas)]):
             branch = Branch(system.accelerations, case.positive, case.roots)
-            formulas = tuple(map(collect, case.formulas)) if case.roots else system.accelerations
+            formulas = tuple(map(collecting.collect, case.formulas)) if case.roots else system.accelerations
             found.append((replace(system, accelerations=formulas, branch=branch), reached))
         if sum(reached for _, reached in found) == MOST_COUNTED:
             break
     return tuple(found)
 
 
-def on_side(system: SecondOrderSystem, positive: Sequence[Expression]) -> SecondOrderSystem | None:
+def on_side(system: SecondOrderSystem, positive: Sequence[ex.Expression]) -> SecondOrderSystem | None:
     """A system where these trees are positive too; None where they are seen not to be so at once."""
     branch = system.branch or Branch(system.accelerations)
     whole = tuple(dict.fromkeys((*branch.positive, *positive)))
-    if is_empty([*whole, *own_requirements(system.accelerations)]):
+    if reduction.is_empty([*whole, *real_point.own_requirements(system.accelerations)]):
         return None
     return replace(system, branch=replace(branch, positive=whole))
 
 
-def _has_point(system: SecondOrderSystem, case: Case) -> bool:
-    kernels = tuple(map(to_kernels, case.formulas))
-    return find_real_point(kernels, _variables(system), _SEED, case.positive) is not None
+def _has_point(system: SecondOrderSystem, case: reduction.Case) -> bool:
+    kernels = tuple(map(tower.to_kernels, case.formulas))
+    return real_point.find_real_point(kernels, _variables(system), _SEED, case.positive) is not None
 
 
 def _variables(system: SecondOrderSystem) -> list[Variable]:
     names = (*system.coordinates, *system.parameters)
-    return [TIME, *map(Symbol, names), *map(Velocity, system.coordinates)]
+    return [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, system.coordinates)]
 
 
 _Name = TypeVar("_Name", bound=Hashable)

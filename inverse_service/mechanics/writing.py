@@ -8,112 +8,102 @@ from functools import lru_cache
 from itertools import permutations
 
 from inverse_service import bounds
-from inverse_service.expressions.collecting import expand
-from inverse_service.expressions.collecting_trees import terms_tree
-from inverse_service.expressions.inequalities import is_positive_polynomial
-from inverse_service.expressions.tree import (
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    multiply,
-    node_count,
-    rebuild,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, exact_ring, quotient_tree
+from inverse_service.expressions import collecting, collecting_trees, inequalities
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field
 
 _MOST_PRODUCTS = 64
 _QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}
 
 
-def readable(ring: ExactRing, element: Quotient) -> Expression:
+def readable(ring: exact_field.ExactRing, element: exact_field.Quotient) -> ex.Expression:
     """The element as one quotient, or as a sum over the products of velocities, whichever is shorter."""
-    whole = _in_order(joined(quotient_tree(ring, element)))
+    whole = _in_order(joined(exact_field.quotient_tree(ring, element)))
     parts = velocity_parts(ring, element)
     if len(parts) < 2:
         return whole
-    apart = add(*(_in_order(joined(quotient_tree(ring, part))) for part in parts))
-    return min([apart, whole], key=node_count)
+    apart = ex.add(*(_in_order(joined(exact_field.quotient_tree(ring, part))) for part in parts))
+    return min([apart, whole], key=ex.node_count)
 
 
-def velocity_parts(ring: ExactRing, element: Quotient) -> list[Quotient]:
+def velocity_parts(ring: exact_field.ExactRing, element: exact_field.Quotient) -> list[exact_field.Quotient]:
     """The parts with the same powers of all velocities in the numerator, the highest powers first."""
-    places = [index for index, tree in ring.trees.items() if isinstance(tree, Velocity)]
+    places = [index for index, tree in ring.trees.items() if isinstance(tree, ex.Velocity)]
     parts = element.parts(places)
     return [parts[powers] for powers in sorted(parts, key=lambda powers: (-sum(powers), powers))]
 
 
-def joined(tree: Expression) -> Expression:
+def joined(tree: ex.Expression) -> ex.Expression:
     """The tree with sin(u)^k cos(u)^-k as tan(u)^k, and u^k w^k as (u w)^k where the product of the sums is shorter.
 
     Roots are put together where both radicands are positive on the whole line: the domain stays what it is.
     """
-    inner = rebuild(tree, joined)
-    if not isinstance(inner, Product):
+    inner = ex.rebuild(tree, joined)
+    if not isinstance(inner, ex.Product):
         return inner
-    table: dict[Expression, Fraction] = {}
+    table: dict[ex.Expression, Fraction] = {}
     for base, exponent in map(_power_of, inner.factors):
         table[base] = table.get(base, Fraction(0)) + exponent
     while found := next(_replacements(table), None):
         left, right, both = found
         table = {both if base == left else base: value for base, value in table.items() if base != right}
-    return multiply(*(base**exponent for base, exponent in table.items()))
+    return ex.multiply(*(base**exponent for base, exponent in table.items()))
 
 
-def _replacements(table: Mapping[Expression, Fraction]) -> Iterator[tuple[Expression, Expression, Expression]]:
+def _replacements(
+    table: Mapping[ex.Expression, Fraction],
+) -> Iterator[tuple[ex.Expression, ex.Expression, ex.Expression]]:
     for (k, one), (j, other) in permutations(enumerate(table), 2):
         # The product of two sums is the same in both orders.
-        both = _both(table, one, other) if k < j or not isinstance(one, Sum) else None
+        both = _both(table, one, other) if k < j or not isinstance(one, ex.Sum) else None
         if both is not None:
             yield one, other, both
 
 
-def _both(table: Mapping[Expression, Fraction], one: Expression, other: Expression) -> Expression | None:
+def _both(table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex.Expression) -> ex.Expression | None:
     """What stands for both bases with the exponent of the first; None where nothing shorter does."""
     match one, other:
-        case [Apply(above, argument), Apply(below, same)] if argument == same and (above, below) in _QUOTIENTS:
+        case [ex.Apply(above, argument), ex.Apply(below, same)] if argument == same and (above, below) in _QUOTIENTS:
             fits = table[one] == -table[other] and table[one] > 0
-            found: Expression = Apply(_QUOTIENTS[above, below], argument)
-        case [Sum(left), Sum(right)] if table[one] == table[other] and len(left) * len(right) <= _MOST_PRODUCTS:
-            found = terms_tree(sorted(expand(one * other), key=lambda term: -sum(exponent for _, exponent in term[0])))
-            is_shorter = isinstance(found, Sum) and len(found.terms) < len(left) + len(right) - 1
-            fits = is_shorter and (table[one].denominator == 1 or all(map(is_positive_polynomial, (one, other))))
+            found: ex.Expression = ex.Apply(_QUOTIENTS[above, below], argument)
+        case [ex.Sum(left), ex.Sum(right)] if table[one] == table[other] and len(left) * len(right) <= _MOST_PRODUCTS:
+            found = collecting_trees.terms_tree(
+                sorted(collecting.expand(one * other), key=lambda term: -sum(exponent for _, exponent in term[0]))
+            )
+            is_shorter = isinstance(found, ex.Sum) and len(found.terms) < len(left) + len(right) - 1
+            fits = is_shorter and (
+                table[one].denominator == 1 or all(map(inequalities.is_positive_polynomial, (one, other)))
+            )
         case _:
             return None
     return found if fits and found not in table else None
 
 
-def _in_order(tree: Expression) -> Expression:
+def _in_order(tree: ex.Expression) -> ex.Expression:
     """Numbers and symbols of each product first, then functions, then velocities."""
-    inner = rebuild(tree, _in_order)
-    return multiply(*sorted(inner.factors, key=_place)) if isinstance(inner, Product) else inner
+    inner = ex.rebuild(tree, _in_order)
+    return ex.multiply(*sorted(inner.factors, key=_place)) if isinstance(inner, ex.Product) else inner
 
 
-def _power_of(factor: Expression) -> tuple[Expression, Fraction]:
+def _power_of(factor: ex.Expression) -> tuple[ex.Expression, Fraction]:
     match factor:
-        case Power(base, Number(value)) if value.denominator == 1 or isinstance(base, Sum):
+        case ex.Power(base, ex.Number(value)) if value.denominator == 1 or isinstance(base, ex.Sum):
             return base, value
         case _:
             return factor, Fraction(1)
 
 
-def _place(factor: Expression) -> int:
+def _place(factor: ex.Expression) -> int:
     base, _ = _power_of(factor)
-    return 2 if isinstance(base, Velocity) else 1 if isinstance(base, Apply) else 0
+    return 2 if isinstance(base, ex.Velocity) else 1 if isinstance(base, ex.Apply) else 0
 
 
 @lru_cache(maxsize=1024)
-def tidied(tree: Expression) -> Expression:
+def tidied(tree: ex.Expression) -> ex.Expression:
     """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where that is too large."""
-    variables = list(dict.fromkeys(node for node in walk(tree) if isinstance(node, Symbol | Velocity)))
+    variables = list(dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)))
     try:
-        ring = exact_ring([tree], variables, 0, Budget(bounds.TERMS), spare=True, slopes=False)
+        ring = exact_field.exact_ring([tree], variables, 0, exact_field.Budget(bounds.TERMS), spare=True, slopes=False)
         return readable(ring, ring.value(tree))
-    except (TooLarge, ZeroDivisionError):
+    except (exact_field.TooLarge, ZeroDivisionError):
         return tree

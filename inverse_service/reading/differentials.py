@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.refusals import LIMITS, at_most, refusal
+from inverse_service import errors
+from inverse_service.expressions import refusals
 from inverse_service.reading.names import Names
 from inverse_service.reading.tokens import FRACTION, PARTIAL, TOTAL, Token, closing, unexpected
 
@@ -43,8 +43,8 @@ def with_derivatives(tokens: list[Token], names: Names, depth: int = 0) -> list[
     primed = any(a.is_operator(")") and b.kind == "prime" for a, b in itertools.pairwise(tokens))
     if not primed and not marks & {"d", PARTIAL, TOTAL}:
         return tokens
-    if depth > LIMITS.depth:
-        at_most(depth, LIMITS.depth, "the formula is nested too deeply", tokens[0].column)
+    if depth > refusals.LIMITS.depth:
+        refusals.at_most(depth, refusals.LIMITS.depth, "the formula is nested too deeply", tokens[0].column)
     found: list[Token] = []
     place = 0
     while place < len(tokens):
@@ -130,7 +130,7 @@ def _of_operand(
     follows = tokens[quotient.after : quotient.after + 1]
     if declared and quotient.fraction and follows and follows[0].is_operator("(") and follows[0].value != FRACTION:
         instead = f"write {name.text}'({variables[0].text}), or * before a factor"
-        raise refusal("a bracket follows a derivative", follows[0].column, instead)
+        raise refusals.refusal("a bracket follows a derivative", follows[0].column, instead)
     if declared or (role is None and names.guesses and "t" not in by):
         return _carried_out(operand, variables, first), quotient.after
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
@@ -142,15 +142,15 @@ def _of_operand(
 
 def _of_what(
     name: Token, by: Sequence[str], coordinates: Sequence[str], ends: tuple[Token, Token], fraction: bool
-) -> InputError:
+) -> errors.InputError:
     """The refusal of dV/dx, from the first to the last token of it, where nothing says what V depends on."""
     slope = f"diff({name.text}({', '.join(coordinates)}), {', '.join(by)})"
     primed = f"{name.text}{len(by) * chr(39)}({by[0]}) or " if len(coordinates) == 1 and len(by) < 3 else ""
     span = None if fraction else (ends[0].column, ends[1].column + len(ends[1].text))
     what, column = f"a derivative of {name.text} by {by[0]} occurs", name.column
     if fraction:
-        return refusal(what, ends[0].column, f"write {name.text}'({by[0]})", declare="functions")
-    return refusal(what, column, f"write {primed}{slope}", (slope,), span)
+        return refusals.refusal(what, ends[0].column, f"write {name.text}'({by[0]})", declare="functions")
+    return refusals.refusal(what, column, f"write {primed}{slope}", (slope,), span)
 
 
 def _applied(
@@ -168,7 +168,7 @@ def _applied(
     timed = any(texts[k : k + 3] == ["(", "t", ")"] for k in range(len(texts)))
     if quotient.partial and in_time and not timed:
         instead = "write d/dt( and ) for the derivative along the motion"
-        raise refusal("a partial derivative by the time occurs", tokens[place].column, instead)
+        raise refusals.refusal("a partial derivative by the time occurs", tokens[place].column, instead)
     return _carried_out(inner, quotient.variables, tokens[place]), after
 
 
@@ -176,7 +176,7 @@ def _operand(tokens: list[Token], quotient: _Quotient, names: Names, depth: int)
     """What an operator is applied to: a bracket, a derivative, or a name that nothing follows."""
     place = quotient.after
     first, variable = tokens[place], quotient.variables[0].text
-    at_most(depth + 1, LIMITS.depth, "the formula is nested too deeply", first.column)
+    refusals.at_most(depth + 1, refusals.LIMITS.depth, "the formula is nested too deeply", first.column)
     if nested := _derivative(tokens, place, names, depth + 1):
         return nested
     bracket = first.is_operator("(") and first.value != FRACTION
@@ -201,7 +201,7 @@ def _operand(tokens: list[Token], quotient: _Quotient, names: Names, depth: int)
     if raised or not (bracket or (first.kind == "name" and (ends or (arguments and multiplied)))):
         what = f"where the derivative ends is not clear, d/d{variable} stands before a product"
         column = following.column if following is not None else first.column
-        raise refusal(what, column, f"write what it differentiates in brackets, d/d{variable}(...)")
+        raise refusals.refusal(what, column, f"write what it differentiates in brackets, d/d{variable}(...)")
     inner = with_derivatives(tokens[place + bracket : end + 1 - bracket], names, depth + 1)
     return inner, end + 1
 
@@ -346,9 +346,9 @@ def _refuse_fraction(tokens: list[Token], place: int, names: Names) -> None:
         by, column = variable[0][0].text, tokens[place].column
         if any(token.is_operator("^") for token in above[2:]) and by == "t":
             instead = "write the power around the whole derivative, \\left(\\frac{dx}{dt}\\right)^2"
-            raise refusal("what is raised in a derivative is not clear", above[1].column, instead)
+            raise refusals.refusal("what is raised in a derivative is not clear", above[1].column, instead)
         instead = f"write \\frac{{d}}{{d{by}}}\\left( and \\right)"
-        raise refusal(f"a derivative by {by} occurs", column, instead)
+        raise refusals.refusal(f"a derivative by {by} occurs", column, instead)
 
 
 def _carried_out(inner: Sequence[Token], variables: Sequence[Token], at: Token) -> list[Token]:

@@ -9,19 +9,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.refusals import LIMITS, joined, shorten
-from inverse_service.expressions.tree import (
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Symbol,
-    substitute,
-    walk,
-)
-from inverse_service.reading.guessing import with_guessed
-from inverse_service.reading.moving_names import inferred_coordinates, key_name, moving_products
+from inverse_service import errors
+from inverse_service.expressions import refusals
+from inverse_service.expressions import tree as ex
+from inverse_service.reading import guessing, moving_names, reader
 from inverse_service.reading.names import (
     Names,
     check_clashes,
@@ -30,13 +21,12 @@ from inverse_service.reading.names import (
     escaped,
     refuse_two_spellings,
 )
-from inverse_service.reading.reader import read_formula, read_tokens
 from inverse_service.reading.tokens import closing
 
 ParameterValue = str | int | float | None
 
 
-def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -> dict[str, Expression]:
+def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -> dict[str, ex.Expression]:
     """The values given, as trees; a parameter without a value (None) stays generic and is left out.
 
     A value is a number or a constant such as "1/2", "sqrt(2)" or "2*pi"; a float stands for its
@@ -52,49 +42,49 @@ def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -
     return values
 
 
-def _constant(value: str | int | float, pointer: str) -> Expression:
+def _constant(value: str | int | float, pointer: str) -> ex.Expression:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise InputError('the value of a parameter is not a number: write it as in "1/2".', pointer)
+        raise errors.InputError('the value of a parameter is not a number: write it as in "1/2".', pointer)
     text = value if isinstance(value, str) else repr(value) if isinstance(value, float) else _digits(value, pointer)
     try:
-        return read_formula(text, Names(time=False))
-    except InputError as error:
+        return reader.read_formula(text, Names(time=False))
+    except errors.InputError as error:
         if error.declare:
             detail = 'the value of a parameter contains a name: write a number as in "1/2" or "2*pi", or use "where".'
-            raise InputError(detail, pointer, error.column) from None
+            raise errors.InputError(detail, pointer, error.column) from None
         raise error.at(pointer) from None
 
 
 def _digits(value: int, pointer: str) -> str:
     if value.bit_length() > 4_000:  # str of a huge integer is slow, and refused by Python
-        raise InputError("the value of a parameter has too many digits: write a smaller number.", pointer)
+        raise errors.InputError("the value of a parameter has too many digits: write a smaller number.", pointer)
     return str(value)
 
 
-def with_values(expression: Expression, values: Mapping[str, Expression]) -> Expression:
+def with_values(expression: ex.Expression, values: Mapping[str, ex.Expression]) -> ex.Expression:
     """The tree with the values put in; InputError where it then has no value (1/0, log of 0)."""
     if not values:
         return expression
-    result = substitute(expression, {Symbol(name): value for name, value in values.items()})
-    for node in walk(result):
+    result = ex.substitute(expression, {ex.Symbol(name): value for name, value in values.items()})
+    for node in ex.walk(result):
         _check_defined(node)
     return result
 
 
-def _check_defined(node: Expression) -> None:
+def _check_defined(node: ex.Expression) -> None:
     match node:
-        case Power(Number(base), Number(exponent)):
+        case ex.Power(ex.Number(base), ex.Number(exponent)):
             undefined = (base == 0 and exponent < 0) or (base < 0 and exponent.denominator != 1)
-        case Apply(function, argument):
+        case ex.Apply(function, argument):
             try:
                 check_domain(function, argument, 1)
                 undefined = False
-            except InputError:
+            except errors.InputError:
                 undefined = True
         case _:
             undefined = False
     if undefined:
-        raise InputError(
+        raise errors.InputError(
             "with these values of the parameters a formula has no real value (a division by zero, a root or a "
             "logarithm): give other values.",
             "/parameters",
@@ -121,7 +111,7 @@ class Declared:
     parameters: Parameters = ()
     functions: Mapping[str, Sequence[str]] = field(default_factory=dict)
     where: Mapping[str, str] = field(default_factory=dict)
-    most: int = LIMITS.coordinates
+    most: int = refusals.LIMITS.coordinates
 
     @property
     def guesses(self) -> bool:
@@ -142,16 +132,16 @@ class Known:
     """The names of a document, and what is put in for those that have a formula or a value."""
 
     names: Names
-    definitions: Mapping[Expression, Expression]
-    values: Mapping[str, Expression]
+    definitions: Mapping[ex.Expression, ex.Expression]
+    values: Mapping[str, ex.Expression]
 
-    def put_in(self, tree: Expression) -> Expression:
+    def put_in(self, tree: ex.Expression) -> ex.Expression:
         """The tree with definitions and values; InputError where it then has no value."""
-        return with_values(substitute(tree, dict(self.definitions)) if self.definitions else tree, self.values)
+        return with_values(ex.substitute(tree, dict(self.definitions)) if self.definitions else tree, self.values)
 
     def remaining(self) -> Names:
         """The names that can still occur after that."""
-        gone = {*self.values, *(node.name for node in self.definitions if isinstance(node, Symbol))}
+        gone = {*self.values, *(node.name for node in self.definitions if isinstance(node, ex.Symbol))}
         parameters = tuple(name for name in self.names.parameters if name not in gone)
         return replace(self.names, parameters=parameters, definitions={})
 
@@ -167,17 +157,19 @@ def known_names(
     return Known(replace(names, definitions=definitions), definitions, values)
 
 
-def _definitions(where: Mapping[str, str], names: Names) -> dict[Expression, Expression]:
+def _definitions(where: Mapping[str, str], names: Names) -> dict[ex.Expression, ex.Expression]:
     """Each name of `where` with its formula, in which no such name is left; InputError where they go in a circle."""
     pointers = {declared_name(name, f"/where/{escaped(name)}"): f"/where/{escaped(name)}" for name in where}
     texts = dict(zip(pointers, where.values(), strict=False))
-    found: dict[Expression, Expression] = {}
+    found: dict[ex.Expression, ex.Expression] = {}
     name = ""
     try:
         used = {name: _names_in(text, names) & texts.keys() for name, text in texts.items()}
         for name in _ordered(used):
-            found[Symbol(name)] = substitute(read_formula(texts[name], replace(names, definitions=found)), found)
-    except InputError as error:
+            found[ex.Symbol(name)] = ex.substitute(
+                reader.read_formula(texts[name], replace(names, definitions=found)), found
+            )
+    except errors.InputError as error:
         raise error if error.pointer else error.at(pointers[name]) from None
     return found
 
@@ -192,14 +184,14 @@ def _ordered(used: Mapping[str, set[str]]) -> list[str]:
             while path[-1] not in path[:-1]:
                 path.append(min(used[path[-1]] - done.keys()))
             detail = f"the formula of {path[-1]} leads back to {path[-1]}: define it by other names."
-            raise InputError(detail, f"/where/{path[-1]}")
+            raise errors.InputError(detail, f"/where/{path[-1]}")
         done |= dict.fromkeys(ready)
     return list(done)
 
 
 def _names_in(text: str, names: Names) -> set[str]:
     """The names that stand in a formula."""
-    return {names.spelling(token.text) for token in read_tokens(text, names) if token.kind == "name"}
+    return {names.spelling(token.text) for token in reader.read_tokens(text, names) if token.kind == "name"}
 
 
 def document_names(
@@ -215,18 +207,18 @@ def document_names(
     keyed = isinstance(named, Mapping)
     parameters = tuple(
         declared_name(parameter, f"/parameters/{escaped(parameter) if keyed else place}", "parameter")
-        for place, parameter in enumerate(bounded(list(named), "/parameters", "parameters", LIMITS.names))
+        for place, parameter in enumerate(bounded(list(named), "/parameters", "parameters", refusals.LIMITS.names))
     )
     functions = {
         declared_name(key, f"/functions/{escaped(key)}", "function"): _arguments(key, words)
         for key, words in declared.functions.items()
     }
-    bounded(list(declared.functions), "/functions", "functions", LIMITS.names)
+    bounded(list(declared.functions), "/functions", "functions", refusals.LIMITS.names)
     defined = tuple(declared_name(name, f"/where/{escaped(name)}") for name in declared.where)
     names = with_products(Names((), (*parameters, *defined), functions), declared, texts, order)
     names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
     if declared.guesses:
-        names = with_guessed(texts, names)
+        names = guessing.with_guessed(texts, names)
     if not pairs:
         check_clashes(names, keyed)
     refuse_two_spellings(texts, names.declared())
@@ -238,25 +230,25 @@ def with_products(names: Names, declared: Declared, texts: Mapping[str, str], or
     if not declared.guesses:
         return names
     names = replace(names, guesses=True)
-    return replace(names, splits=moving_products(texts, names, order))
+    return replace(names, splits=moving_names.moving_products(texts, names, order))
 
 
 def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
     """The words; LimitError where there are too many."""
     if len(words) > most:
-        raise LimitError(f"there are {len(words)} {what}: the limit is {most}; declare fewer.", pointer)
+        raise errors.LimitError(f"there are {len(words)} {what}: the limit is {most}; declare fewer.", pointer)
     return words
 
 
 def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
     pointer = f"/functions/{escaped(function)}"
     if isinstance(words, str) or not words:
-        raise InputError(
-            f"the function {shorten(function)} has no list of arguments: name the coordinates it depends on, "
+        raise errors.InputError(
+            f"the function {refusals.shorten(function)} has no list of arguments: name the coordinates it depends on, "
             'as in ["r1"].',
             pointer,
         )
-    bounded(list(words), pointer, "arguments", LIMITS.function_arguments)
+    bounded(list(words), pointer, "arguments", refusals.LIMITS.function_arguments)
     return tuple(
         "t" if word == "t" else declared_name(word, f"{pointer}/{place}", "argument")
         for place, word in enumerate(words)
@@ -270,7 +262,7 @@ def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tupl
         for place, argument in enumerate(arguments):
             if argument in arguments[:place]:
                 pointer = f"/functions/{function}/{place}"
-                raise InputError(f"{function} has the argument {argument} twice: name it once.", pointer)
+                raise errors.InputError(f"{function} has the argument {argument} twice: name it once.", pointer)
             if argument != "t" and argument not in names.coordinates:
                 foreign.setdefault(function, place)
     for function, place in foreign.items():
@@ -278,9 +270,9 @@ def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tupl
             if any(function in text for text in texts.values()):
                 foreign = {name: at for name, at in foreign.items() if name != function}  # a dummy
         elif not texts or any(function in text for text in texts.values()):
-            raise InputError(
+            raise errors.InputError(
                 f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
-                f"{joined(names.coordinates)}.",
+                f"{refusals.joined(names.coordinates)}.",
                 f"/functions/{function}/{place}",
             )
     return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
@@ -289,8 +281,8 @@ def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tupl
 def _always_called(function: str, text: str, names: Names) -> bool:
     """Whether brackets with arguments follow the function wherever it occurs in a text."""
     try:
-        tokens = read_tokens(text, names)
-    except InputError:
+        tokens = reader.read_tokens(text, names)
+    except errors.InputError:
         return True
     for place, token in enumerate(tokens):
         if token.kind == "name" and names.spelling(token.text) == function:
@@ -314,12 +306,16 @@ def _coordinates(
         )
     else:
         pointer = "/equations" if order == 2 else "/lagrangian"
-        found = tuple(dict.fromkeys(key_name(key, names) for key in keys)) or inferred_coordinates(texts, names, order)
+        found = tuple(
+            dict.fromkeys(moving_names.key_name(key, names) for key in keys)
+        ) or moving_names.inferred_coordinates(texts, names, order)
         if texts and not found:
             missing = NO_ACCELERATION if order == 2 else _NO_VELOCITY
-            raise _nothing_moves(texts, names, order) or InputError(missing, pointer)
+            raise _nothing_moves(texts, names, order) or errors.InputError(missing, pointer)
     if not found:
-        raise InputError("there are no coordinates: name at least one, or write equations that contain x''.", pointer)
+        raise errors.InputError(
+            "there are no coordinates: name at least one, or write equations that contain x''.", pointer
+        )
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
 
 
@@ -334,13 +330,13 @@ _SPELLED = {
 }
 
 
-def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> InputError | None:
+def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> errors.InputError | None:
     """What hides the coordinates: a declaration of the same name, or another spelling of derivatives; None for
     neither."""
-    for name in inferred_coordinates(texts, Names(), order):
+    for name in moving_names.inferred_coordinates(texts, Names(), order):
         known = names.spelling(name)
         derivatives = "two derivatives" if order == 2 else "a derivative"
-        return InputError(
+        return errors.InputError(
             f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: take it out, or "
             "name the coordinates.",
             "/equations" if order == 2 else "/lagrangian",
@@ -350,7 +346,7 @@ def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> InputE
             if found := pattern.search(text):
                 meant, span = f"{found[1]}''({(*found.groups(), 't')[1]})", (found.start() + 1, found.end() + 1)
                 detail = said.format(whole=found[0], name=found[1], meant=meant)
-                return InputError(detail, pointer, span[0], (meant,), span)
+                return errors.InputError(detail, pointer, span[0], (meant,), span)
     return None
 
 

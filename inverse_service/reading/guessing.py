@@ -12,9 +12,9 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.refusals import refusal
-from inverse_service.reading.moving_names import derived_stem, is_primed
+from inverse_service import errors
+from inverse_service.expressions import refusals
+from inverse_service.reading import moving_names, reader, tokens
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -33,8 +33,6 @@ from inverse_service.reading.names import (
     split_before_argument,
     undeclared,
 )
-from inverse_service.reading.reader import read_tokens, remark
-from inverse_service.reading.tokens import Token, check_brackets, closing, split_at_commas
 
 # Refused as functions or as numbers, so they would be a strange guess for a parameter too.
 NEVER_GUESSED = (
@@ -79,11 +77,11 @@ def with_guessed(texts: Mapping[str, str], declared: Names) -> Names:
             declared = replace(declared, splits={**declared.splits, **guess.splits})
         both = (*declared.parameters, *guess.parameters)
         return replace(declared, parameters=both, functions={**declared.functions, **guess.functions})
-    except InputError:
+    except errors.InputError:
         for pointer, text in texts.items():
             try:
-                check_brackets(_tokens(text, declared))
-            except InputError as error:
+                tokens.check_brackets(_tokens(text, declared))
+            except errors.InputError as error:
                 raise error.at(pointer) from None
         raise
 
@@ -100,8 +98,8 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     }
     coordinates = declared.coordinates
     found_functions: dict[str, tuple[str, ...]] = {}
-    found_parameters: dict[str, tuple[str, Token]] = {}
-    called: dict[str, tuple[str, Token]] = {}  # U_x(x, y) may be a derivative
+    found_parameters: dict[str, tuple[str, tokens.Token]] = {}
+    called: dict[str, tuple[str, tokens.Token]] = {}  # U_x(x, y) may be a derivative
     splits: dict[str, tuple[str, ...]] = {}
     slopes = _slopes(lines.values(), declared)
     known = {*coordinates, *declared.declared(), *NEVER_GUESSED}
@@ -116,11 +114,11 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     }
     for pointer, line in lines.items():
         for place, token in enumerate(line):
-            names = {token.text, declared.spelling(token.text), derived_stem(token.text)}
+            names = {token.text, declared.spelling(token.text), moving_names.derived_stem(token.text)}
             if token.kind != "name" or names & known:
                 continue
             _refuse_operators(line, place, pointer, coordinates, calls, slopes)
-            if error := remark(line, place):
+            if error := reader.remark(line, place):
                 raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, place + 1, timed)
@@ -136,7 +134,7 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
                 called.setdefault(token.text, (pointer, token))
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
-            elif not arguments and is_primed(line, place):
+            elif not arguments and moving_names.is_primed(line, place):
                 if parts := only_split(token.text, declared):
                     splits[token.text] = parts
             elif not arguments and not _may_be_called(line, place):
@@ -151,17 +149,17 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     return Guess(tuple(name for name in guessed if name not in splits), found_functions, splits)
 
 
-def _product_or_function(line: Sequence[Token], place: int, argument: str, text: str) -> InputError:
+def _product_or_function(line: Sequence[tokens.Token], place: int, argument: str, text: str) -> errors.InputError:
     """The refusal of k (x) and k [x], with both ways to write it."""
-    name, end = line[place], line[closing(line, place + 1)].column
+    name, end = line[place], line[tokens.closing(line, place + 1)].column
     plain = text[end - 1 : end] in (")", "]")  # and no \\right)
     both = (f"{name.text}*({argument})", f"{name.text}({argument})")
     instead, what = f"write {both[0]} for a product, {both[1]} for a function", f"{name.text} ( could be"
     span = (name.column, end + 1) if plain else None
-    return refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
+    return refusals.refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
-def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, set[str]]:
+def _slopes(lines: Iterable[Sequence[tokens.Token]], declared: Names) -> dict[str, set[str]]:
     """V with x and y where dV/dx and dV/dy, or diff(V, x), occur and V is not declared."""
     found: dict[str, set[str]] = {}
     for line in lines:
@@ -169,7 +167,9 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, set[
             called, opening, name, *rest = line[place : place + 5]
             if called.text not in DERIVATIVE_NAMES or not opening.is_operator("(") or name.kind != "name":
                 continue
-            by = [token.text for token in line[place + 3 : closing(line, place + 1)] if not token.is_operator(",")]
+            by = [
+                token.text for token in line[place + 3 : tokens.closing(line, place + 1)] if not token.is_operator(",")
+            ]
             if rest[0].is_operator(",") and by and {*by} <= {*declared.coordinates} and not declared.role(name.text):
                 found.setdefault(name.text, set()).update(by)
     return found
@@ -182,7 +182,7 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
     return numbered is not None and numbered[1] in stems and looks_like_a_coordinate(numbered[1])
 
 
-def _takes_argument(line: Sequence[Token], place: int) -> bool:
+def _takes_argument(line: Sequence[tokens.Token], place: int) -> bool:
     """Whether a bracket, a name or a number follows at once: Rcos(x), Rcos x of Rcos and a Greek letter."""
     after = line[place + 1] if place + 1 < len(line) else None
     return after is not None and (
@@ -193,22 +193,22 @@ def _takes_argument(line: Sequence[Token], place: int) -> bool:
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are two components to most
 
 
-def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
+def _called_with(line: Sequence[tokens.Token], place: int, declared: Names) -> int:
     """How many arguments stand in F(x*y), F(x, x') and f(y/x), F undeclared; 0 where it may be a factor."""
     opening = place + 1
     while opening < len(line) and line[opening].kind == "prime":
         opening += 1
     if line[place].text not in CALLED_LETTERS or opening >= len(line) or not line[opening].is_operator("("):
         return 0
-    end = closing(line, opening)
+    end = tokens.closing(line, opening)
     inside = line[opening + 1 : end]
     moves = any(token.text == "t" or declared.role(declared.spelling(token.text)) == "coordinate" for token in inside)
     if line[opening].space_before or end == len(line) or not moves:
         return 0
-    return len(split_at_commas(inside))
+    return len(tokens.split_at_commas(inside))
 
 
-def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> dict[str, tuple[str, ...]]:
+def _ask_back(guessed: Mapping[str, tuple[str, tokens.Token]], names: Names) -> dict[str, tuple[str, ...]]:
     """The runs of letters that are products to every reader; InputError for the first name that may be no constant."""
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
     shared = {letter for first, second in itertools.combinations(words, 2) for letter in {*first} & {*second}}
@@ -238,7 +238,7 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> dict[st
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
             instead = f"{other} occurs too; write one of the two"
-            raise refusal(not_declared(name), token.column, instead, (other,)).at(pointer)
+            raise refusals.refusal(not_declared(name), token.column, instead, (other,)).at(pointer)
     return splits
 
 
@@ -261,7 +261,7 @@ def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
 
 
 def _refuse_operators(
-    line: Sequence[Token],
+    line: Sequence[tokens.Token],
     place: int,
     pointer: str,
     coordinates: Sequence[str],
@@ -274,13 +274,13 @@ def _refuse_operators(
     after = line[place + 1] if place + 1 < len(line) else None
     if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after and after.is_operator(")"))):
         instead = "a transpose? write components"
-        raise refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
+        raise refusals.refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
     around = [other.text for other in line[place + 1 : place + 3]]
     by = around[1] if len(before) == 2 and before[0] in DERIVATIVE_NAMES and around[:1] == [","] and around[1:] else ""
     if by in coordinates and slopes.get(token.text) != {*coordinates}:
         meant = f"diff({token.text}({by}), {by})"
         what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
-        raise refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)
+        raise refusals.refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)
     if token.text == "j" and not token.space_before and place and line[place - 1].kind == "number":
         reason = REFUSED_UNLESS_DECLARED["i"]
         raise refused(f"j {reason[0]}", reason, token.column).at(pointer)
@@ -291,20 +291,20 @@ def _refuse_operators(
     is_unit = [token.text, *following[:2]] == ["m", "/", "s"] and "s" not in coordinates
     if is_unit and place and line[place - 1].kind == "number":
         instead = "leave units out, write * between a number and a name"
-        raise refusal("m/s could be a unit", token.column, instead).at(pointer)
+        raise refusals.refusal("m/s could be a unit", token.column, instead).at(pointer)
     if error := _raised_call(line, place, coordinates, calls):
         raise error.at(pointer)
     if token.text == "d" and after is not None and after.text == "t":
-        raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
+        raise refusals.refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after is not None and after.kind == "name":
         instead = f"a product? declare the constant Delta and write Delta*{after.text}"
-        raise refusal(f"Delta {after.text} is a difference or a Laplacian to most; it occurs", token.column, instead,
-                      (f"Delta*{after.text}",)).at(pointer)  # fmt: skip
+        what = f"Delta {after.text} is a difference or a Laplacian to most; it occurs"
+        raise refusals.refusal(what, token.column, instead, (f"Delta*{after.text}",)).at(pointer)
 
 
 def _raised_call(
-    line: Sequence[Token], place: int, coordinates: Sequence[str], calls: Collection[Call]
-) -> InputError | None:
+    line: Sequence[tokens.Token], place: int, coordinates: Sequence[str], calls: Collection[Call]
+) -> errors.InputError | None:
     """The refusal of k^2(t), a square of k(t) or a product, and f^(2)(x), a derivative; k^2(x - y) is a product.
 
     Where k(t) is among the `calls` of the texts, k^2(t) is its square.
@@ -312,22 +312,22 @@ def _raised_call(
     name, start = line[place], place + 2
     if start >= len(line) or not line[place + 1].is_operator("^"):
         return None
-    opening = (closing(line, start) if line[start].is_operator("(") else start) + 1
+    opening = (tokens.closing(line, start) if line[start].is_operator("(") else start) + 1
     if opening >= len(line) or not line[opening].is_operator("("):
         return None
-    raised, end = line[start + 1], closing(line, opening)
+    raised, end = line[start + 1], tokens.closing(line, opening)
     if raised.kind == "number" and raised.column > line[start].column:  # brackets of the writer, not of LaTeX
         instead = f"write {name.text}''({line[opening + 1].text}) for a derivative, ^{raised.text}* for a product"
-        return refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
+        return refusals.refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
     inside = [token.text for token in line[opening:end] if not token.is_operator("(", ",")]
     if not inside or not {")", "t", *coordinates}.issuperset(inside) or (name.text, tuple(inside)) in calls:
         return None
     power, of = "".join(token.text for token in line[start:opening]).strip("()"), inside[0]
     instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"
-    return refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
+    return refusals.refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
 
 
-def _half_a_number(line: Sequence[Token], place: int) -> InputError | None:
+def _half_a_number(line: Sequence[tokens.Token], place: int) -> errors.InputError | None:
     """The refusal of 1.0d-3 and 2D0 (Fortran), 0.5f (C), 1f0 (Julia), 0o7, whose letters are no factors."""
     token, before = line[place], line[place - 1] if place else None
     if before is None or before.kind != "number" or token.space_before:
@@ -338,20 +338,22 @@ def _half_a_number(line: Sequence[Token], place: int) -> InputError | None:
     if not (power or suffix or before.text == "0"):
         return None
     shown = before.text + text + "".join(after) * power
-    return refusal(f"{shown} could be one number", before.column, f"write 2*{text} for a product, 2e-3 for a number")
+    return refusals.refusal(
+        f"{shown} could be one number", before.column, f"write 2*{text} for a product, 2e-3 for a number"
+    )
 
 
-def _is_apart(line: Sequence[Token], place: int) -> bool:
+def _is_apart(line: Sequence[tokens.Token], place: int) -> bool:
     """Whether k (x) stands there, which may be k*x; f (x) and V (x) are functions to most."""
     return (
         line[place].text not in FUNCTION_LETTERS and line[place + 1].is_operator("(") and line[place + 1].space_before
     )
 
 
-def _tokens(text: str, declared: Names) -> list[Token]:
+def _tokens(text: str, declared: Names) -> list[tokens.Token]:
     try:
-        return read_tokens(text, declared)
-    except InputError:
+        return reader.read_tokens(text, declared)
+    except errors.InputError:
         return []
 
 
@@ -367,13 +369,13 @@ def _may_depend_on_time(name: str) -> bool:
     return not (moves or name in _IMPULSES or _looks_like_a_function(name))
 
 
-def _may_be_called(line: Sequence[Token], place: int) -> bool:
+def _may_be_called(line: Sequence[tokens.Token], place: int) -> bool:
     """Whether f (x - y) stands there: a function rather than a factor, so the writer is asked."""
     after = line[place + 1 :][:1]
     return line[place].text in FUNCTION_LETTERS and bool(after) and after[0].is_operator("(")
 
 
-def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
+def _call_arguments(line: Sequence[tokens.Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
     """The coordinates (and t) in brackets after a name and its primes; nothing where something else stands there."""
     while place < len(line) and line[place].kind == "prime":
         place += 1

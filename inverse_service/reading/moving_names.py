@@ -6,8 +6,9 @@ import itertools
 import re
 from collections.abc import Mapping, Sequence
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.refusals import joined, refusal, shorten
+from inverse_service import errors
+from inverse_service.expressions import refusals
+from inverse_service.reading import reader
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
     DOTTED,
@@ -17,7 +18,6 @@ from inverse_service.reading.names import (
     escaped,
     looks_like_a_coordinate,
 )
-from inverse_service.reading.reader import placed_at, read_tokens
 from inverse_service.reading.tokens import Token, closing, split_at_commas
 
 _LONGEST_ARGUMENTS = 400
@@ -57,13 +57,15 @@ def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, 
         if token.text in products and is_primed(tokens, place):
             meant, primes = "*".join(products[token.text]), "'" * _primes(tokens[place + 1 :])[0]
             instead = f"did you mean {meant}{primes}?"
-            raise refusal(f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates")
+            raise refusals.refusal(
+                f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates"
+            )
 
 
 def _tokens_or_none(text: str, declared: Names) -> list[Token]:
     try:
-        return read_tokens(text, declared)
-    except InputError:
+        return reader.read_tokens(text, declared)
+    except errors.InputError:
         return []
 
 
@@ -74,8 +76,8 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
     """
     found: dict[str, None] = {}
     for pointer, text in texts.items():
-        with placed_at(pointer):
-            tokens = read_tokens(text, declared)
+        with reader.placed_at(pointer):
+            tokens = reader.read_tokens(text, declared)
             if not declared.guesses:
                 _refuse_products(tokens, moving_products({pointer: text}, declared, order))
         names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
@@ -91,9 +93,9 @@ def key_coordinate(key: str, names: Names, pointer: str) -> str:
     """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if it is none."""
     name = names.spelling(key_name(key, names))
     if name not in names.coordinates:
-        raise InputError(
-            f"there is an equation for '{shorten(key)}', which is not a coordinate: the coordinates are "
-            f"{joined(names.coordinates)}.",
+        raise errors.InputError(
+            f"there is an equation for '{refusals.shorten(key)}', which is not a coordinate: the coordinates are "
+            f"{refusals.joined(names.coordinates)}.",
             pointer,
         )
     return name
@@ -105,8 +107,8 @@ def key_name(key: str, names: Names) -> str:
     if names.role(key):
         return key
     try:
-        tokens = read_tokens(key[:200], names)
-    except InputError:
+        tokens = reader.read_tokens(key[:200], names)
+    except errors.InputError:
         tokens = []
     accelerated = moving_names(tokens, 2)
     if len(accelerated) == 1 and all(token.kind == "prime" for token in tokens[1:]):

@@ -14,8 +14,8 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 
-from inverse_service.expressions.refusals import refusal
-from inverse_service.reading.differentials import with_derivatives
+from inverse_service.expressions import refusals
+from inverse_service.reading import differentials
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names
 from inverse_service.reading.tokens import FACTOR, Token, closing, never_closed, split_at_commas, unexpected
 
@@ -41,10 +41,10 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (tokens != written or marks & DERIVATIVE_NAMES):
         column = next(token.column for token in tokens if token.text == "I")
-        raise refusal(
+        raise refusals.refusal(
             "I is the imaginary unit in this notation; it occurs", column, "write real equations", declare="parameters"
         )
-    return with_derivatives(_without_list(tokens), names)
+    return differentials.with_derivatives(_without_list(tokens), names)
 
 
 def _with_indices(tokens: Tokens, names: Names) -> Tokens:
@@ -168,7 +168,9 @@ def _after_dot(tokens: Sequence[Token], place: int, found: Tokens, names: Names)
         found.pop()
         return place + 1
     if method.text != "diff" or not _opens(tokens, place + 2):
-        raise refusal("a dot occurs", tokens[place].column, "a dot belongs to a number such as 0.5, or to u.diff(t)")
+        raise refusals.refusal(
+            "a dot occurs", tokens[place].column, "a dot belongs to a number such as 0.5, or to u.diff(t)"
+        )
     arguments, after = _arguments(tokens, place + 2)
     start = _operand(found)
     operand = found[start:]
@@ -213,7 +215,7 @@ def _derivative_of(tokens: Sequence[Token], place: int, order: int, found: Token
     name, *ends = (*tokens[place + 1 : place + 3 + inner], tokens[start - 1])[: 2 + inner]
     closed = len(ends) == 1 + inner and all(token.is_operator(")") for token in ends)
     if not _opens(tokens, start) or name.kind != "name" or not closed:
-        raise refusal("a derivative of a name occurs", tokens[start - 1].column, "write x'' or diff(x, t, 2)")
+        raise refusals.refusal("a derivative of a name occurs", tokens[start - 1].column, "write x'' or diff(x, t, 2)")
     found += [name, Token("prime", "'" * (order + inner), name.column, False, Fraction(order + inner))]
     return place + 3 + inner
 
@@ -254,7 +256,7 @@ def _quoted(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
     arguments, after = _arguments(tokens, place + 1)
     word = [token for token in arguments[0] if token.kind == "name"] if arguments else []
     if len(word) != 1 or len(arguments[0]) != 3:
-        raise refusal("a name in quotation marks is missing", tokens[place].column, "write Symbol('x')")
+        raise refusals.refusal("a name in quotation marks is missing", tokens[place].column, "write Symbol('x')")
     found.append(replace(word[0], space_before=tokens[place].space_before))
     return after
 
@@ -309,14 +311,14 @@ def _logarithm(tokens: Sequence[Token], place: int, found: Tokens, names: Names)
 
 
 def _float(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    raise refusal("a Float occurs", tokens[place].column, "write the exact number, such as Rational(1, 3)")
+    raise refusals.refusal("a Float occurs", tokens[place].column, "write the exact number, such as Rational(1, 3)")
 
 
 def _der(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
     """Modelica's der(u) is diff(u, t)."""
     arguments, after = _arguments(tokens, place + 1)
     if len(arguments) != 1:
-        raise refusal("der has one argument", tokens[place].column, "write der(x)")
+        raise refusals.refusal("der has one argument", tokens[place].column, "write der(x)")
     time = Token("name", "t", tokens[place].column)
     found += [replace(tokens[place], text="diff"), tokens[place + 1], *_rewritten(arguments[0], names)]
     found += [_sign(",", time), time, tokens[after - 1]]
@@ -327,7 +329,7 @@ def _differential(tokens: Sequence[Token], place: int, found: Tokens, names: Nam
     """ModelingToolkit's Differential(t)(u) is diff(u, t)."""
     by, after = _arguments(tokens, place + 1)
     if len(by) != 1 or not _opens(tokens, after):
-        raise refusal("Differential has no operand", tokens[place].column, "write Differential(t)(x), or x'")
+        raise refusals.refusal("Differential has no operand", tokens[place].column, "write Differential(t)(x), or x'")
     operand, end = _arguments(tokens, after)
     found += [replace(tokens[place], text="diff"), tokens[after], *_rewritten(operand[0], names)]
     found += [_sign(",", tokens[after]), *by[0], tokens[end - 1]]
@@ -338,7 +340,7 @@ def _column(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
     """SymPy's Matrix([[u], [v]]) is u, v: its entries without the brackets of the rows' list."""
     arguments, after = _arguments(tokens, place + 1)
     if len(arguments) != 1 or not _opens(arguments[0], 0) or closing(arguments[0], 0) != len(arguments[0]) - 1:
-        raise refusal("a matrix occurs", tokens[place].column, "write its entries, separated by ;")
+        raise refusals.refusal("a matrix occurs", tokens[place].column, "write its entries, separated by ;")
     found += _rewritten(arguments[0][1:-1], names)
     return after
 

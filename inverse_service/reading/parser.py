@@ -21,32 +21,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.derivative import differentiate, differentiate_in_time
+from inverse_service import errors
+from inverse_service.expressions import derivative, refusals
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
-from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
-from inverse_service.expressions.tree import (
-    MINUS_ONE,
-    ONE,
-    PI,
-    TIME,
-    Acceleration,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    children,
-    multiply,
-    node_count,
-    number,
-    substitute,
-)
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -60,7 +38,7 @@ from inverse_service.reading.names import (
 from inverse_service.reading.tokens import END, Token, TokenStream, unexpected
 
 _BITS_PER_DIGIT = 3.3219280948873626
-_EXPONENTIAL = Apply("exp", ONE)
+_EXPONENTIAL = ex.Apply("exp", ex.ONE)
 
 
 def _bits(value: Fraction) -> int:
@@ -70,94 +48,96 @@ def _bits(value: Fraction) -> int:
 
 def _check_bits(total_bits: float, column: int) -> None:
     """LimitError where a number would surely have too many digits; called before it is computed."""
-    if total_bits > LIMITS.digits * _BITS_PER_DIGIT:
+    if total_bits > refusals.LIMITS.digits * _BITS_PER_DIGIT:
         raise _too_long(column)
 
 
 def _check_number(value: Fraction, column: int) -> None:
     """LimitError where a number has too many digits, so that what is accepted can be read back."""
-    if max(abs(value.numerator), value.denominator) >= 10**LIMITS.digits:
+    if max(abs(value.numerator), value.denominator) >= 10**refusals.LIMITS.digits:
         raise _too_long(column)
 
 
-def _too_long(column: int) -> InputError:
-    return limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
+def _too_long(column: int) -> errors.InputError:
+    return refusals.limit_passed("a number that is computed here has too many digits", column, refusals.LIMITS.digits)
 
 
-def product(factors: Sequence[Expression], column: int) -> Expression:
+def product(factors: Sequence[ex.Expression], column: int) -> ex.Expression:
     """The product; LimitError where its coefficient would be too long."""
     _check_bits(sum(_bits(_coefficient(factor)) for factor in factors), column)
-    result = multiply(*factors)
+    result = ex.multiply(*factors)
     _check_number(_coefficient(result), column)
     return result
 
 
-def _coefficient(expression: Expression) -> Fraction:
-    first = expression.factors[0] if isinstance(expression, Product) else expression
-    return first.value if isinstance(first, Number) else Fraction(1)
+def _coefficient(expression: ex.Expression) -> Fraction:
+    first = expression.factors[0] if isinstance(expression, ex.Product) else expression
+    return first.value if isinstance(first, ex.Number) else Fraction(1)
 
 
-def sum_of(terms: Sequence[Expression], column: int) -> Expression:
+def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
     """The sum; LimitError where its constant would be too long at any moment."""
     constant = Fraction(0)
     for term in terms:
-        for part in term.terms if isinstance(term, Sum) else (term,):
-            if isinstance(part, Number):
+        for part in term.terms if isinstance(term, ex.Sum) else (term,):
+            if isinstance(part, ex.Number):
                 constant += part.value
                 _check_number(constant, column)
-    return add(*terms)
+    return ex.add(*terms)
 
 
-def reciprocal(expression: Expression, column: int) -> Expression:
+def reciprocal(expression: ex.Expression, column: int) -> ex.Expression:
     """1/u; InputError where u is the number 0."""
-    if expression == Number(Fraction(0)):
-        raise refusal("a division by zero occurs", column, "divide by something that is not 0")
+    if expression == ex.Number(Fraction(0)):
+        raise refusals.refusal("a division by zero occurs", column, "divide by something that is not 0")
     return expression**-1
 
 
-def raised(base: Expression, exponent: Expression, column: int) -> Expression:
+def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expression:
     """base ^ exponent, e^u being exp(u); refused where it is too large or has no real value."""
     if base == _EXPONENTIAL:
-        return Apply("exp", exponent)
-    if isinstance(base, Number) and base.value < 0 and not isinstance(exponent, Number):
+        return ex.Apply("exp", exponent)
+    if isinstance(base, ex.Number) and base.value < 0 and not isinstance(exponent, ex.Number):
         what = "a negative number is raised to a power that is no number, which is real for few values only"
-        raise refusal(f"{what}; it occurs", column, "write the formula for an even and for an odd power")
-    if isinstance(exponent, Number):
+        raise refusals.refusal(f"{what}; it occurs", column, "write the formula for an even and for an odd power")
+    if isinstance(exponent, ex.Number):
         _check_exponent(exponent.value, column)
-        if isinstance(base, Number):
+        if isinstance(base, ex.Number):
             _check_numbers(base.value, exponent.value, column)
     result = base**exponent
     _check_number(_coefficient(result), column)
-    if isinstance(result, Power) and isinstance(result.exponent, Number):
+    if isinstance(result, ex.Power) and isinstance(result.exponent, ex.Number):
         _check_exponent(result.exponent.value, column)
     return result
 
 
 def _check_exponent(exponent: Fraction, column: int) -> None:
-    if abs(exponent.numerator) > LIMITS.exponent or exponent.denominator > LIMITS.exponent:
-        instead = f"the limit is {LIMITS.exponent:,}; declare a parameter and write it in its place"
-        raise refusal("the exponent is too large", column, instead, kind=LimitError)
+    if abs(exponent.numerator) > refusals.LIMITS.exponent or exponent.denominator > refusals.LIMITS.exponent:
+        instead = f"the limit is {refusals.LIMITS.exponent:,}; declare a parameter and write it in its place"
+        raise refusals.refusal("the exponent is too large", column, instead, kind=errors.LimitError)
 
 
 def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
     if base == 0 and exponent <= 0:
-        raise refusal("0 to a power that is not positive has no value", column, "write another base or exponent")
+        raise refusals.refusal(
+            "0 to a power that is not positive has no value", column, "write another base or exponent"
+        )
     if base < 0 and exponent.denominator != 1:
         base, sign = -base, "-" if exponent.numerator % 2 else ""
         root = f"write {sign}{base if base.denominator == 1 else f'({base})'}^({exponent})"
         instead = root if exponent.denominator % 2 else "write another base or exponent"
-        raise refusal("a negative number to this power is not real", column, instead)
+        raise refusals.refusal("a negative number to this power is not real", column, instead)
     if abs(base) not in (0, 1):
         _check_bits(_bits(base) * float(abs(exponent)), column)
 
 
-def check_depth(expression: Expression, column: int = 1) -> Expression:
+def check_depth(expression: ex.Expression, column: int = 1) -> ex.Expression:
     """The same tree; LimitError where it is deeper than `limits.depth`."""
     level, depth = [expression], 0
     while level:
         depth += 1
-        at_most(depth, LIMITS.depth, "the formula is nested too deeply", column)
-        level = [part for node in level for part in children(node)]
+        refusals.at_most(depth, refusals.LIMITS.depth, "the formula is nested too deeply", column)
+        level = [part for node in level for part in ex.children(node)]
     return expression
 
 
@@ -165,15 +145,15 @@ def check_depth(expression: Expression, column: int = 1) -> Expression:
 class Variable:
     """What is differentiated by, how many times, and where that stands."""
 
-    node: Expression
+    node: ex.Expression
     times: int
     column: int
 
 
-def carry_out(expression: Expression, variables: Sequence[Variable], names: Names) -> Expression:
+def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: Names) -> ex.Expression:
     """The derivative; by t it is the one along the motion (x -> x' -> x''), else a partial one."""
     order = sum(variable.times for variable in variables)
-    at_most(order, LIMITS.derivative_order, "a derivative is too high", variables[0].column)
+    refusals.at_most(order, refusals.LIMITS.derivative_order, "a derivative is too high", variables[0].column)
     expression = _defined(expression, variables, names)
     for variable in variables:
         for _ in range(variable.times):
@@ -181,43 +161,45 @@ def carry_out(expression: Expression, variables: Sequence[Variable], names: Name
     return expression
 
 
-def _defined(expression: Expression, variables: Sequence[Variable], names: Names) -> Expression:
+def _defined(expression: ex.Expression, variables: Sequence[Variable], names: Names) -> ex.Expression:
     """What is differentiated with the formulas of its names; InputError for the derivative of a constant."""
     for variable in variables:
-        if isinstance(variable.node, Symbol) and variable.node in names.definitions:
+        if isinstance(variable.node, ex.Symbol) and variable.node in names.definitions:
             what = f"a derivative by {variable.node.name} occurs, which stands for a formula"
-            raise refusal(what, variable.column, "differentiate by a coordinate")
+            raise refusals.refusal(what, variable.column, "differentiate by a coordinate")
     others = {*names.definitions, *(variable.node for variable in variables)}
-    if isinstance(expression, Symbol) and expression.name in names.parameters and expression not in others:
+    if isinstance(expression, ex.Symbol) and expression.name in names.parameters and expression not in others:
         what = f"a derivative of the constant {expression.name} occurs"
-        raise refusal(what, variables[0].column, "leave it out", declare="functions")
-    return substitute(expression, dict(names.definitions)) if names.definitions else expression
+        raise refusals.refusal(what, variables[0].column, "leave it out", declare="functions")
+    return ex.substitute(expression, dict(names.definitions)) if names.definitions else expression
 
 
-def _once(expression: Expression, variable: Variable, names: Names) -> Expression:
-    nodes = node_count(expression)
-    at_most(nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column)
-    if variable.node != TIME:
-        result = differentiate(expression, variable.node)
+def _once(expression: ex.Expression, variable: Variable, names: Names) -> ex.Expression:
+    nodes = ex.node_count(expression)
+    refusals.at_most(
+        nodes, refusals.LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column
+    )
+    if variable.node != ex.TIME:
+        result = derivative.differentiate(expression, variable.node)
     else:
         result = _along_motion(expression, variable, names)
     return check_depth(result, variable.column)
 
 
-def _refuse_two_meanings(function: Arbitrary, column: int) -> None:
+def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
     """InputError for the derivative of V(t, x) by t: the partial one to some, that along the motion to others."""
-    if TIME not in function.arguments or len(function.arguments) == 1:
+    if ex.TIME not in function.arguments or len(function.arguments) == 1:
         return
-    orders = ",".join(str(int(argument == TIME)) for argument in function.arguments)
-    arguments = ", ".join(node.name for node in function.arguments if isinstance(node, Symbol))
+    orders = ",".join(str(int(argument == ex.TIME)) for argument in function.arguments)
+    arguments = ", ".join(node.name for node in function.arguments if isinstance(node, ex.Symbol))
     partial = f"{function.name}[{orders}]({arguments})"
     what = f"a derivative of {function.name} by t could be the partial one or the one along the motion; it occurs"
-    raise refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
+    raise refusals.refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
 
 
-def _along_motion(expression: Expression, variable: Variable, names: Names) -> Expression:
+def _along_motion(expression: ex.Expression, variable: Variable, names: Names) -> ex.Expression:
     try:
-        return differentiate_in_time(expression, names.coordinates)
+        return derivative.differentiate_in_time(expression, names.coordinates)
     except ValueError:
         raise _third(variable.column) from None
 
@@ -225,8 +207,8 @@ def _along_motion(expression: Expression, variable: Variable, names: Names) -> E
 OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
 
 
-def _third(column: int) -> InputError:
-    return refusal("a third derivative occurs", column, OF_SECOND_ORDER)
+def _third(column: int) -> errors.InputError:
+    return refusals.refusal("a third derivative occurs", column, OF_SECOND_ORDER)
 
 
 class FormulaParser:
@@ -239,23 +221,25 @@ class FormulaParser:
         self._names = names
         self._bars = 0
 
-    def formula(self) -> Expression:
+    def formula(self) -> ex.Expression:
         """The whole stream as one formula; InputError where anything is left over."""
         result = self._expression()
         rest = self._stream.ahead
         if rest.kind == "end":
             return result
         if rest.is_operator("=", ";"):
-            raise refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
+            raise refusals.refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
         if rest.is_operator("[", "]"):
-            raise refusal("square brackets are not accepted here", rest.column, "write ( and )")
+            raise refusals.refusal("square brackets are not accepted here", rest.column, "write ( and )")
         if rest.is_operator("<", ">", "\u2260"):
-            raise refusal("a comparison occurs", rest.column, "write an equation with one =")
+            raise refusals.refusal("a comparison occurs", rest.column, "write an equation with one =")
         if rest.is_operator(","):
-            raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
+            raise refusals.refusal(
+                "a comma occurs outside a function", rest.column, "write a decimal point, or * for a product"
+            )
         raise unexpected(rest, END)
 
-    def _expression(self) -> Expression:
+    def _expression(self) -> ex.Expression:
         column = self._stream.ahead.column
         with self._stream.nested():
             terms = [self._term()]
@@ -263,7 +247,7 @@ class FormulaParser:
                 terms.append(self._term())
         return sum_of(terms, column)
 
-    def _term(self) -> Expression:
+    def _term(self) -> ex.Expression:
         column = self._stream.ahead.column
         signs, start = self._signs(), self._stream.position
         factors, slash = [*signs, self._factor()], start
@@ -276,11 +260,11 @@ class FormulaParser:
             factors.append(reciprocal(factor, place) if operation == "/" else factor)
         return product(factors, column)
 
-    def _signs(self) -> list[Expression]:
+    def _signs(self) -> list[ex.Expression]:
         negative = False
         while token := self._stream.take_operator("+", "-"):
             negative ^= token.text == "-"
-        return [MINUS_ONE] if negative else []
+        return [ex.MINUS_ONE] if negative else []
 
     def _operation(self, previous: str | None, start: int, slash: int) -> str | None:
         """'*', '/', '' for a product without sign, None where the term ends.
@@ -323,21 +307,23 @@ class FormulaParser:
     def _check_adjacent(self, after_division: bool) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
         if ahead.is_operator("(") and self._stream.look(3).kind == "end" and self._stream.look(1).kind == "number":
-            shown = f"({shorten(self._stream.look(1).text)})"
-            raise refusal(f"{shown} could be an equation number", column, "leave it out, or write * before a factor")
+            shown = f"({refusals.shorten(self._stream.look(1).text)})"
+            raise refusals.refusal(
+                f"{shown} could be an equation number", column, "leave it out, or write * before a factor"
+            )
         if ahead.kind == "number":
-            raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
+            raise refusals.refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
         if self._time_in_brackets():
-            raise refusal("(t) could be an argument or a factor", column, "write *t for a product")
+            raise refusals.refusal("(t) could be an argument or a factor", column, "write *t for a product")
         if after_division:
             raise self._unclear_quotient(column)
         last, before = self._stream.look(-1), self._stream.look(-2)
         if before.is_operator("-"):
             before = self._stream.look(-3)
         if last.kind == "number" and before.is_operator("^") and not ahead.space_before:
-            raise refusal("where the power ends is not clear", column, "write x^2*y or x^(2*y)")
+            raise refusals.refusal("where the power ends is not clear", column, "write x^2*y or x^(2*y)")
 
-    def _unclear_quotient(self, column: int) -> InputError:
+    def _unclear_quotient(self, column: int) -> errors.InputError:
         """The refusal of a/b c, with both readings where what follows can be read."""
         stream, place = self._stream, self._stream.position
         said = ("what is divided is not clear", column, "write (a/b)*c or a/(b*c)")
@@ -345,9 +331,9 @@ class FormulaParser:
         rest = self._source_of_factors(place)
         over, under = stream.source(start, bar), stream.source(bar + 1, place)
         if rest is None or "|" in over + under:
-            return refusal(*said)
+            return refusals.refusal(*said)
         span = (stream.look(start - stream.position).column, stream.ahead.column)
-        return refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
+        return refusals.refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
 
     def _quotient_before(self) -> tuple[int, int]:
         """The positions at which the term begins and its last / stands."""
@@ -360,32 +346,36 @@ class FormulaParser:
             slash = slash or distance * (depth == 0 and before.is_operator("/"))
         return self._stream.position + distance, self._stream.position + slash
 
-    def _factor(self) -> Expression:
+    def _factor(self) -> ex.Expression:
         base = self._base()
         ahead = self._stream.ahead
         if ahead.kind == "prime":
             instead = "only a coordinate or a declared function takes a prime; write diff(u, x) for other derivatives"
-            raise refusal("a prime occurs", ahead.column, instead)
+            raise refusals.refusal("a prime occurs", ahead.column, instead)
         if not self._stream.take_operator("^"):
             return base
         exponent, slash = self._exponent(), self._stream.ahead
         if self._stream.look(-1).text == "1" and slash.is_operator("/") and self._stream.look(1).kind == "number":
-            raise refusal("where the power ends is not clear", slash.column, "write x^(1/2) for a root, or x/2")
+            raise refusals.refusal(
+                "where the power ends is not clear", slash.column, "write x^(1/2) for a root, or x/2"
+            )
         found = raised(base, exponent, ahead.column)
-        if isinstance(base, Velocity | Acceleration) or base in [Symbol(name) for name in self._names.coordinates]:
+        if isinstance(base, ex.Velocity | ex.Acceleration) or base in [
+            ex.Symbol(name) for name in self._names.coordinates
+        ]:
             self._skip_time_argument()  # x^2(t) is the square of x(t)
         return found
 
-    def _exponent(self) -> Expression:
+    def _exponent(self) -> ex.Expression:
         column = self._stream.ahead.column
         with self._stream.nested():
             factors = [*self._signs(), self._factor()]
         return product(factors, column)
 
-    def _base(self) -> Expression:
+    def _base(self) -> ex.Expression:
         token = self._stream.take()
         if token.kind == "number":
-            return number(token.value)
+            return ex.number(token.value)
         if token.kind == "name":
             return self._name(token)
         if token.is_operator("|"):
@@ -394,10 +384,10 @@ class FormulaParser:
             raise unexpected(token, _OPERAND)
         return self._until(token, ")", 1)[0]
 
-    def _arguments(self) -> list[Expression]:
-        return self._until(self._stream.take(), ")", LIMITS.tokens)
+    def _arguments(self) -> list[ex.Expression]:
+        return self._until(self._stream.take(), ")", refusals.LIMITS.tokens)
 
-    def _until(self, opening: Token, closing: str, most: int) -> list[Expression]:
+    def _until(self, opening: Token, closing: str, most: int) -> list[ex.Expression]:
         """At most so many formulas, separated by commas, and what closes them."""
         bars, self._bars = self._bars, int(closing == "|")
         found = [self._expression()]
@@ -407,9 +397,9 @@ class FormulaParser:
         self._bars = bars
         return found
 
-    def _piecewise(self, token: Token) -> Expression:
+    def _piecewise(self, token: Token) -> ex.Expression:
         """The pieces in brackets, each (formula, condition)."""
-        pieces: list[tuple[Expression, Expression]] = []
+        pieces: list[tuple[ex.Expression, ex.Expression]] = []
         opening = self._opening()
         while not pieces or self._stream.take_operator(","):
             bracket = self._opening()
@@ -429,29 +419,29 @@ class FormulaParser:
             raise unexpected(opening, "a piece such as (x^2, x > 0)")
         return opening
 
-    def _within(self, bars: int) -> Expression:
+    def _within(self, bars: int) -> ex.Expression:
         """A formula; with `bars` a | ends it."""
         outer, self._bars = self._bars, bars
         found = self._expression()
         self._bars = outer
         return found
 
-    def _condition(self) -> Expression:
+    def _condition(self) -> ex.Expression:
         with self._stream.nested():
             found = self._both()
             while self._stream.take_operator("|"):
                 found = either(found, self._both())
         return found
 
-    def _both(self) -> Expression:
+    def _both(self) -> ex.Expression:
         found = self._one_condition()
         while self._stream.take_operator("&"):
             found = found * self._one_condition()
         return found
 
-    def _one_condition(self) -> Expression:
+    def _one_condition(self) -> ex.Expression:
         if self._stream.take_operator("true"):
-            return ONE
+            return ex.ONE
         if self._stream.take_operator("~"):
             with self._stream.nested():
                 return 1 - self._one_condition()
@@ -466,7 +456,7 @@ class FormulaParser:
         """Whether a condition, and no formula, stands in the bracket ahead."""
         return any(token.is_operator("<", ">", "~", "&", "true") for token in self._stream.group())
 
-    def _inequality(self) -> Expression:
+    def _inequality(self) -> ex.Expression:
         """u > w, or a chain 0 < x < 1."""
         left, found = self._within(1), []
         while token := self._stream.take_operator("<", ">"):
@@ -475,9 +465,9 @@ class FormulaParser:
             left = right
         if not found:
             raise unexpected(self._stream.ahead, "an inequality such as x > 0, or true,")
-        return multiply(*found)
+        return ex.multiply(*found)
 
-    def _elementary(self, token: Token) -> Expression:
+    def _elementary(self, token: Token) -> ex.Expression:
         if token.text in PIECEWISE:
             return self._piecewise(token)
         exponent = self._function_power(token)
@@ -490,12 +480,12 @@ class FormulaParser:
                 meant = (f"{token.text}({inner}*t)", f"{token.text}{inside}*t")
                 said = f"the t after {token.text}( ) could be a part of the angle or a factor"
                 span = (token.column, self._stream.look(1).column)
-                raise refusal(said, opening.column, f"write {meant[0]} or {meant[1]}", meant, span)
+                raise refusals.refusal(said, opening.column, f"write {meant[0]} or {meant[1]}", meant, span)
         else:
             result = call(token.text, [self._bare_argument(token)], token.column)
         return raised(result, exponent, token.column) if exponent else result
 
-    def _function_power(self, token: Token) -> Expression | None:
+    def _function_power(self, token: Token) -> ex.Expression | None:
         """The 2 of sin^2 x; sin^-1 is refused, it is asin to some and 1/sin to others."""
         if not (caret := self._stream.take_operator("^")):
             return None
@@ -504,7 +494,7 @@ class FormulaParser:
             raise self._unclear_inverse(token, caret, sign)
         return self._base()
 
-    def _unclear_inverse(self, token: Token, caret: Token, sign: int) -> InputError:
+    def _unclear_inverse(self, token: Token, caret: Token, sign: int) -> errors.InputError:
         """The refusal of sin^-1, with both readings where its argument can be read."""
         stream, name = self._stream, token.text
         said = (f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
@@ -513,15 +503,17 @@ class FormulaParser:
         while stream.take_operator(")") and sign:
             sign -= 1
         place = stream.position
-        with suppress(InputError):
+        with suppress(errors.InputError):
             self._factor()
         argument = stream.source(place, stream.position)
         if not argument or sign or not is_one or f"a{name}" not in FUNCTIONS:
-            return refusal(*said)
+            return refusals.refusal(*said)
         called = argument if argument.startswith("(") else f"({argument})"
-        return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column))
+        return refusals.refusal(
+            *said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column)
+        )
 
-    def _bare_argument(self, token: Token) -> Expression:
+    def _bare_argument(self, token: Token) -> ex.Expression:
         """The argument of sin x, sin 2x, sin x^2; refused where it could go on."""
         ahead = self._stream.ahead
         barred = ahead.is_operator("|") and not self._bars
@@ -574,27 +566,27 @@ class FormulaParser:
     def _is_constant(self, token: Token) -> bool:
         return self._names.role(self._names.spelling(token.text)) == "parameter" or token.text in ("pi", "Pi")
 
-    def _unclear_end(self, token: Token, start: int) -> InputError:
+    def _unclear_end(self, token: Token, start: int) -> errors.InputError:
         """The refusal of sin a b and sin a/b, with both readings where what follows can be read; sin 2 x has one."""
         stream, end, name = self._stream, self._stream.position, token.text
         said = (f"where the argument of {name} ends is not clear", stream.ahead.column, f"write {name}( and )")
         written = stream.take_operator("/", "*")
         sign, place = written.text if written else "*", stream.position
         if (rest := self._source_of_factors(place)) is None:
-            return refusal(*said)
+            return refusals.refusal(*said)
         inner, first = stream.source(start, end), stream.look(start - stream.position)
         separate = (f"({inner}){sign}{rest}",) * (
             first.kind != "number" or written is not None or name in ("sqrt", "cbrt")
         )
         span = (first.column, stream.ahead.column)
-        return refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
+        return refusals.refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
 
     def _source_of_factors(self, place: int) -> str | None:
         """What can be read as factors from this position on, which is passed; None where it cannot be read."""
         try:
             while self._continues(self._stream.ahead):
                 self._factor()
-        except InputError:
+        except errors.InputError:
             return None
         found = self._stream.source(place, self._stream.position)
         return found if found and "|" not in found else None
@@ -610,13 +602,13 @@ class FormulaParser:
         undeclared = self._names.role(name) is None
         return undeclared and (name in FUNCTIONS or self._names.derivative(name) is not None)
 
-    def _name(self, token: Token) -> Expression:
+    def _name(self, token: Token) -> ex.Expression:
         name = self._names.spelling(token.text)
         match self._names.role(name):
             case "coordinate":
                 return self._coordinate(name, 0, token)
             case "parameter":
-                return self._single(Symbol(name), token)
+                return self._single(ex.Symbol(name), token)
             case "function":
                 return self._arbitrary(name, token)
         if name in DERIVATIVE_NAMES:
@@ -625,27 +617,27 @@ class FormulaParser:
             return self._elementary(token)
         return self._constant(name, token)
 
-    def _constant(self, name: str, token: Token) -> Expression:
+    def _constant(self, name: str, token: Token) -> ex.Expression:
         if name in ("pi", "Pi"):
-            return self._single(PI, token)
+            return self._single(ex.PI, token)
         if name in ("e", "E"):
             return self._euler(token)
         if name == "t" and self._names.time:
-            return self._single(TIME, token)
+            return self._single(ex.TIME, token)
         if name == "t":
-            raise refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
+            raise refusals.refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)
         raise unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
 
-    def _euler(self, token: Token) -> Expression:
+    def _euler(self, token: Token) -> ex.Expression:
         """exp(1) where it is raised to a formula; a charge e, or its square, is no number."""
         if not self._stream.ahead.is_operator("^") or self._number_alone():
             name = token.text
             instead = f"write exp(1), exp(2), or declare {name} where it is a name of yours"
-            raise refusal(f"{name} is Euler's number only in a power such as {name}^x", token.column, instead)
-        return Apply("exp", ONE)
+            raise refusals.refusal(f"{name} is Euler's number only in a power such as {name}^x", token.column, instead)
+        return ex.Apply("exp", ex.ONE)
 
     def _number_alone(self) -> bool:
         """Whether the exponent after the ^ ahead is one number, with signs or brackets about it."""
@@ -660,7 +652,7 @@ class FormulaParser:
                 return numbers == 1
             distance += 1
 
-    def _single(self, node: Expression, token: Token) -> Expression:
+    def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name that stands alone; InputError where a bracket makes it look like a function."""
         ahead = self._stream.ahead
         if ahead.is_operator("(") and not ahead.space_before and not self._is_factor(token):
@@ -668,10 +660,10 @@ class FormulaParser:
             name = token.text
             what = f"{name}( could be a product or a function"
             span = (ahead.column, ahead.column + 1)
-            raise refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span)
+            raise refusals.refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span)
         if ahead.kind == "prime":
             instead = f"write diff({token.text}, t)" if node in self._names.definitions else "leave it out"
-            raise refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, instead)
+            raise refusals.refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, instead)
         return node
 
     def _is_factor(self, token: Token) -> bool:
@@ -685,7 +677,7 @@ class FormulaParser:
         closed = len(group) < self._stream.left and depth == 1
         return closed and sums and token.text not in MAY_BE_FUNCTIONS
 
-    def _coordinate(self, name: str, order: int, token: Token) -> Expression:
+    def _coordinate(self, name: str, order: int, token: Token) -> ex.Expression:
         order += self._primes()
         if order > 2:
             raise _third(token.column)
@@ -693,14 +685,14 @@ class FormulaParser:
         ahead = self._stream.ahead
         touches = self._opens_arguments() and not ahead.space_before
         if touches and self._stream.look(1).kind == "number" and self._stream.look(2).is_operator(")"):
-            value = f"{name}({shorten(self._stream.look(1).text)})"
+            value = f"{name}({refusals.shorten(self._stream.look(1).text)})"
             instead = f"leave initial conditions out, they change no answer; write {name}* for a product"
-            raise refusal(f"{value} occurs", token.column, instead)
+            raise refusals.refusal(f"{value} occurs", token.column, instead)
         if self._opens_arguments() and self._group_has_time():
             gap, of_time = (" ", " of time") if ahead.space_before else ("", "")
             instead = f"write {name}*( for a product; delays are not accepted"
-            raise refusal(f"{name}{gap}( could be a product or a function{of_time}", ahead.column, instead)
-        node = (Symbol(name), Velocity(name), Acceleration(name))[order]
+            raise refusals.refusal(f"{name}{gap}( could be a product or a function{of_time}", ahead.column, instead)
+        node = (ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[order]
         return node if ahead.kind == "prime" else self._single(node, token)
 
     def _primes(self) -> int:
@@ -733,10 +725,12 @@ class FormulaParser:
         before, after = self._stream.look(distance - 1), self._stream.look(distance + 1)
         return before.is_operator(",") or (open_groups > 1 and before.is_operator("(") and after.is_operator(")"))
 
-    def _arbitrary(self, name: str, token: Token) -> Expression:
+    def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
         orders = self._orders(name, len(declared))
-        at_most(sum(orders), LIMITS.derivative_order, f"a derivative of {name} is too high", token.column)
+        refusals.at_most(
+            sum(orders), refusals.LIMITS.derivative_order, f"a derivative of {name} is too high", token.column
+        )
         column, exponent = self._stream.ahead.column, None
         if self._stream.take_operator("^"):
             exponent = self._exponent()
@@ -744,29 +738,31 @@ class FormulaParser:
         return found if exponent is None else raised(found, exponent, column)
 
     def _called(
-        self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, power: Expression | None
-    ) -> Expression:
+        self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, power: ex.Expression | None
+    ) -> ex.Expression:
         """A with the arguments that follow, or with those it is declared with; A^2(x) is the square of A(x)."""
         ahead = self._stream.ahead
         if not self._opens_arguments():
-            return Arbitrary(name, tuple(Symbol(argument) for argument in declared), orders)
-        if power == number(-1):
-            raise refusal(f"{name}^(-1)( has two meanings", ahead.column, f"write 1/{name}( or another function")
+            return ex.Arbitrary(name, tuple(ex.Symbol(argument) for argument in declared), orders)
+        if power == ex.number(-1):
+            raise refusals.refusal(
+                f"{name}^(-1)( has two meanings", ahead.column, f"write 1/{name}( or another function"
+            )
         if power is not None and ahead.space_before:
             what = f"a bracket after a power of {name} could be a factor or its arguments"
-            raise refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
+            raise refusals.refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
         arguments = self._arguments()
         if len(arguments) != len(declared):
             instead = f"write {len(declared)}, as in {name}({', '.join(declared)})"
-            raise refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
-        return Arbitrary(name, tuple(arguments), orders)
+            raise refusals.refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
+        return ex.Arbitrary(name, tuple(arguments), orders)
 
     def _orders(self, name: str, count: int) -> tuple[int, ...]:
         """The orders of A'' (one argument) or A[1,0] (one number for each argument)."""
         column = self._stream.ahead.column
         primes = self._primes()
         if primes and count != 1:
-            raise refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
+            raise refusals.refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
         opening = self._stream.take_operator("[")
         if not opening:
             return (primes,) if count == 1 else (0,) * count
@@ -776,17 +772,17 @@ class FormulaParser:
         self._stream.close(opening, "]")
         if primes or len(orders) != count:
             instead = f"write {count} in the brackets and no prime"
-            raise refusal(f"the number of orders of {name} is wrong", column, instead)
+            raise refusals.refusal(f"the number of orders of {name} is wrong", column, instead)
         return tuple(orders)
 
     def _order(self) -> int:
         token = self._stream.take()
         if token.kind != "number" or token.value.denominator != 1:
             raise unexpected(token, "the order of a derivative, an integer,")
-        at_most(token.value, LIMITS.derivative_order, "a derivative is too high", token.column)
+        refusals.at_most(token.value, refusals.LIMITS.derivative_order, "a derivative is too high", token.column)
         return int(token.value)
 
-    def _derivative(self, token: Token) -> Expression:
+    def _derivative(self, token: Token) -> ex.Expression:
         """diff(u, x), diff(u, x, 2), diff(u, x, y), Derivative(u, (t, 2))."""
         opening = self._stream.take()
         if not opening.is_operator("("):
@@ -797,8 +793,8 @@ class FormulaParser:
             variables.append(self._variable())
         self._stream.close(opening)
         if not variables:
-            raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
-        if any(variable.node == TIME for variable in variables) and isinstance(expression, Arbitrary):
+            raise refusals.refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
+        if any(variable.node == ex.TIME for variable in variables) and isinstance(expression, ex.Arbitrary):
             _refuse_two_meanings(expression, token.column)
         return carry_out(expression, variables, self._names)
 
@@ -814,19 +810,21 @@ class FormulaParser:
             self._stream.close(opening)
         return Variable(node, times, token.column)
 
-    def _variable_node(self, token: Token) -> Expression:
+    def _variable_node(self, token: Token) -> ex.Expression:
         if token.kind != "name":
             raise unexpected(token, "the variable of the derivative, a name,")
         if token.text == "t":
-            return TIME
+            return ex.TIME
         name = self._names.spelling(token.text)
         match self._names.role(name):
             case "coordinate":
                 return self._coordinate(name, 0, token)
             case "parameter":
-                return Symbol(name)
+                return ex.Symbol(name)
             case "function":
-                raise refusal("a derivative by a function occurs", token.column, "differentiate by a coordinate")
+                raise refusals.refusal(
+                    "a derivative by a function occurs", token.column, "differentiate by a coordinate"
+                )
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)
@@ -847,9 +845,9 @@ def _starts_factor(token: Token) -> bool:
     return token.kind in ("number", "name") or token.is_operator("(")
 
 
-def parse_tokens(tokens: list[Token], end_column: int, names: Names) -> Expression:
+def parse_tokens(tokens: list[Token], end_column: int, names: Names) -> ex.Expression:
     """The formula that the tokens spell; `end_column` is named where something is missing at the end."""
     try:
         return FormulaParser(TokenStream(tokens, end_column), names).formula()
     except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep
-        raise refusal("the formula is nested too deeply", 1, "write less") from None
+        raise refusals.refusal("the formula is nested too deeply", 1, "write less") from None

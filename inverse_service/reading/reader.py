@@ -13,13 +13,11 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.refusals import refusal, shorten
-from inverse_service.expressions.tree import ZERO, Acceleration, Expression, subtract, walk
-from inverse_service.reading.differentials import with_derivatives
+from inverse_service import errors
+from inverse_service.expressions import refusals
+from inverse_service.expressions import tree as ex
+from inverse_service.reading import differentials, notations, parser
 from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
-from inverse_service.reading.notations import in_our_words
-from inverse_service.reading.parser import check_depth, parse_tokens
 from inverse_service.reading.tokens import COMPARED, TOTAL, Kind, Token, refuse_decimal_commas, tokenize
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
@@ -33,7 +31,7 @@ def is_latex(formula: str) -> bool:
     return "\\" in formula or braces or formula.lstrip().startswith("$")
 
 
-def read_formula(formula: str, names: Names) -> Expression:
+def read_formula(formula: str, names: Names) -> ex.Expression:
     """The formula as a tree; InputError or LimitError with the column."""
     return _side([token for token in read_tokens(formula, names) if token.kind != "newline"], len(formula) + 1, names)
 
@@ -63,28 +61,28 @@ def placed_at(pointer: str) -> Iterator[None]:
     """Errors of what is read inside are at this place of the document."""
     try:
         yield
-    except InputError as error:
+    except errors.InputError as error:
         raise error.placed(pointer) from None
 
 
-def without_accelerations(tree: Expression, what: str, pointer: str) -> Expression:
+def without_accelerations(tree: ex.Expression, what: str, pointer: str) -> ex.Expression:
     """The tree, where it is of coordinates and velocities; else InputError."""
-    found = next((node for node in walk(tree) if isinstance(node, Acceleration)), None)
+    found = next((node for node in ex.walk(tree) if isinstance(node, ex.Acceleration)), None)
     if found is not None:
-        raise InputError(
+        raise errors.InputError(
             f"{what} contains the acceleration {found.coordinate}'': use coordinates and velocities.", pointer
         )
     return tree
 
 
-def read_condition(condition: str, names: Names) -> Expression:
+def read_condition(condition: str, names: Names) -> ex.Expression:
     """A - B of A > B and of A != B, B - A of A < B: positive, or not 0, where the condition of an answer holds."""
     left, sign, right = re.split(r" (!=|>|<) ", condition)
     sides = [read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))]
-    return sides[0] if sides[1] == ZERO else subtract(*sides)
+    return sides[0] if sides[1] == ex.ZERO else ex.subtract(*sides)
 
 
-def read_equations(formula: str, names: Names) -> list[tuple[Expression, Expression]]:
+def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.Expression]]:
     """(left, right) of each equation; no = means = 0."""
     return [read_equation(group, names) for group in split_equations(formula, names)]
 
@@ -96,9 +94,9 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     if is_latex(formula):
         from inverse_service.reading import latex
 
-        tokens = with_derivatives(_with_products(latex.tokenize(formula, names), names), names)
+        tokens = differentials.with_derivatives(_with_products(latex.tokenize(formula, names), names), names)
     else:
-        tokens = in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
+        tokens = notations.in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
     refuse_decimal_commas(tokens)
     tokens = _without_names_of_forms(_with_forms(tokens, names), names) if names.forms else tokens
     return _without_remarks(tokens, formula, names)
@@ -163,7 +161,7 @@ def undifferentiated(formula: str) -> list[Token]:
 
             return latex.tokenize(formula)
         return tokenize(formula)
-    except InputError:
+    except errors.InputError:
         return []
 
 
@@ -341,7 +339,9 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     groups.append(EquationTokens(tuple(current), len(formula) + 1))
     found = [group for group in groups if group.tokens]
     if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
-        raise refusal("a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations")
+        raise refusals.refusal(
+            "a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations"
+        )
     return found
 
 
@@ -356,7 +356,7 @@ def _refuse_bullets(tokens: Sequence[Token]) -> None:
     full = [line for line in lines if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
-        raise refusal(
+        raise refusals.refusal(
             "every line begins with a - that may be a bullet", full[0][0].column, "leave it out, or write -1*"
         )
 
@@ -392,19 +392,19 @@ def _line_has_equals(tokens: Sequence[Token], place: int) -> bool:
     return False
 
 
-def read_equation(equation: EquationTokens, names: Names) -> tuple[Expression, Expression]:
+def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression, ex.Expression]:
     """(left, right); right is 0 where no = stands."""
     places = [place for place, token in enumerate(equation.tokens) if token.is_operator("=")]
     if len(places) > 1:
         column = equation.tokens[places[1]].column
-        raise refusal("a second = occurs", column, "separate equations by ;")
+        raise refusals.refusal("a second = occurs", column, "separate equations by ;")
     if not places:
-        return _side(list(equation.tokens), equation.end_column, names), ZERO
+        return _side(list(equation.tokens), equation.end_column, names), ex.ZERO
     left, right = list(equation.tokens[: places[0]]), list(equation.tokens[places[0] + 1 :])
     return _side(left, equation.tokens[places[0]].column, names), _side(right, equation.end_column, names)
 
 
-def remark(line: Sequence[Token], place: int) -> InputError | None:
+def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
     """The refusal of names in brackets, (spring) after an equation and (a) before one: no factors to their writers."""
     start = end = place
     while start and line[start - 1].kind == "name":
@@ -420,8 +420,10 @@ def remark(line: Sequence[Token], place: int) -> InputError | None:
     )
     if not begins and not follows:
         return None
-    shown = shorten(f"({' '.join(token.text for token in line[start:end])})")
-    return refusal(f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor")
+    shown = refusals.shorten(f"({' '.join(token.text for token in line[start:end])})")
+    return refusals.refusal(
+        f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor"
+    )
 
 
 def _is_power(line: Sequence[Token], end: int) -> bool:
@@ -445,8 +447,10 @@ def _ends_factor(token: Token | None) -> bool:
     return token.kind in ("name", "number", "prime") or token.is_operator(")")
 
 
-def _side(tokens: list[Token], end_column: int, names: Names) -> Expression:
-    return check_depth(parse_tokens(tokens, end_column, names), tokens[0].column if tokens else end_column)
+def _side(tokens: list[Token], end_column: int, names: Names) -> ex.Expression:
+    return parser.check_depth(
+        parser.parse_tokens(tokens, end_column, names), tokens[0].column if tokens else end_column
+    )
 
 
 def equation_line(name: str, text: str) -> str:

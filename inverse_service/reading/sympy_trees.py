@@ -14,43 +14,28 @@ from sympy.core.function import AppliedUndef
 from sympy.integrals.heurisch import heurisch
 from sympy.simplify.fu import TR8
 
-from inverse_service.errors import InputError
+from inverse_service import errors
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
-from inverse_service.expressions.tree import (
-    ELEMENTARY,
-    ONE,
-    PI,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    add,
-    multiply,
-    square_root,
-)
-from inverse_service.reading.parser import OF_SECOND_ORDER
+from inverse_service.reading import parser
 
 _REFUSED = ((sympy.Integral, "an integral occurs: carry it out, or declare a function of your own"),)
 
 
-def to_sympy(tree: Expression, leaf: Callable[[Expression], Any]) -> Any:
+def to_sympy(tree: ex.Expression, leaf: Callable[[ex.Expression], Any]) -> Any:
     """The tree as a SymPy expression; `leaf` gives the objects of names and of arbitrary functions."""
     match tree:
-        case Number(value):
+        case ex.Number(value):
             return sympy.Rational(value.numerator, value.denominator)
-        case _ if tree == PI:
+        case _ if tree == ex.PI:
             return sympy.pi
-        case Sum(terms):
+        case ex.Sum(terms):
             return sympy.Add(*(to_sympy(term, leaf) for term in terms))
-        case Product(factors):
+        case ex.Product(factors):
             return sympy.Mul(*(to_sympy(factor, leaf) for factor in factors))
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             return sympy.Pow(to_sympy(base, leaf), to_sympy(exponent, leaf))
-        case Apply(function, argument):
+        case ex.Apply(function, argument):
             return getattr(sympy, function)(to_sympy(argument, leaf))
     return leaf(tree)
 
@@ -59,11 +44,11 @@ def to_sympy(tree: Expression, leaf: Callable[[Expression], Any]) -> Any:
 class Leaves:
     """The trees of the objects that formulas are made of, and the names of their arbitrary functions."""
 
-    trees: Mapping[Any, Expression]
+    trees: Mapping[Any, ex.Expression]
     functions: Mapping[Any, str]
 
 
-def from_sympy(expression: Any, leaves: Leaves) -> Expression:
+def from_sympy(expression: Any, leaves: Leaves) -> ex.Expression:
     """The expression as a tree; InputError for what has no exact real meaning here."""
     if expression in leaves.trees:
         return leaves.trees[expression]
@@ -71,21 +56,21 @@ def from_sympy(expression: Any, leaves: Leaves) -> Expression:
         case sympy.Float():
             raise _refused("a Float occurs", "write the exact number, such as Rational(1, 3)")
         case sympy.Rational():
-            return Number(Fraction(int(expression.p), int(expression.q)))
+            return ex.Number(Fraction(int(expression.p), int(expression.q)))
         case sympy.Symbol():
             raise _refused(f"the symbol {expression} occurs twice with other assumptions", "use one symbol")
         case sympy.Add():
-            return add(*(from_sympy(term, leaves) for term in expression.args))
+            return ex.add(*(from_sympy(term, leaves) for term in expression.args))
         case sympy.Mul():
-            return multiply(*(from_sympy(factor, leaves) for factor in expression.args))
+            return ex.multiply(*(from_sympy(factor, leaves) for factor in expression.args))
         case sympy.Pow():
             return from_sympy(expression.base, leaves) ** from_sympy(expression.exp, leaves)
         case sympy.exp():
-            return Apply("exp", from_sympy(expression.args[0], leaves))
+            return ex.Apply("exp", from_sympy(expression.args[0], leaves))
         case _ if expression == sympy.pi:
-            return PI
+            return ex.PI
         case _ if expression == sympy.E:
-            return Apply("exp", ONE)
+            return ex.Apply("exp", ex.ONE)
         case sympy.Derivative() | sympy.Subs():
             return _derivative(expression, leaves)
         case AppliedUndef():
@@ -104,16 +89,18 @@ def from_sympy(expression: Any, leaves: Leaves) -> Expression:
     if expression.is_finite is False or expression is sympy.nan:
         raise _refused(f"{expression} is not a number", "write a finite number")
     reason = next((text for kind, text in _REFUSED if isinstance(expression, kind)), "")
-    raise InputError((reason or f"{type(expression).__name__} is not accepted: write elementary functions") + ".")
+    raise errors.InputError(
+        (reason or f"{type(expression).__name__} is not accepted: write elementary functions") + "."
+    )
 
 
-def _condition(held: Any, leaves: Leaves) -> Expression:
+def _condition(held: Any, leaves: Leaves) -> ex.Expression:
     """1 where the condition of a piece holds, 0 elsewhere."""
     match held:
         case sympy.logic.boolalg.BooleanTrue():
-            return ONE
+            return ex.ONE
         case sympy.And():
-            return multiply(*(_condition(part, leaves) for part in held.args))
+            return ex.multiply(*(_condition(part, leaves) for part in held.args))
         case sympy.Or():
             return reduce(either, (_condition(part, leaves) for part in held.args))
         case sympy.Not():
@@ -123,25 +110,25 @@ def _condition(held: Any, leaves: Leaves) -> Expression:
     raise _refused(f"the condition {held} occurs", "write inequalities of polynomials, joined by &, | and ~")
 
 
-def _refused(what: str, instead: str) -> InputError:
-    return InputError(f"{what}: {instead}.", "/equations")
+def _refused(what: str, instead: str) -> errors.InputError:
+    return errors.InputError(f"{what}: {instead}.", "/equations")
 
 
-def _elementary(expression: Any, leaves: Leaves) -> Expression:
+def _elementary(expression: Any, leaves: Leaves) -> ex.Expression:
     name = type(expression).__name__
-    if name not in ELEMENTARY or len(expression.args) != 1:
+    if name not in ex.ELEMENTARY or len(expression.args) != 1:
         raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
-    return Apply(name, from_sympy(expression.args[0], leaves))
+    return ex.Apply(name, from_sympy(expression.args[0], leaves))
 
 
-def _with_branches(expression: Any, leaves: Leaves) -> Expression:
+def _with_branches(expression: Any, leaves: Leaves) -> ex.Expression:
     """|u| is the root of u^2, sign(u) is u/|u|: the solver takes them apart by branches."""
     argument = from_sympy(expression.args[0], leaves)
-    magnitude = square_root(argument**2)
+    magnitude = ex.square_root(argument**2)
     return magnitude if isinstance(expression, sympy.Abs) else argument / magnitude
 
 
-def _derivative(expression: Any, leaves: Leaves) -> Expression:
+def _derivative(expression: Any, leaves: Leaves) -> ex.Expression:
     """Derivative(A(x), x), and Subs of it at other arguments."""
     inner, replaced = expression, {}
     if isinstance(expression, sympy.Subs):
@@ -152,7 +139,7 @@ def _derivative(expression: Any, leaves: Leaves) -> Expression:
             raise _refused("a derivative that is not carried out occurs", "call doit()")
         return from_sympy(done, leaves)
     if inner.expr in leaves.trees:
-        raise _refused("a third derivative occurs", OF_SECOND_ORDER)
+        raise _refused("a third derivative occurs", parser.OF_SECOND_ORDER)
     orders = [0] * len(inner.expr.args)
     for variable, count in inner.variable_count:
         places = [place for place, argument in enumerate(inner.expr.args) if argument == variable]
@@ -162,16 +149,16 @@ def _derivative(expression: Any, leaves: Leaves) -> Expression:
     return _arbitrary(inner.expr, orders, [argument.subs(replaced) for argument in inner.expr.args], leaves)
 
 
-def _arbitrary(applied: Any, orders: list[int], arguments: Any, leaves: Leaves) -> Expression:
+def _arbitrary(applied: Any, orders: list[int], arguments: Any, leaves: Leaves) -> ex.Expression:
     name = leaves.functions.get(applied.func)
     if name is None:
         raise _refused(f"the function {applied} occurs", "give the coordinates, and functions of them")
-    return Arbitrary(name, tuple(from_sympy(argument, leaves) for argument in arguments), tuple(orders))
+    return ex.Arbitrary(name, tuple(from_sympy(argument, leaves) for argument in arguments), tuple(orders))
 
 
 def elementary_antiderivatives(
-    slope: Expression, variable: Symbol, signs: Mapping[Symbol, int]
-) -> Iterator[Expression]:
+    slope: ex.Expression, variable: ex.Symbol, signs: Mapping[ex.Symbol, int]
+) -> Iterator[ex.Expression]:
     """What SymPy finds for the integral of a formula of real symbols with these signs, where that is elementary.
 
     Nothing here says that it is right, or where: of cases the first is taken, of steps those that are 0.

@@ -23,14 +23,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from math import inf, lcm
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, is_exponential
+from inverse_service.expressions import tree as ex
 from inverse_service.field import point as ps
+from inverse_service.field import tower
 from inverse_service.field.point import Expansion, SingularPoint, Variable, evaluate
-from inverse_service.field.tower import draw_point, to_kernels
-from inverse_service.search.ansatz import Sampler, connection_and_endomorphism, letter_table, make_sampler, tensors_of
+from inverse_service.search import ansatz, null_vectors
 from inverse_service.search.material import (
     Material,
     antiderivatives,
@@ -40,7 +39,6 @@ from inverse_service.search.material import (
     moving_letters,
     simplified,
 )
-from inverse_service.search.null_vectors import small_solution
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -62,8 +60,8 @@ from inverse_service.search.terms import (
 def integrating_factor(material: Material, c: Terms, variable: Variable, seed: int) -> Monomial | None:
     """exp(-int c d variable), or None where it is no such product; logarithms alone are tried first."""
     own = dict.fromkeys(p for key in c for letter, _ in key for p in (letter, *companions(letter)))
-    sums = [p for p in material.position_letters if isinstance(p, Sum)]
-    letters = [p for p in dict.fromkeys([variable, *own, *sums]) if not is_exponential(p)]
+    sums = [p for p in material.position_letters if isinstance(p, ex.Sum)]
+    letters = [p for p in dict.fromkeys([variable, *own, *sums]) if not ex.is_exponential(p)]
     primitives = list(dict.fromkeys(m for key in c for m in antiderivatives(key, variable)))
     for extra in ([], primitives):
         fits = len(letters) + len(extra) <= bounds.COLUMNS
@@ -73,7 +71,9 @@ def integrating_factor(material: Material, c: Terms, variable: Variable, seed: i
     return None
 
 
-def _assembled(letters: Sequence[Expression], primitives: Sequence[Monomial], solution: Sequence[Fraction]) -> Monomial:
+def _assembled(
+    letters: Sequence[ex.Expression], primitives: Sequence[Monomial], solution: Sequence[Fraction]
+) -> Monomial:
     """prod p_j^-e_j exp(-sum r_k m_k)."""
     result = EMPTY
     for letter, e in zip(letters, solution, strict=False):
@@ -81,7 +81,7 @@ def _assembled(letters: Sequence[Expression], primitives: Sequence[Monomial], so
             result = times(result, frozenset([(letter, -e)]))
     for m, r in zip(primitives, solution[len(letters) :], strict=True):
         if r:
-            result = times(result, frozenset([(Apply("exp", monomial_tree(m)), -r)]))
+            result = times(result, frozenset([(ex.Apply("exp", monomial_tree(m)), -r)]))
     return result
 
 
@@ -89,34 +89,36 @@ def _solve(
     material: Material,
     c: Terms,
     variable: Variable,
-    letters: Sequence[Expression],
-    primitives: Sequence[Expression],
+    letters: Sequence[ex.Expression],
+    primitives: Sequence[ex.Expression],
     seed: int,
 ) -> list[Fraction] | None:
     """The simplest rational solution: columns that depend on earlier ones are left out."""
     given = tree_of(c)
     try:
-        sampler = make_sampler(material.analysis, [(tree, Fraction(1)) for tree in (*letters, *primitives, given)])
+        sampler = ansatz.make_sampler(
+            material.analysis, [(tree, Fraction(1)) for tree in (*letters, *primitives, given)]
+        )
         points = [sampler.points(seed).point(k) for k in range(len(letters) + len(primitives) + 6)]
         rows = [_row(Expansion(point, [variable], 1), letters, primitives, given) for point in points]
-    except (IrreducibleAtoms, SingularPoint, ValueError):
+    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return None
-    return small_solution(rows, points[0].prime)
+    return null_vectors.small_solution(rows, points[0].prime)
 
 
 def _row(
-    expansion: Expansion, letters: Sequence[Expression], primitives: Sequence[Expression], c: Expression
+    expansion: Expansion, letters: Sequence[ex.Expression], primitives: Sequence[ex.Expression], c: ex.Expression
 ) -> list[int]:
     """d(log p)/dx for each letter, dm/dx for each antiderivative, and c, at a point."""
     prime = expansion.point.prime
     row = []
     for p in letters:
-        series = expansion.expand(to_kernels(p))
+        series = expansion.expand(tower.to_kernels(p))
         if not ps.value_at_point(series):
             raise SingularPoint("a letter vanishes")
         row.append(_slope(series) * pow(ps.value_at_point(series), -1, prime) % prime)
-    row += [_slope(expansion.expand(to_kernels(m))) for m in primitives]
-    return [*row, evaluate(to_kernels(c), expansion.point)]
+    row += [_slope(expansion.expand(tower.to_kernels(m))) for m in primitives]
+    return [*row, evaluate(tower.to_kernels(c), expansion.point)]
 
 
 def _slope(series: ps.Series) -> int:
@@ -125,7 +127,7 @@ def _slope(series: ps.Series) -> int:
 
 def divergence_factor(material: Material, seed: int) -> Monomial | None:
     """exp(ct) with c not 0, or None where the divergence asks for none or is no such combination."""
-    letters: list[Expression] = [
+    letters: list[ex.Expression] = [
         *material.motion.velocities,
         *material.position_letters,
         *dict.fromkeys([*material.velocity_letters, *moving_letters(material)]),
@@ -133,7 +135,7 @@ def divergence_factor(material: Material, seed: int) -> Monomial | None:
     constants = [monomial_tree(key) for key in material.parameter_monomials[: bounds.CANDIDATES]]
     try:
         solution = _constants_of_divergence(material, letters, constants, seed)
-    except (IrreducibleAtoms, SingularPoint, ValueError):
+    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return None
     if solution is None:
         return None
@@ -141,32 +143,34 @@ def divergence_factor(material: Material, seed: int) -> Monomial | None:
     if len(found) != 1:
         return None
     k, c = found[0]
-    rate = times(material.parameter_monomials[k], monomial(TIME))
-    return frozenset([(Apply("exp", monomial_tree(rate)), c)])
+    rate = times(material.parameter_monomials[k], monomial(ex.TIME))
+    return frozenset([(ex.Apply("exp", monomial_tree(rate)), c)])
 
 
 def is_free_of_divergence(analysis: Analysis, seed: int) -> bool:
     """Whether div_v f vanishes at a random point."""
     try:
-        point = draw_point(analysis.tower, seed)
-        connection, _ = connection_and_endomorphism(Sampler(analysis, analysis.tower, analysis.real_point), point)
-    except (IrreducibleAtoms, SingularPoint, ValueError):
+        point = tower.draw_point(analysis.tower, seed)
+        connection, _ = ansatz.connection_and_endomorphism(
+            ansatz.Sampler(analysis, analysis.tower, analysis.real_point), point
+        )
+    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return False
     return sum(row[i] for i, row in enumerate(connection)) % point.prime == 0
 
 
 def _constants_of_divergence(
-    material: Material, letters: list[Expression], constants: list[Expression], seed: int
+    material: Material, letters: list[ex.Expression], constants: list[ex.Expression], seed: int
 ) -> list[Fraction] | None:
-    sampler = make_sampler(material.analysis, [(p, Fraction(1)) for p in (*letters, *constants)])
+    sampler = ansatz.make_sampler(material.analysis, [(p, Fraction(1)) for p in (*letters, *constants)])
     width = len(letters) + len(constants)
-    table = letter_table(sampler, letters, width + 6, seed)
+    table = ansatz.letter_table(sampler, letters, width + 6, seed)
     rows = []
-    places = zip(table.points, table.derivatives.along.tolist(), tensors_of(sampler, table), strict=True)
+    places = zip(table.points, table.derivatives.along.tolist(), ansatz.tensors_of(sampler, table), strict=True)
     for point, along, (connection, _) in places:
         trace = 2 * sum(connection[i][i] for i in range(material.motion.size))
-        rows.append([*along, *(evaluate(to_kernels(c), point) for c in constants), trace % table.prime])
-    return small_solution(rows, table.prime)
+        rows.append([*along, *(evaluate(tower.to_kernels(c), point) for c in constants), trace % table.prime])
+    return null_vectors.small_solution(rows, table.prime)
 
 
 HALF = Fraction(1, 2)
@@ -210,7 +214,7 @@ def find_factors(material: Material, seed: int) -> Factors:
         factor = integrating_factor(material, c, variable, seed)
         if not factor:
             continue
-        if variable == TIME:
+        if variable == ex.TIME:
             # g = e^(-(1 + k) int c dt) v^k solves Gamma(g) = -g df/dv for f = c v.
             in_time.update(dict.fromkeys(times(EMPTY, factor, e) for e in (1, -1, 2, -2, 3)))
         elif variable == material.motion.coordinates[i]:
@@ -247,7 +251,7 @@ def _fitted(material: Material, seed: int) -> Iterator[tuple[tuple[int, Fraction
 def _exponential_of(material: Material, rate: Terms, seed: int) -> Monomial | None:
     """phi(t, q) with Gamma(log phi) = rate, which is linear in the velocities then; None where none is found."""
     motion, phi = material.motion, EMPTY
-    steps = [(TIME, EMPTY), *((q, monomial(v)) for q, v in zip(motion.coordinates, motion.velocities, strict=True))]
+    steps = [(ex.TIME, EMPTY), *((q, monomial(v)) for q, v in zip(motion.coordinates, motion.velocities, strict=True))]
     if any(split_velocities(key)[1] not in [moving for _, moving in steps] for key in rate):
         return None
     for variable, moving in steps:
@@ -275,12 +279,12 @@ def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomi
     return [times(a, b) for a in left for b in right]
 
 
-def _exponents(letter: Expression, seen: set[Fraction]) -> list[Fraction]:
+def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
     """The exponents with which a letter of position is offered, given those with which it stands in f."""
     one = Fraction(1)
-    if isinstance(letter, Sum):
+    if isinstance(letter, ex.Sum):
         return [one, -one, HALF, -HALF]
-    if is_exponential(letter):
+    if ex.is_exponential(letter):
         highest = int(max([one, *(abs(e) for e in seen)]))
         whole = [k * one for k in range(1, min(highest, bounds.POWER) + 1)]
         unit = Fraction(1, lcm(*(e.denominator for e in seen)))  # e^(x/2) may be a part of e^(3x/2)
@@ -293,7 +297,7 @@ def position_monomials(material: Material, degree: int, room: float = inf) -> li
 
     Of three letters and more only where all of these make at most `room`.
     """
-    powers: dict[Expression, set[Fraction]] = {}
+    powers: dict[ex.Expression, set[Fraction]] = {}
     for terms in material.motion.forces:
         for key in terms:
             for letter, e in key:

@@ -39,10 +39,9 @@ import numpy as np
 import numpy.typing as npt
 from flint import nmod_mat
 
-from inverse_service.deadline import check
+from inverse_service import deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field.modular import reconstruct
-from inverse_service.field.tower import to_kernels
+from inverse_service.field import modular, tower
 from inverse_service.search.terms import Monomial, Terms, add_terms, monomial_tree, terms_of, times
 
 Numbers = npt.NDArray[np.int64]
@@ -209,7 +208,7 @@ class Flow:
         self.points, self.order, n = points, order, len(forces)
         self.size = 1 + (2 * n if gradients else 0)
         names = points.coordinates
-        kernels = [to_kernels(f) for f in forces]
+        kernels = [tower.to_kernels(f) for f in forces]
         q = np.zeros((n, order + 2, points.count), np.int64)
         q[:, 0] = [points.value(("variable", ex.Symbol(name))) for name in names]
         q[:, 1] = [points.value(("variable", ex.Velocity(name))) for name in names]
@@ -223,7 +222,7 @@ class Flow:
 
     def tree(self, tree: ex.Expression) -> Jet:
         """The series of any formula in the same generators."""
-        return self.evaluation.jet(to_kernels(tree))
+        return self.evaluation.jet(tower.to_kernels(tree))
 
     def slopes(self) -> tuple[Numbers, Numbers]:
         """(f_v, f_q), (order, points, n, n) each."""
@@ -293,7 +292,7 @@ class _Evaluation:
     def jet(self, tree: ex.Expression) -> Jet:
         found = self.known.get(tree)
         if found is None:
-            check(self.size * self.order)
+            deadline.check(self.size * self.order)
             found = self.known[tree] = self._jet(tree)
         return found
 
@@ -503,7 +502,7 @@ class Interpolation:
     def drawn(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
         """At least so many points, all good."""
         for k in range(_DRAWS):
-            check(count)
+            deadline.check(count)
             values, points = self.values(fixed, (count + 8) << min(k, 3))
             if values.shape[1] >= count:
                 return values, points
@@ -579,7 +578,7 @@ class Interpolation:
         self, support: Sequence[Sequence[tuple[Power, ...]]], vector: Sequence[int], done: Sequence[Generator]
     ) -> list[Terms]:
         unit = pow(vector[0], -1, PRIME)
-        numbers = [reconstruct(value * unit % PRIME, PRIME, _LARGEST) for value in vector]
+        numbers = [modular.reconstruct(value * unit % PRIME, PRIME, _LARGEST) for value in vector]
         if any(number is None for number in numbers):
             raise NoFit("the coefficients are no small rational numbers")
         found, place = list[Terms](), 0

@@ -18,15 +18,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
 
-from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.mechanics.implicit_equations import vanishes
+from inverse_service.field import exact_field, real_point
+from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import quadratures
-from inverse_service.search.quadratures import antiderivative, fresh_names
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -55,12 +53,12 @@ class Integrator:
     """
 
     system: SecondOrderSystem
-    table: RealTable | None = None
+    table: real_point.RealTable | None = None
     signs: bool = False
     names: Iterator[str] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.names = fresh_names(self.system)
+        self.names = quadratures.fresh_names(self.system)
 
     def function_of(self, variables: Sequence[ex.Symbol], slopes: Sequence[Terms]) -> Terms | None:
         """phi with d phi/d variables[i] = slopes[i]; None where there is none, or none is found."""
@@ -103,8 +101,8 @@ class Integrator:
             return {}
         names = self.system.coordinates
         symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-        with suppress(TooLarge, ZeroDivisionError, TooManyTerms, KeyError, IrreducibleAtoms):
-            return terms_of(factored([tree_of(terms)], symbols, Budget.short())[0])
+        with suppress(exact_field.TooLarge, ZeroDivisionError, TooManyTerms, KeyError, errors.IrreducibleAtoms):
+            return terms_of(exact_field.factored([tree_of(terms)], symbols, exact_field.Budget.short())[0])
         return terms
 
     def integral(self, slope: Terms, variable: ex.Symbol) -> tuple[Terms, Terms]:
@@ -127,7 +125,7 @@ class Integrator:
             return add_terms(total, terms_of(known), -1), {}
         left = Terms()
         for beside, inner in _outside(other, variable):
-            found = antiderivative(self.system, tree_of(inner), variable, self.table)
+            found = quadratures.antiderivative(self.system, tree_of(inner), variable, self.table)
             if found is None:
                 left = add_terms(left, multiply_terms(beside, inner))
             else:
@@ -161,8 +159,8 @@ class Integrator:
 
     def positive(self, base: ex.Expression) -> ex.Expression:
         """The tree, or its opposite where that is positive at the real point."""
-        with suppress(NoRealValue, IrreducibleAtoms):
-            if self.table is not None and real_sign(base, self.table) < 0:
+        with suppress(NoRealValue, errors.IrreducibleAtoms):
+            if self.table is not None and real_point.real_sign(base, self.table) < 0:
                 return ex.negated(base)
         return base
 
@@ -280,8 +278,8 @@ def is_zero(terms: Terms) -> bool:
     if len(terms) == 1:
         return False
     try:
-        return vanishes(tree_of(terms))
-    except InputError:
+        return implicit_equations.vanishes(tree_of(terms))
+    except errors.InputError:
         return False
 
 

@@ -12,57 +12,35 @@ from fractions import Fraction
 
 import mpmath
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.deadline import OutOfTime, check, until, within
-from inverse_service.decision.deciding import Analysis, analyze, variables_of
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import TIME, Apply, Expression, Sum, Symbol, Velocity
+from inverse_service.decision import deciding
+from inverse_service.expressions import evaluation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import real_point
 from inverse_service.field.point import SingularPoint
-from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import rungs
-from inverse_service.search.ansatz import (
-    Sampler,
-    make_sampler,
-    occurring_terms,
-    sampler_of,
-    solve_ansatz,
-    solve_multiplier,
-)
+from inverse_service.search import ansatz, families, plain_forces, protocol, quadratures, rungs, tidy
 from inverse_service.search.factors import NO_FACTORS, Factors, find_factors
-from inverse_service.search.families import (
-    Family,
-    all_terms,
-    answers,
-    each_once,
-    is_linear,
-    kinetic_terms,
-    label,
-    own_family,
-    with_parameters,
-    without_squares,
-)
 from inverse_service.search.material import Material, gather
 from inverse_service.search.members import Member, best_members, needed_combinations
-from inverse_service.search.plain_forces import plain
-from inverse_service.search.protocol import Found, Leaf, Reduction, SearchOutcome, Smaller
-from inverse_service.search.quadratures import real_form
 from inverse_service.search.terms import Monomial, TooManyTerms, collected, terms_of, tree_of
-from inverse_service.search.tidy import tidied
 
 _DIGITS = 180
 _STEP_DIGITS = 40
 _TOLERANCE = mpmath.mpf(10) ** -40
 _SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
 
-Direction = Mapping[Expression, mpmath.mpf]
+Direction = Mapping[ex.Expression, mpmath.mpf]
 
 
-def holds_numerically(analysis: Analysis, tree: Expression, seed: int) -> bool:
+def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: int) -> bool:
     """Whether the Euler-Lagrange equations hold to 40 digits and g is regular at points near a real one."""
     system = analysis.system
-    for table in (analysis.real_point, find_real_point([*system.accelerations, tree], variables_of(system), seed)):
+    for table in (
+        analysis.real_point,
+        real_point.find_real_point([*system.accelerations, tree], deciding.variables_of(system), seed),
+    ):
         generator = random.Random(seed)
         try:
             with mpmath.workdps(_DIGITS):
@@ -70,28 +48,28 @@ def holds_numerically(analysis: Analysis, tree: Expression, seed: int) -> bool:
                 points = [_perturbed(table, generator) for _ in range(2)] if table else []
                 if points:
                     return all(_holds_at(system, tree, point) for point in points)
-        except NoRealValue:
+        except evaluation.NoRealValue:
             continue
     return False
 
 
-def _perturbed(table: RealTable, generator: random.Random) -> RealTable:
+def _perturbed(table: real_point.RealTable, generator: random.Random) -> real_point.RealTable:
     """A point near the given one, so that it lies on the same branch of all roots."""
     return {name: value * (1 + mpmath.mpf(generator.randrange(1, 1000)) / 10**8) for name, value in table.items()}
 
 
-def _holds_at(system: SecondOrderSystem, tree: Expression, point: RealTable) -> bool:
+def _holds_at(system: SecondOrderSystem, tree: ex.Expression, point: real_point.RealTable) -> bool:
     names = system.coordinates
-    motion: dict[Expression, mpmath.mpf] = {TIME: mpmath.mpf(1)}
+    motion: dict[ex.Expression, mpmath.mpf] = {ex.TIME: mpmath.mpf(1)}
     for name, f in zip(names, system.accelerations, strict=True):
-        motion[Symbol(name)] = point[Velocity(name)]
-        motion[Velocity(name)] = evaluate(f, point)
+        motion[ex.Symbol(name)] = point[ex.Velocity(name)]
+        motion[ex.Velocity(name)] = evaluation.evaluate(f, point)
     one = mpmath.mpf(1)
     for name in names:
-        along = _second(tree, point, {Velocity(name): one}, motion)
-        if abs(along - _first(tree, point, {Symbol(name): one})) > _TOLERANCE * (1 + abs(along)):
+        along = _second(tree, point, {ex.Velocity(name): one}, motion)
+        if abs(along - _first(tree, point, {ex.Symbol(name): one})) > _TOLERANCE * (1 + abs(along)):
             return False
-    form = [[_second(tree, point, {Velocity(a): one}, {Velocity(b): one}) for a in names] for b in names]
+    form = [[_second(tree, point, {ex.Velocity(a): one}, {ex.Velocity(b): one}) for a in names] for b in names]
     return _is_regular(form)
 
 
@@ -101,19 +79,21 @@ def _is_regular(form: Sequence[Sequence[mpmath.mpf]]) -> bool:
     return bool(size and abs(mpmath.det(matrix / size)) > _SMALLEST_DETERMINANT)
 
 
-def _first(tree: Expression, point: RealTable, direction: Direction) -> mpmath.mpf:
+def _first(tree: ex.Expression, point: real_point.RealTable, direction: Direction) -> mpmath.mpf:
     """The derivative along a direction."""
     h = mpmath.mpf(10) ** -_STEP_DIGITS
-    return (evaluate(tree, _at(point, direction, h)) - evaluate(tree, _at(point, direction, -h))) / (2 * h)
+    return (
+        evaluation.evaluate(tree, _at(point, direction, h)) - evaluation.evaluate(tree, _at(point, direction, -h))
+    ) / (2 * h)
 
 
-def _second(tree: Expression, point: RealTable, one: Direction, other: Direction) -> mpmath.mpf:
+def _second(tree: ex.Expression, point: real_point.RealTable, one: Direction, other: Direction) -> mpmath.mpf:
     """The derivative along both directions, the second one held constant."""
     h = mpmath.mpf(10) ** -_STEP_DIGITS
     return (_first(tree, _at(point, other, h), one) - _first(tree, _at(point, other, -h), one)) / (2 * h)
 
 
-def _at(point: RealTable, direction: Direction, h: mpmath.mpf) -> RealTable:
+def _at(point: real_point.RealTable, direction: Direction, h: mpmath.mpf) -> real_point.RealTable:
     moved = dict(point)
     for name, part in direction.items():
         moved[name] = moved.get(name, mpmath.mpf(0)) + h * part
@@ -121,7 +101,7 @@ def _at(point: RealTable, direction: Direction, h: mpmath.mpf) -> RealTable:
 
 
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
-_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
+_NO_POINTS = (errors.IrreducibleAtoms, SingularPoint, ValueError)
 
 
 @dataclass(slots=True)
@@ -137,15 +117,15 @@ class _Search:
 
 
 def search(
-    analysis: Analysis,
+    analysis: deciding.Analysis,
     with_time: bool,
     seed: int,
     deadline: float,
     progress: Callable[[str], None],
-    own_terms: Sequence[Expression] = (),
-    holds: Callable[[Expression], bool] = lambda _: True,
+    own_terms: Sequence[ex.Expression] = (),
+    holds: Callable[[ex.Expression], bool] = lambda _: True,
     highest: float = math.inf,
-) -> SearchOutcome:
+) -> protocol.SearchOutcome:
     """The first rung that gives a regular Lagrangian, or what was tried; the caller's own terms come first.
 
     Rungs of more than the `highest` cost are left out. A rung counts only if one of its Lagrangians `holds`; those
@@ -154,40 +134,42 @@ def search(
     tried: list[tuple[str, int]] = []
     found = None
     with suppress(OutOfTime), until(deadline):
-        analysis = plain(analysis)
+        analysis = plain_forces.plain(analysis)
         candidates = _climb(analysis, with_time, seed, progress, own_terms, tried, highest)
         found = next((kept for one in candidates if (kept := _kept(one, analysis, holds)) is not None), None)
-    return SearchOutcome(found, tuple(tried))
+    return protocol.SearchOutcome(found, tuple(tried))
 
 
-def _kept(found: Found, analysis: Analysis, holds: Callable[[Expression], bool]) -> Found | None:
+def _kept(
+    found: protocol.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]
+) -> protocol.Found | None:
     """From the first Lagrangian on that holds, each written shorter where that is possible."""
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
-        forms = (tidied(tree, analysis.system), tree)
-        for form in dict.fromkeys(real_form(one, table) if table else one for one in forms):
+        forms = (tidy.tidied(tree, analysis.system), tree)
+        for form in dict.fromkeys(quadratures.real_form(one, table) if table else one for one in forms):
             if holds(form):
-                others = (tidied(other, analysis.system) for other in found.lagrangians[k + 1 :])
+                others = (tidy.tidied(other, analysis.system) for other in found.lagrangians[k + 1 :])
                 trees = tuple(dict.fromkeys((form, *others)))
                 return replace(found, lagrangians=trees, parts=() if k else found.parts)
     return None
 
 
 def _climb(
-    analysis: Analysis,
+    analysis: deciding.Analysis,
     with_time: bool,
     seed: int,
     progress: Callable[[str], None],
-    own_terms: Sequence[Expression],
+    own_terms: Sequence[ex.Expression],
     tried: list[tuple[str, int]],
     highest: float,
-) -> Iterator[Found]:
+) -> Iterator[protocol.Found]:
     """What each rung finds, those that find nothing left out."""
     try:
         state = _Search(gather(analysis, with_time), seed, progress, tried)
     except TooManyTerms:
         return
-    own = own_family(own_terms)
+    own = families.own_family(own_terms)
     chosen = [*([own] if own else []), *(rung for rung in rungs.RUNGS if rung.cost <= highest)]
     for rung in sorted(chosen, key=lambda rung: rung.cost):
         check()
@@ -196,30 +178,30 @@ def _climb(
             yield found
 
 
-def attempt(state: _Search, rung: rungs.Rung) -> Found | None:
+def attempt(state: _Search, rung: rungs.Rung) -> protocol.Found | None:
     """What one rung finds."""
-    if isinstance(rung, Family):
+    if isinstance(rung, families.Family):
         return _by_ansatz(state, rung)
     if not rung.accepts(state.material):
         return None
     state.progress(f"method: {rung.name}")
     try:
-        trees = rung.propose(state.material, state.seed) if isinstance(rung, Leaf) else _lifted(state, rung)
+        trees = rung.propose(state.material, state.seed) if isinstance(rung, protocol.Leaf) else _lifted(state, rung)
         proposed = tuple(trees if rung.exact else _verified(state, trees))
     except (*_NO_POINTS, TooManyTerms, ArithmeticError):
         proposed = ()
     state.tried.append((rung.name, len(proposed)))
-    return Found(proposed, rung.name, proposed[:1]) if proposed else None
+    return protocol.Found(proposed, rung.name, proposed[:1]) if proposed else None
 
 
-def _verified(state: _Search, trees: Sequence[Expression]) -> list[Expression]:
+def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Expression]:
     """The first few that hold."""
     analysis = state.material.analysis
     held = (tree for tree in dict.fromkeys(trees) if holds_numerically(analysis, tree, state.seed))
     return list(itertools.islice(held, bounds.FEW))
 
 
-def _lifted(state: _Search, reduction: Reduction) -> Sequence[Expression]:
+def _lifted(state: _Search, reduction: protocol.Reduction) -> Sequence[ex.Expression]:
     """The Lagrangians made of those of the smaller systems."""
     for smaller in reduction.apply(state.material, state.seed):
         found = _of_smaller(smaller, state.seed)
@@ -229,23 +211,23 @@ def _lifted(state: _Search, reduction: Reduction) -> Sequence[Expression]:
     return ()
 
 
-def _of_smaller(smaller: Smaller, seed: int) -> list[tuple[Expression, ...]]:
+def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
     """The Lagrangians of each of the systems; none where one has none."""
     found = []
     for system in smaller.systems:
         with within(bounds.WORK):
-            one = search(analyze(system), smaller.with_time, seed, math.inf, lambda _: None).found
+            one = search(deciding.analyze(system), smaller.with_time, seed, math.inf, lambda _: None).found
         if one is None:
             return []
         found.append(one.lagrangians)
     return found
 
 
-def _by_ansatz(state: _Search, family: Family) -> Found | None:
+def _by_ansatz(state: _Search, family: families.Family) -> protocol.Found | None:
     state.progress(f"ansatz: {family.name}")
     if state.factors is None and family.cost > 1:
         state.factors = find_factors(state.material, state.seed)
-    for terms in kinetic_terms(state.material, family, state.factors or NO_FACTORS, state.seed):
+    for terms in families.kinetic_terms(state.material, family, state.factors or NO_FACTORS, state.seed):
         if terms and set(terms) <= state.known:
             continue
         state.known.update(terms)
@@ -256,55 +238,60 @@ def _by_ansatz(state: _Search, family: Family) -> Found | None:
     return None
 
 
-def _solve(material: Material, family: Family, terms: Sequence[Monomial], seed: int) -> Found | None:
+def _solve(material: Material, family: families.Family, terms: Sequence[Monomial], seed: int) -> protocol.Found | None:
     """First the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
     if not terms:
         return None
     try:
-        sampler, terms = sampler_of(material.analysis, terms)
+        sampler, terms = ansatz.sampler_of(material.analysis, terms)
         # Of short rows: more terms than these have, times monomials of parameters, are too many unknowns.
         if material.analysis.system.parameters and not family.given and len(terms) <= 2 * bounds.SMALL:
-            terms = with_parameters(material, occurring_terms(sampler, terms, seed), family.terms)
-        for some in dict.fromkeys((tuple(each_once(terms)), tuple(terms))):
-            space = solve_multiplier(sampler, some, seed)
+            terms = families.with_parameters(material, ansatz.occurring_terms(sampler, terms, seed), family.terms)
+        for some in dict.fromkeys((tuple(families.each_once(terms)), tuple(terms))):
+            space = ansatz.solve_multiplier(sampler, some, seed)
             members = needed_combinations(space, seed)
             chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
-            if not any(map(without_squares, chosen)):
+            if not any(map(families.without_squares, chosen)):
                 break
-        residuals = [answers(material, space.combinations[k]) for k in members]
+        residuals = [families.answers(material, space.combinations[k]) for k in members]
         further = dict.fromkeys(key for group in residuals for key in group)
         return _with_potentials(material, family, chosen, list(further), len(members), seed) if chosen else None
     except _NO_POINTS:
         return None
 
 
-def _sampler(material: Material, terms: Sequence[Monomial]) -> Sampler:
-    return make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
+def _sampler(material: Material, terms: Sequence[Monomial]) -> ansatz.Sampler:
+    return ansatz.make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
 
 
 def _with_potentials(
-    material: Material, family: Family, chosen: Sequence[Monomial], further: Sequence[Monomial], count: int, seed: int
-) -> Found | None:
+    material: Material,
+    family: families.Family,
+    chosen: Sequence[Monomial],
+    further: Sequence[Monomial],
+    count: int,
+    seed: int,
+) -> protocol.Found | None:
     """The best Lagrangians with the chosen terms, which make `count` multipliers, and with potentials.
 
     What answers the residuals of all of these suffices where it is made of letters that are there already. Over a sum
     all of it would be multiplied out; sin^2 and cos^2 can be written in several ways, of which one is the shortest.
     """
     members: list[Member] = []
-    if further and not any(map(without_squares, chosen)):
-        given = filter(is_linear, family.shapes(material)) if family.given else ()
+    if further and not any(map(families.without_squares, chosen)):
+        given = filter(families.is_linear, family.shapes(material)) if family.given else ()
         with suppress(*_NO_POINTS):
             members = _members(material, list(dict.fromkeys([*chosen, *further, *given])), chosen, count, seed)
     known = _known_letters(material, chosen)
-    potentials = [key for member in members[:1] for key in member.terms if is_linear(key)]
-    divisors = [p for key in potentials for p, e in key if isinstance(p, Sum) and e < 0]
+    potentials = [key for member in members[:1] for key in member.terms if families.is_linear(key)]
+    divisors = [p for key in potentials for p, e in key if isinstance(p, ex.Sum) and e < 0]
     plain = len(set(divisors)) == len(divisors) and all(_is_made_of(known, p, e) for key in potentials for p, e in key)
     if not members or not plain:
-        members = _members(material, all_terms(material, family, [*chosen, *further]), chosen, 1, seed)
+        members = _members(material, families.all_terms(material, family, [*chosen, *further]), chosen, 1, seed)
     if not members:
         return None
     trees = dict.fromkeys(tree_of(member.terms) for member in members)
-    return Found(tuple(trees), label(family, chosen), tuple(map(tree_of, members[0].parts)))
+    return protocol.Found(tuple(trees), families.label(family, chosen), tuple(map(tree_of, members[0].parts)))
 
 
 def _members(
@@ -315,32 +302,32 @@ def _members(
     Letters that only antiderivatives bring in may have no value where f has one: then without them.
     """
     try:
-        space = solve_ansatz(_sampler(material, terms), terms, seed)
+        space = ansatz.solve_ansatz(_sampler(material, terms), terms, seed)
     except _NO_POINTS:
         known = _known_letters(material, chosen)
         terms = [key for key in terms if all(letter in known for letter, _ in key)]
-        space = solve_ansatz(_sampler(material, terms), terms, seed)
-    with_hessian = sum(not all(map(is_linear, combination)) for combination in space.combinations)
+        space = ansatz.solve_ansatz(_sampler(material, terms), terms, seed)
+    with_hessian = sum(not all(map(families.is_linear, combination)) for combination in space.combinations)
     return best_members(space, seed) if with_hessian >= count else []
 
 
-def _known_letters(material: Material, chosen: Sequence[Monomial]) -> set[Expression]:
+def _known_letters(material: Material, chosen: Sequence[Monomial]) -> set[ex.Expression]:
     """The letters of f and of the chosen terms, and logarithms of these."""
     motion = material.motion
     known = {*motion.coordinates, *motion.velocities, *material.position_letters, *material.velocity_letters}
     known |= {letter for key in (*chosen, *material.parameter_monomials) for letter, _ in key}
-    known |= {Apply("log", letter) for letter in material.position_letters}
+    known |= {ex.Apply("log", letter) for letter in material.position_letters}
     return known | set(map(_written_out, known))
 
 
-def _is_made_of(known: set[Expression], letter: Expression, exponent: Fraction) -> bool:
+def _is_made_of(known: set[ex.Expression], letter: ex.Expression, exponent: Fraction) -> bool:
     """Whether it is one of these, or a sum of products of these to a positive power."""
     if _written_out(letter) in known:
         return True
-    is_polynomial = isinstance(letter, Sum) and exponent.denominator == 1 and exponent > 0
+    is_polynomial = isinstance(letter, ex.Sum) and exponent.denominator == 1 and exponent > 0
     return is_polynomial and all(_is_made_of(known, p, e) for key in terms_of(letter) for p, e in key)
 
 
-def _written_out(letter: Expression) -> Expression:
+def _written_out(letter: ex.Expression) -> ex.Expression:
     """cos(x (x + 1)) as cos(x^2 + x), which antiderivatives hold."""
-    return Apply(letter.function, collected(letter.argument)) if isinstance(letter, Apply) else collected(letter)
+    return ex.Apply(letter.function, collected(letter.argument)) if isinstance(letter, ex.Apply) else collected(letter)

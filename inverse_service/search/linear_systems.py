@@ -33,42 +33,14 @@ from flint import fmpq, fmpq_mat, fmpq_mpoly
 from numpy.typing import NDArray
 
 from inverse_service import bounds
-from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.tree import (
-    ONE,
-    TIME,
-    ZERO,
-    Apply,
-    Expression,
-    Symbol,
-    add,
-    holds,
-    multiply,
-    number,
-    square_root,
-)
-from inverse_service.field.exact_field import (
-    Budget,
-    ExactRing,
-    Quotient,
-    QuotientField,
-    TooLarge,
-    as_fraction,
-    coefficients_of,
-    common_factor,
-    exact_ring,
-    factor_polynomial,
-    quotient_tree,
-    sum_of,
-)
-from inverse_service.field.matrices import dot, null_space, reduced_rows
-from inverse_service.field.real_point import RealTable, real_sign
+from inverse_service.expressions import evaluation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, matrices, real_point
+from inverse_service.search import members, quadratures
 from inverse_service.search.material import Material
-from inverse_service.search.members import definite_weights
-from inverse_service.search.quadratures import even_root
 from inverse_service.search.terms import Monomial, MotionTerms, Terms, collected, monomial_tree, tree_of
 
-Vector = tuple[Quotient, ...]
+Vector = tuple[exact_field.Quotient, ...]
 Matrix = tuple[Vector, ...]
 
 
@@ -83,8 +55,8 @@ def apply(matrix: Matrix, vector: Vector) -> Vector:
     return tuple(_dot(row, vector) for row in matrix)
 
 
-def _dot(left: Vector, right: Vector) -> Quotient:
-    return dot(left[0].field.constant(0), left, right)
+def _dot(left: Vector, right: Vector) -> exact_field.Quotient:
+    return matrices.dot(left[0].field.constant(0), left, right)
 
 
 def transpose(matrix: Matrix) -> Matrix:
@@ -97,15 +69,15 @@ def plus(left: Matrix, right: Matrix, factor: Fraction | int = 1) -> Matrix:
     return tuple(tuple(a + b.scaled(factor) for a, b in zip(*pair, strict=True)) for pair in rows)
 
 
-def times(matrix: Matrix, factor: Quotient) -> Matrix:
+def times(matrix: Matrix, factor: exact_field.Quotient) -> Matrix:
     return tuple(tuple(entry * factor for entry in row) for row in matrix)
 
 
-def trace(matrix: Matrix) -> Quotient:
-    return sum_of(matrix[0][0].field.constant(0), [matrix[i][i] for i in range(len(matrix))])
+def trace(matrix: Matrix) -> exact_field.Quotient:
+    return exact_field.sum_of(matrix[0][0].field.constant(0), [matrix[i][i] for i in range(len(matrix))])
 
 
-def identity(owner: QuotientField, size: int) -> Matrix:
+def identity(owner: exact_field.QuotientField, size: int) -> Matrix:
     return tuple(tuple(owner.constant(int(i == j)) for j in range(size)) for i in range(size))
 
 
@@ -131,28 +103,28 @@ def entries(matrix: Matrix) -> Vector:
 
 def echelon(rows: Sequence[Vector]) -> tuple[list[Vector], list[int]]:
     """(nonzero rows of the reduced echelon form, their pivots)."""
-    found = reduced_rows(rows, range(len(rows[0]) if rows else 0))
+    found = matrices.reduced_rows(rows, range(len(rows[0]) if rows else 0))
     return list(found.rows), list(found.pivots)
 
 
-def kernel(rows: Sequence[Vector], width: int, owner: QuotientField) -> tuple[list[Vector], list[int]]:
+def kernel(rows: Sequence[Vector], width: int, owner: exact_field.QuotientField) -> tuple[list[Vector], list[int]]:
     """(basis of the vectors that every row annihilates, the unknown that each has to itself)."""
-    found = null_space(rows, width, owner.constant(1))
+    found = matrices.null_space(rows, width, owner.constant(1))
     return [tuple(vector) for vector in found.values()], list(found)
 
 
-def combination(weights: Sequence[Quotient], vectors: Sequence[Vector]) -> Vector:
+def combination(weights: Sequence[exact_field.Quotient], vectors: Sequence[Vector]) -> Vector:
     """sum_k weights_k vectors_k."""
     return tuple(_dot(tuple(weights), column) for column in zip(*vectors, strict=True))
 
 
-def characteristic_polynomial(matrix: Matrix) -> list[Quotient]:
+def characteristic_polynomial(matrix: Matrix) -> list[exact_field.Quotient]:
     """The coefficients of det(x - matrix), the constant one first (Faddeev and LeVerrier)."""
     owner, size = matrix[0][0].field, len(matrix)
     numbers = [entry.constant_value for row in matrix for entry in row]
     if all(value is not None for value in numbers):
         rational = fmpq_mat(size, size, [fmpq(x.numerator, x.denominator) for x in numbers if x is not None])
-        return [owner.constant(as_fraction(c)) for c in rational.charpoly().coeffs()]
+        return [owner.constant(exact_field.as_fraction(c)) for c in rational.charpoly().coeffs()]
     found = [owner.constant(1)]
     auxiliary = identity(owner, size)
     for k in range(1, size + 1):
@@ -164,7 +136,7 @@ def characteristic_polynomial(matrix: Matrix) -> list[Quotient]:
 
 
 # A name that no formula can hold: the variable of characteristic polynomials.
-EIGENVALUE = Symbol("an eigenvalue")
+EIGENVALUE = ex.Symbol("an eigenvalue")
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,10 +152,10 @@ class LinearTerms:
 class LinearSystem:
     """C, the pairs (phi_j(t), K_j) with phi_0 = 1 first, and b(t); entries exact in the parameters."""
 
-    ring: ExactRing
+    ring: exact_field.ExactRing
     damping: Matrix
-    stiffness: tuple[tuple[Expression, Matrix], ...]
-    forcing: tuple[Expression, ...]
+    stiffness: tuple[tuple[ex.Expression, Matrix], ...]
+    forcing: tuple[ex.Expression, ...]
 
     @property
     def size(self) -> int:
@@ -196,18 +168,18 @@ def linear_terms(motion: MotionTerms) -> LinearTerms | None:
     damping = _empty(n)
     stiffness: dict[Monomial, list[list[Terms]]] = {frozenset(): _empty(n)}
     forcing: list[Terms] = [{} for _ in range(n)]
-    places: dict[Expression, tuple[int, int]] = {q: (k, 0) for k, q in enumerate(motion.coordinates)}
+    places: dict[ex.Expression, tuple[int, int]] = {q: (k, 0) for k, q in enumerate(motion.coordinates)}
     places |= {v: (k, 1) for k, v in enumerate(motion.velocities)}
     for i, terms in enumerate(motion.forces):
         for key, value in terms.items():
-            moving = [(letter, e) for letter, e in key if holds(letter, *places)]
+            moving = [(letter, e) for letter, e in key if ex.holds(letter, *places)]
             if not moving:
                 forcing[i][key] = value
                 continue
             if len(moving) > 1 or moving[0][1] != 1 or moving[0][0] not in places:
                 return None
             column, kind = places[moving[0][0]]
-            in_time: Monomial = frozenset(item for item in key if holds(item[0], TIME))
+            in_time: Monomial = frozenset(item for item in key if ex.holds(item[0], ex.TIME))
             if kind and in_time:
                 return None
             target = damping if kind else stiffness.setdefault(in_time, _empty(n))
@@ -230,19 +202,19 @@ def linear_system(material: Material) -> LinearSystem | None:
         return None
     parts = [terms.damping, *terms.stiffness.values()]
     trees = [tree_of(entry) for rows in parts for row in rows for entry in row]
-    budget = Budget.long()
-    ring = exact_ring(trees, (), 0, budget, further=(EIGENVALUE,))
-    factors = [monomial_tree(phi) if phi else ONE for phi in terms.stiffness]
+    budget = exact_field.Budget.long()
+    ring = exact_field.exact_ring(trees, (), 0, budget, further=(EIGENVALUE,))
+    factors = [monomial_tree(phi) if phi else ex.ONE for phi in terms.stiffness]
     exact = [_exact(ring, rows) for rows in parts]
-    forcing = tuple(tree_of(entry) if entry else ZERO for entry in terms.forcing)
+    forcing = tuple(tree_of(entry) if entry else ex.ZERO for entry in terms.forcing)
     return LinearSystem(ring, exact[0], tuple(zip(factors, exact[1:], strict=True)), forcing)
 
 
-def _exact(ring: ExactRing, rows: tuple[tuple[Terms, ...], ...]) -> Matrix:
+def _exact(ring: exact_field.ExactRing, rows: tuple[tuple[Terms, ...], ...]) -> Matrix:
     return tuple(tuple(ring.value(tree_of(entry)) for entry in row) for row in rows)
 
 
-def factors_of(ring: ExactRing, matrix: Matrix) -> list[tuple[list[Quotient], int]]:
+def factors_of(ring: exact_field.ExactRing, matrix: Matrix) -> list[tuple[list[exact_field.Quotient], int]]:
     """(coefficients, the constant one first, and multiplicity) of the factors of det(x - matrix) by degree.
 
     Empty for large matrices with parameters.
@@ -252,16 +224,16 @@ def factors_of(ring: ExactRing, matrix: Matrix) -> list[tuple[list[Quotient], in
         return []
     variable = ring.atoms[EIGENVALUE]
     terms = [c * variable**k for k, c in enumerate(characteristic_polynomial(matrix)) if not c.is_zero]
-    _, factors = factor_polynomial(sum_of(ring.constant(0), terms).numerator)
+    _, factors = exact_field.factor_polynomial(exact_field.sum_of(ring.constant(0), terms).numerator)
     found = [(_by_power(factor, variable), multiplicity) for factor, multiplicity in factors]
     return sorted((item for item in found if len(item[0]) > 1), key=lambda item: len(item[0]))
 
 
-def _by_power(polynomial: fmpq_mpoly, variable: Quotient) -> list[Quotient]:
+def _by_power(polynomial: fmpq_mpoly, variable: exact_field.Quotient) -> list[exact_field.Quotient]:
     """The coefficients of a polynomial in the eigenvalue."""
     owner = variable.field
     place = next(k for k, degree in enumerate(variable.numerator.degrees()) if degree)
-    found, degree = coefficients_of(polynomial, [place]), int(polynomial.degrees()[place])
+    found, degree = exact_field.coefficients_of(polynomial, [place]), int(polynomial.degrees()[place])
     return [owner.quotient(owner.reduce(found.get((k,), polynomial * 0)), ()) for k in range(degree + 1)]
 
 
@@ -269,7 +241,7 @@ def _by_power(polynomial: fmpq_mpoly, variable: Quotient) -> list[Quotient]:
 class Branch:
     """g(t) = sum of phi(t) G over the pairs (phi, G); `start` is g(0)."""
 
-    parts: tuple[tuple[Expression, Matrix], ...]
+    parts: tuple[tuple[ex.Expression, Matrix], ...]
 
     start: Matrix
 
@@ -338,10 +310,10 @@ def constant_branches(space: Multipliers) -> list[Branch]:
     return _pure(space, space.system.ring.constant(0)) if space.basis else []
 
 
-def _pure(space: Multipliers, rate: Quotient) -> list[Branch]:
+def _pure(space: Multipliers, rate: exact_field.Quotient) -> list[Branch]:
     """The eigenvectors of T for one eigenvalue."""
     basis = kernel(_shifted(space, rate), len(space.basis), space.system.ring.field)[0]
-    factor = _exponential(quotient_tree(space.system.ring, rate))
+    factor = _exponential(exact_field.quotient_tree(space.system.ring, rate))
     return [Branch(((factor, start),), start) for start in _sparse(space, basis)]
 
 
@@ -358,13 +330,13 @@ def _equal(left: Matrix, right: Matrix) -> bool:
     return is_zero(plus(left, right, -1))
 
 
-def _shifted(space: Multipliers, rate: Quotient) -> Matrix:
+def _shifted(space: Multipliers, rate: exact_field.Quotient) -> Matrix:
     """T - rate."""
     one = identity(space.system.ring.field, len(space.basis))
     return plus(space.operator, times(one, rate), -1)
 
 
-def all_branches(space: Multipliers, table: RealTable) -> list[Branch]:
+def all_branches(space: Multipliers, table: real_point.RealTable) -> list[Branch]:
     """e^(tT) on the parts of V that belong to factors of degree 1 and 2, simple ones first."""
     simple: list[Branch] = []
     nested: list[Branch] = []
@@ -378,27 +350,29 @@ def all_branches(space: Multipliers, table: RealTable) -> list[Branch]:
     return simple + nested
 
 
-def _chains(space: Multipliers, rate: Quotient, multiplicity: int) -> list[Branch]:
+def _chains(space: Multipliers, rate: exact_field.Quotient, multiplicity: int) -> list[Branch]:
     """e^(rt) sum_k t^k (T - r)^k / k! g(0) on the kernel of (T - r)^m."""
     ring = space.system.ring
     shifted = _shifted(space, rate)
     whole = shifted
     for _ in range(multiplicity - 1):
         whole = product(whole, shifted)
-    factor = _exponential(quotient_tree(ring, rate))
+    factor = _exponential(exact_field.quotient_tree(ring, rate))
     return [_chain(space, shifted, factor, vector) for vector in kernel(whole, len(space.basis), ring.field)[0]]
 
 
-def _chain(space: Multipliers, shifted: Matrix, factor: Expression, vector: Vector) -> Branch:
+def _chain(space: Multipliers, shifted: Matrix, factor: ex.Expression, vector: Vector) -> Branch:
     parts, current, k = [], vector, 0
     while any(not entry.is_zero for entry in current):
-        monomial = Fraction(1, factorial(k)) * TIME**k * factor
+        monomial = Fraction(1, factorial(k)) * ex.TIME**k * factor
         parts.append((monomial, space.matrix(current)))
         current, k = apply(shifted, current), k + 1
     return Branch(tuple(parts), parts[0][1])
 
 
-def _pairs(space: Multipliers, coefficients: Sequence[Quotient], table: RealTable) -> list[Branch]:
+def _pairs(
+    space: Multipliers, coefficients: Sequence[exact_field.Quotient], table: real_point.RealTable
+) -> list[Branch]:
     """T = a + X with X^2 = d: e^(at) (C(t) + S(t) X), C = cosh, S = sinh(rt)/r for d = r^2; cos, sin for d < 0."""
     ring = space.system.ring
     lowest, middle, leading = coefficients
@@ -407,8 +381,8 @@ def _pairs(space: Multipliers, coefficients: Sequence[Quotient], table: RealTabl
     shifted = _shifted(space, center)
     one = identity(ring.field, len(space.basis))
     square = plus(product(shifted, shifted), times(one, discriminant), -1)
-    even, odd, outside = _even_and_odd(quotient_tree(ring, discriminant), table)
-    factor, inverse = _exponential(quotient_tree(ring, center)), ring.value(outside).inverse()
+    even, odd, outside = _even_and_odd(exact_field.quotient_tree(ring, discriminant), table)
+    factor, inverse = _exponential(exact_field.quotient_tree(ring, center)), ring.value(outside).inverse()
     found = []
     for vector in kernel(square, len(space.basis), ring.field)[0]:
         start, slope = space.matrix(vector), space.matrix(apply(shifted, vector))
@@ -417,34 +391,36 @@ def _pairs(space: Multipliers, coefficients: Sequence[Quotient], table: RealTabl
     return found
 
 
-def _even_and_odd(discriminant: Expression, table: RealTable) -> tuple[Expression, Expression, Expression]:
+def _even_and_odd(
+    discriminant: ex.Expression, table: real_point.RealTable
+) -> tuple[ex.Expression, ex.Expression, ex.Expression]:
     """(C, r S, r) with C'' = d C, C(0) = 1, S = C'/d, and r the part of sqrt|d| that needs no root."""
-    positive = real_sign(discriminant, table) > 0
-    outside, inside = even_root(discriminant if positive else -discriminant)
-    root = square_root(inside)
+    positive = real_point.real_sign(discriminant, table) > 0
+    outside, inside = quadratures.even_root(discriminant if positive else -discriminant)
+    root = ex.square_root(inside)
     names = ("cosh", "sinh") if positive else ("cos", "sin")
-    even, odd = (Apply(name, outside * root * TIME) for name in names)
+    even, odd = (ex.Apply(name, outside * root * ex.TIME) for name in names)
     return even, odd / root, outside
 
 
-def _exponential(rate: Expression) -> Expression:
+def _exponential(rate: ex.Expression) -> ex.Expression:
     """e^(rate t)."""
-    argument = rate * TIME
-    return ONE if argument == number(0) else Apply("exp", argument)
+    argument = rate * ex.TIME
+    return ex.ONE if argument == ex.number(0) else ex.Apply("exp", argument)
 
 
 # Of the largest eigenvalue, the least that counts as one.
 _TINY = 1e-9
 
 
-def choose(system: LinearSystem, branches: Sequence[Branch], table: RealTable) -> list[Branch]:
+def choose(system: LinearSystem, branches: Sequence[Branch], table: real_point.RealTable) -> list[Branch]:
     """Regular sums of branches, at t = 0 and the real values of the parameters: definite and short ones first."""
     branches = sorted(branches, key=lambda branch: (not _is_diagonal(branch.start), _size(branch)))
     starts = [_numeric(system, branch.start, table) for branch in branches]
     count, found = len(branches), dict[tuple[Fraction, ...], tuple[bool, int]]()
     alone = [[Fraction(int(j == k)) for j in range(count)] for k in range(count)]
     first = [[Fraction(int(j < k)) for j in range(count)] for k in range(2, count + 1)]
-    for weights in [*definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
+    for weights in [*members.definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
         padded = [*weights, *[Fraction(0)] * (count - len(weights))]
         values = np.linalg.eigvalsh(sum(float(w) * start for w, start in zip(padded, starts, strict=True)))
         sign = -1 if values[-1] <= 0 else 1
@@ -454,9 +430,12 @@ def choose(system: LinearSystem, branches: Sequence[Branch], table: RealTable) -
     return [_combined(weights, branches) for weights in sorted(found, key=lambda one: found[one])[: bounds.FEW]]
 
 
-def _numeric(system: LinearSystem, matrix: Matrix, table: RealTable) -> NDArray[np.float64]:
+def _numeric(system: LinearSystem, matrix: Matrix, table: real_point.RealTable) -> NDArray[np.float64]:
     with mpmath.workdps(bounds.DIGITS):
-        rows = [[float(evaluate(quotient_tree(system.ring, entry), table)) for entry in row] for row in matrix]
+        rows = [
+            [float(evaluation.evaluate(exact_field.quotient_tree(system.ring, entry), table)) for entry in row]
+            for row in matrix
+        ]
     return np.array(rows)
 
 
@@ -473,7 +452,7 @@ def _combined(weights: Sequence[Fraction], branches: Sequence[Branch]) -> Branch
     """sum of weight * branch, parts with the same function of time put together."""
     chosen = [(weight, branch) for weight, branch in zip(weights, branches, strict=True) if weight]
     zero = plus(branches[0].start, branches[0].start, -1)
-    start, table = zero, dict[Expression, Matrix]()
+    start, table = zero, dict[ex.Expression, Matrix]()
     for weight, branch in chosen:
         start = plus(start, branch.start, weight)
         for phi, g in branch.parts:
@@ -481,21 +460,23 @@ def _combined(weights: Sequence[Fraction], branches: Sequence[Branch]) -> Branch
     return Branch(tuple((phi, g) for phi, g in table.items() if not is_zero(g)), start)
 
 
-def lagrangian(system: LinearSystem, motion: MotionTerms, branch: Branch) -> Expression:
+def lagrangian(system: LinearSystem, motion: MotionTerms, branch: Branch) -> ex.Expression:
     """L as a sum over the functions of time in g."""
     scaled = _primitive(branch)
-    return add(*(phi * add(*_terms(system, motion, g)) for phi, g in scaled))
+    return ex.add(*(phi * ex.add(*_terms(system, motion, g)) for phi, g in scaled))
 
 
-def _primitive(branch: Branch) -> list[tuple[Expression, Matrix]]:
+def _primitive(branch: Branch) -> list[tuple[ex.Expression, Matrix]]:
     """g over the common factor of its entries; a numerical factor keeps its sign."""
-    factor = common_factor([entry for _, g in branch.parts for row in g for entry in row if not entry.is_zero])
+    factor = exact_field.common_factor(
+        [entry for _, g in branch.parts for row in g for entry in row if not entry.is_zero]
+    )
     number = factor.constant_value
     inverse = (factor.scaled(-1) if number is not None and number < 0 else factor).inverse()
     return [(phi, times(g, inverse)) for phi, g in branch.parts]
 
 
-def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[Expression]:
+def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[ex.Expression]:
     """The terms of L that are linear in g, without its function of time."""
     yield from _quadratic_form(system, g, motion.velocities, Fraction(1, 2))
     damped = product(g, system.damping)
@@ -512,8 +493,8 @@ def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[Exp
 
 
 def _quadratic_form(
-    system: LinearSystem, form: Matrix, letters: Sequence[Expression], factor: Fraction
-) -> Iterator[Expression]:
+    system: LinearSystem, form: Matrix, letters: Sequence[ex.Expression], factor: Fraction
+) -> Iterator[ex.Expression]:
     """factor * letters.form letters for a symmetric form."""
     for i, letter in enumerate(letters):
         yield _term(system, form[i][i].scaled(factor), letter**2)
@@ -521,8 +502,10 @@ def _quadratic_form(
         yield _term(system, form[i][j].scaled(2 * factor), letters[i], letters[j])
 
 
-def _term(system: LinearSystem, coefficient: Quotient, *letters: Expression) -> Expression:
-    return ZERO if coefficient.is_zero else multiply(quotient_tree(system.ring, coefficient), *letters)
+def _term(system: LinearSystem, coefficient: exact_field.Quotient, *letters: ex.Expression) -> ex.Expression:
+    return (
+        ex.ZERO if coefficient.is_zero else ex.multiply(exact_field.quotient_tree(system.ring, coefficient), *letters)
+    )
 
 
 def is_linear(material: Material) -> bool:
@@ -530,7 +513,7 @@ def is_linear(material: Material) -> bool:
     return linear_terms(material.motion) is not None
 
 
-def linear_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
+def linear_lagrangians(material: Material, seed: int) -> Sequence[ex.Expression]:
     """Regular Lagrangians whose multiplier depends on t at most, the simplest first.
 
     None where V holds no regular matrix or the exponents are no square roots.
@@ -544,5 +527,5 @@ def linear_lagrangians(material: Material, seed: int) -> Sequence[Expression]:
         branches = all_branches(space, table) if material.motion.with_time else constant_branches(space)
         chosen = choose(system, branches, table)
         return tuple(dict.fromkeys(lagrangian(system, material.motion, branch) for branch in chosen))
-    except (TooLarge, ZeroDivisionError, KeyError):
+    except (exact_field.TooLarge, ZeroDivisionError, KeyError):
         return ()

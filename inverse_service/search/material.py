@@ -23,31 +23,13 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
-from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Sum,
-    Symbol,
-    Velocity,
-    holds,
-    is_exponential,
-    node_count,
-    substitute,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, TooLarge, factored, quotient_tree
+from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import Variable
-from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.mechanics.conditions import motion_in_ring
+from inverse_service.mechanics import conditions
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -73,21 +55,21 @@ from inverse_service.search.terms import (
 _HALF = Fraction(1, 2)
 
 
-def quadratic_antiderivatives(key: Monomial, variable: Expression) -> Iterator[Monomial]:
+def quadratic_antiderivatives(key: Monomial, variable: ex.Expression) -> Iterator[Monomial]:
     """Candidates for the antiderivative of the monomial, constant factors left out."""
     for letter, e in key:
         whole = e.denominator == 1 and e < 0
-        if isinstance(letter, Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
+        if isinstance(letter, ex.Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
             try:
                 yield from _of_letter(key, letter, e, variable)
             except TooManyTerms:
                 continue
 
 
-def _of_letter(key: Monomial, letter: Sum, e: Fraction, variable: Expression) -> Iterator[Monomial]:
+def _of_letter(key: Monomial, letter: ex.Sum, e: Fraction, variable: ex.Expression) -> Iterator[Monomial]:
     slope = letter_derivative(letter, variable)
     second = derivative_of_terms(slope, variable)
-    if not second or holds(tree_of(second), variable):
+    if not second or ex.holds(tree_of(second), variable):
         return
     squared = multiply_terms(slope, slope)
     D = add_terms({k: 2 * a for k, a in multiply_terms(terms_of(letter), second).items()}, squared, -1)
@@ -118,13 +100,13 @@ def _of_inverse(slope: Terms, D: Terms) -> list[Monomial]:
     inverse = times(EMPTY, _monomial(root), -1)
     if _is_negative(D):
         return [times(inverse, _logarithm(add_terms(slope, root, sign))) for sign in (1, -1)]
-    return [times(inverse, monomial(Apply("atan", tree_of(_quotient(slope, root)))))]
+    return [times(inverse, monomial(ex.Apply("atan", tree_of(_quotient(slope, root)))))]
 
 
-def _of_root(letter: Sum, slope: Terms, second: Terms, D: Terms) -> list[Monomial]:
+def _of_root(letter: ex.Sum, slope: Terms, second: Terms, D: Terms) -> list[Monomial]:
     """log(p' + sqrt(2 p'' p)), or asin(p'/sqrt(-D)) where p'' is negative."""
     if _is_negative(second):
-        return [monomial(Apply("asin", tree_of(_quotient(_magnitude(slope), _root(_magnitude(D))))))]
+        return [monomial(ex.Apply("asin", tree_of(_quotient(_magnitude(slope), _root(_magnitude(D))))))]
     doubled = {key: 2 * value for key, value in second.items()}
     radical: Terms = {frozenset([(letter, _HALF)]): Fraction(1)}
     return [_logarithm(add_terms(slope, multiply_terms(_root(doubled), radical)))]
@@ -145,7 +127,7 @@ def _quotient(above: Terms, below: Terms) -> Terms:
 def _logarithm(terms: Terms) -> Monomial:
     """The log of a sum, constant factors left out."""
     _, common, primitive = split_content(terms)
-    return monomial(Apply("log", monomial_tree(common) * primitive))
+    return monomial(ex.Apply("log", monomial_tree(common) * primitive))
 
 
 def _monomial(terms: Terms) -> Monomial:
@@ -173,9 +155,9 @@ class Material:
 
     analysis: Analysis
     motion: MotionTerms
-    position_letters: tuple[Expression, ...]
-    velocity_letters: tuple[Expression, ...]
-    linear_sums: tuple[Expression, ...]
+    position_letters: tuple[ex.Expression, ...]
+    velocity_letters: tuple[ex.Expression, ...]
+    linear_sums: tuple[ex.Expression, ...]
     parameter_monomials: tuple[Monomial, ...]
     shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
@@ -187,30 +169,30 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     pairs = zip(trees, system.accelerations, strict=True)
     forces = tuple(oriented(_shorter(*pair), analysis.real_point) for pair in pairs)
     motion = MotionTerms(
-        tuple(Symbol(name) for name in system.coordinates),
-        tuple(Velocity(name) for name in system.coordinates),
+        tuple(ex.Symbol(name) for name in system.coordinates),
+        tuple(ex.Velocity(name) for name in system.coordinates),
         forces,
         with_time,
     )
     letters = _letters(forces)
-    parameters = frozenset(Symbol(name) for name in system.parameters)
-    position = [p for p in letters if not has_velocity(p) and holds(p, TIME, *motion.coordinates)]
-    moving = [p for p in letters if has_velocity(p) and not isinstance(p, Velocity)]
+    parameters = frozenset(ex.Symbol(name) for name in system.parameters)
+    position = [p for p in letters if not has_velocity(p) and ex.holds(p, ex.TIME, *motion.coordinates)]
+    moving = [p for p in letters if has_velocity(p) and not isinstance(p, ex.Velocity)]
     constants = _parameter_monomials(forces, parameters)
     return Material(analysis, motion, tuple(position), tuple(moving), _linear_sums(trees), constants)
 
 
-def _factored(analysis: Analysis) -> list[Expression]:
+def _factored(analysis: Analysis) -> list[ex.Expression]:
     """f with numerators and denominators factored, known relations among atoms used."""
     system = analysis.system
     try:
-        exact = motion_in_ring(system, 0, Budget.long())
-        return [quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
-    except (TooLarge, ZeroDivisionError):
+        exact = conditions.motion_in_ring(system, 0, exact_field.Budget.long())
+        return [exact_field.quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
+    except (exact_field.TooLarge, ZeroDivisionError):
         return list(system.accelerations)
 
 
-def _shorter(factored: Expression, given: Expression) -> Terms:
+def _shorter(factored: ex.Expression, given: ex.Expression) -> Terms:
     """The expansion with fewer terms; a common denominator can make many of a few."""
     found = []
     for tree in (factored, given):
@@ -226,21 +208,26 @@ def _shorter(factored: Expression, given: Expression) -> Terms:
 def simplified(material: Material, terms: Terms) -> Terms:
     """The sum over its common denominator with common factors cancelled, if that is shorter."""
     tree = tree_of(terms)
-    symbols: list[Symbol | Velocity] = [TIME, *material.motion.coordinates, *material.motion.velocities]
+    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *material.motion.coordinates, *material.motion.velocities]
     try:
-        other = terms_of(factored([tree], symbols, Budget.long())[0])
-    except (TooLarge, ZeroDivisionError, TooManyTerms):
+        other = terms_of(exact_field.factored([tree], symbols, exact_field.Budget.long())[0])
+    except (exact_field.TooLarge, ZeroDivisionError, TooManyTerms):
         return terms
     return other if len(other) < len(terms) else terms
 
 
-def oriented(terms: Terms, table: RealTable | None) -> Terms:
+def oriented(terms: Terms, table: real_point.RealTable | None) -> Terms:
     """Sums that are negative at the real point replaced by their opposites, so that roots of letters exist."""
     result: Terms = {}
     for key, value in terms.items():
         product = EMPTY
         for letter, e in key:
-            if table is not None and isinstance(letter, Sum) and e.denominator == 1 and real_sign(letter, table) < 0:
+            if (
+                table is not None
+                and isinstance(letter, ex.Sum)
+                and e.denominator == 1
+                and real_point.real_sign(letter, table) < 0
+            ):
                 value = value if e % 2 == 0 else -value
                 letter = tree_of({k: -v for k, v in terms_of(letter).items()})
             product = times(product, frozenset([(letter, e)]))
@@ -248,52 +235,52 @@ def oriented(terms: Terms, table: RealTable | None) -> Terms:
     return result
 
 
-def _letters(forces: Iterable[Terms]) -> list[Expression]:
+def _letters(forces: Iterable[Terms]) -> list[ex.Expression]:
     """Letters of f and symbols inside its sums, the partner of each sine and cosine, A for A'."""
-    found: dict[Expression, None] = {}
+    found: dict[ex.Expression, None] = {}
     for terms in forces:
         for key in terms:
             for letter, _ in key:
-                if not isinstance(letter, Number):
+                if not isinstance(letter, ex.Number):
                     found[letter] = None
-                if isinstance(letter, Sum):
-                    found.update(dict.fromkeys(node for node in walk(letter) if isinstance(node, Symbol)))
+                if isinstance(letter, ex.Sum):
+                    found.update(dict.fromkeys(node for node in ex.walk(letter) if isinstance(node, ex.Symbol)))
     for letter in list(found):
         for other in companions(letter):
             found[other] = None
     return list(found)
 
 
-def companions(letter: Expression) -> list[Expression]:
+def companions(letter: ex.Expression) -> list[ex.Expression]:
     """cos for sin, sin for cos, cosh for sinh, sinh for cosh, A for A', for A''."""
     match letter:
-        case Apply(function, argument) if function in _COMPANIONS:
-            return [Apply(_COMPANIONS[function], argument)]
-        case Arbitrary(name, arguments, orders) if any(orders):
+        case ex.Apply(function, argument) if function in _COMPANIONS:
+            return [ex.Apply(_COMPANIONS[function], argument)]
+        case ex.Arbitrary(name, arguments, orders) if any(orders):
             place = next(k for k, order in enumerate(orders) if order)
             lower = tuple(order - (k == place) for k, order in enumerate(orders))
-            below = Arbitrary(name, arguments, lower)
+            below = ex.Arbitrary(name, arguments, lower)
             return [below, *companions(below)]
     return []
 
 
-def _linear_sums(trees: Iterable[Expression]) -> tuple[Expression, ...]:
+def _linear_sums(trees: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
     """Factors of f such as 2 u' + 3 w': sums of velocities with constant coefficients."""
-    found: dict[Expression, None] = {}
+    found: dict[ex.Expression, None] = {}
     for tree in trees:
-        for node in walk(tree):
-            if isinstance(node, Sum):
+        for node in ex.walk(tree):
+            if isinstance(node, ex.Sum):
                 try:
                     terms = terms_of(node)
                 except TooManyTerms:
                     continue
-                keys = [[(p, e) for p, e in key if not isinstance(p, Number)] for key in terms]
-                if keys and all(len(k) == 1 and isinstance(k[0][0], Velocity) and k[0][1] == 1 for k in keys):
+                keys = [[(p, e) for p, e in key if not isinstance(p, ex.Number)] for key in terms]
+                if keys and all(len(k) == 1 and isinstance(k[0][0], ex.Velocity) and k[0][1] == 1 for k in keys):
                     found[split_content(terms)[2]] = None
     return tuple(found)
 
 
-def moving_letters(material: Material) -> list[Expression]:
+def moving_letters(material: Material) -> list[ex.Expression]:
     """Sums that are factors or radicands in f, and functions other than exponentials, that hold velocities."""
     if "moving letters" not in material.shared:
         table = material.analysis.real_point
@@ -303,13 +290,13 @@ def moving_letters(material: Material) -> list[Expression]:
     return list(material.shared["moving letters"])
 
 
-def _moving_letters(material: Material) -> Iterator[Expression]:
+def _moving_letters(material: Material) -> Iterator[ex.Expression]:
     """Letters of f stay whole, as the root of 1 - v^2 does; other sums, as in an f multiplied out, give factors."""
-    known = [p for p in material.velocity_letters if not is_exponential(p)]
-    yield from (p for p in known if not isinstance(p, Sum) or _is_plain(p))
-    for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in walk(f)):
-        if isinstance(node, Sum) and has_velocity(node):
-            with suppress(TooManyTerms, TooLarge):
+    known = [p for p in material.velocity_letters if not ex.is_exponential(p)]
+    yield from (p for p in known if not isinstance(p, ex.Sum) or _is_plain(p))
+    for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in ex.walk(f)):
+        if isinstance(node, ex.Sum) and has_velocity(node):
+            with suppress(TooManyTerms, exact_field.TooLarge):
                 whole = split_content(terms)[2] if (terms := terms_of(node)) else node  # a sum may be 0
                 parts = (
                     ()
@@ -319,27 +306,27 @@ def _moving_letters(material: Material) -> Iterator[Expression]:
                 yield from (p for p in parts if has_velocity(p) and _is_plain(p))
 
 
-def _positive(letter: Expression, table: RealTable) -> Expression:
+def _positive(letter: ex.Expression, table: real_point.RealTable) -> ex.Expression:
     """The letter, or its opposite where that is positive at the real point, so that its roots exist."""
     try:
-        negative = isinstance(letter, Sum) and real_sign(letter, table) < 0
-    except (IrreducibleAtoms, NoRealValue):
+        negative = isinstance(letter, ex.Sum) and real_point.real_sign(letter, table) < 0
+    except (errors.IrreducibleAtoms, NoRealValue):
         return letter
     return tree_of({key: -value for key, value in terms_of(letter).items()}) if negative else letter
 
 
-def _is_plain(node: Expression) -> bool:
+def _is_plain(node: ex.Expression) -> bool:
     """A short sum without roots in it."""
-    exponents = [part.exponent for part in walk(node) if isinstance(part, Power)]
-    whole = all(isinstance(e, Number) and e.value.denominator == 1 for e in exponents)
-    return whole and node_count(node) <= bounds.NODES
+    exponents = [part.exponent for part in ex.walk(node) if isinstance(part, ex.Power)]
+    whole = all(isinstance(e, ex.Number) and e.value.denominator == 1 for e in exponents)
+    return whole and ex.node_count(node) <= bounds.NODES
 
 
-def _parameter_monomials(forces: Iterable[Terms], parameters: frozenset[Symbol]) -> tuple[Monomial, ...]:
+def _parameter_monomials(forces: Iterable[Terms], parameters: frozenset[ex.Symbol]) -> tuple[Monomial, ...]:
     """Parameter parts of the terms of f, their inverses and quotients, simple ones first."""
 
-    def is_constant(letter: Expression) -> bool:
-        nodes = [node for node in walk(letter) if isinstance(node, Symbol | Velocity)]
+    def is_constant(letter: ex.Expression) -> bool:
+        nodes = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity)]
         return bool(nodes) and all(node in parameters for node in nodes)
 
     parts: dict[Monomial, None] = {EMPTY: None}
@@ -355,15 +342,15 @@ def _parameter_monomials(forces: Iterable[Terms], parameters: frozenset[Symbol])
 
 
 @lru_cache(maxsize=8192)
-def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]:
+def antiderivatives(key: Monomial, variable: ex.Expression) -> tuple[Monomial, ...]:
     """Monomials whose derivative by the variable may contain `key`, by raising one letter at a time."""
     letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
     for letter in list(letters):
         letters.update(dict.fromkeys(companions(letter)))
-        if isinstance(letter, Apply) and isinstance(letter.argument, Sum):
+        if isinstance(letter, ex.Apply) and isinstance(letter.argument, ex.Sum):
             letters[letter.argument] = None  # (x + 1) log(x + 1)
     found: dict[Monomial, None] = dict.fromkeys(
-        times(key, monomial(p, q)) for p, _ in key for q in companions(p) if isinstance(p, Apply)
+        times(key, monomial(p, q)) for p, _ in key for q in companions(p) if isinstance(p, ex.Apply)
     )  # sin(x)/cos(x) for 1/cos(x)^2
     for letter in letters:
         try:
@@ -375,8 +362,8 @@ def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]
             if any(p == letter for p, _ in raised) or letter == variable:
                 found[raised] = None
             if not any(p == letter for p, _ in raised):
-                found[times(raised, monomial(Apply("log", letter)))] = None
-    roots = [letter for letter, e in key if isinstance(letter, Sum) and e == Fraction(-1, 2)]
+                found[times(raised, monomial(ex.Apply("log", letter)))] = None
+    roots = [letter for letter, e in key if isinstance(letter, ex.Sum) and e == Fraction(-1, 2)]
     if len(roots) == 2:  # sqrt(x - 1) sqrt(x + 1), whose slope is x over it
         found[times(times(key, monomial(*roots)), monomial(variable), -1)] = None
     found.update(dict.fromkeys(quadratic_antiderivatives(key, variable)))
@@ -385,15 +372,15 @@ def antiderivatives(key: Monomial, variable: Expression) -> tuple[Monomial, ...]
     return tuple(found)
 
 
-def _raised_powers(key: Monomial, variable: Expression) -> list[Monomial]:
+def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:
     """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, a numeric power of p next to it included."""
     found = []
     for letter, times_over in key:
-        if not isinstance(letter, Power) or isinstance(letter.exponent, Number):
+        if not isinstance(letter, ex.Power) or isinstance(letter.exponent, ex.Number):
             continue
         base, beside = letter.base, dict(key).get(letter.base, Fraction(0))
         raised_exponent = times_over * letter.exponent + beside + 1
-        if isinstance(raised_exponent, Sum) and not has_velocity(base):
+        if isinstance(raised_exponent, ex.Sum) and not has_velocity(base):
             whole = times(times(key, monomial(base)), monomial(raised_exponent), -1)
             found += [times(whole, unit, -1) for unit in letter_derivative(base, variable)]
     return found
@@ -416,22 +403,22 @@ def integrating_candidates(material: Material) -> list[tuple[int, Terms, Variabl
         own = any(place == i and variable == motion.coordinates[i] for place, _, variable in found)
         found += [] if own else [(i, c, motion.coordinates[i]) for c in _alone(material, i)]
         drag = simplified(material, coefficient(f, monomial(v))) if motion.with_time else {}
-        still = {key: c for key, c in drag.items() if not any(holds(p, *motion.coordinates) for p, _ in key)}
+        still = {key: c for key, c in drag.items() if not any(ex.holds(p, *motion.coordinates) for p, _ in key)}
         if still and (len(still) == len(drag) or motion.size == 1):
-            found.append((i, still, TIME))
+            found.append((i, still, ex.TIME))
     return found
 
 
 def _alone(material: Material, i: int) -> list[Terms]:
     """c with c v_i^2 in f_i where another velocity is 0, for f_i with sums of velocities in denominators."""
     motion, force = material.motion, material.analysis.system.accelerations[i]
-    if not any(isinstance(p, Sum) and has_velocity(p) and e < 0 for key in motion.forces[i] for p, e in key):
+    if not any(isinstance(p, ex.Sum) and has_velocity(p) and e < 0 for key in motion.forces[i] for p, e in key):
         return []
-    symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
-    own, held = motion.velocities[i], set(walk(force))
+    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *motion.coordinates, *motion.velocities]
+    own, held = motion.velocities[i], set(ex.walk(force))
     for v in (w for w in motion.velocities if w in held and w != own):
-        with suppress(TooLarge, ZeroDivisionError, TooManyTerms, KeyError, ValueError):
-            (rest,) = factored([substitute(force, {v: ZERO})], symbols, Budget.long())
+        with suppress(exact_field.TooLarge, ZeroDivisionError, TooManyTerms, KeyError, ValueError):
+            (rest,) = exact_field.factored([ex.substitute(force, {v: ex.ZERO})], symbols, exact_field.Budget.long())
             if c := coefficient(terms_of(rest), monomial(own, own)):
                 return [c]
     return []

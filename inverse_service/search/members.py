@@ -21,21 +21,12 @@ import numpy as np
 from flint import nmod_mat
 from numpy.typing import NDArray
 
-from inverse_service import bounds
-from inverse_service.deadline import check
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
-from inverse_service.field.point import number_value
-from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.mechanics.euler_lagrange import hessian
-from inverse_service.search.ansatz import (
-    Combination,
-    LagrangianSpace,
-    LetterTable,
-    letter_table,
-    letters_of,
-    monomial_values,
-)
+from inverse_service import bounds, deadline
+from inverse_service.expressions import evaluation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import point, real_point
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.search import ansatz
 from inverse_service.search.terms import Monomial, add_terms, has_velocity, monomial_tree, rank, times, tree_of
 
 IntegerMatrix = list[list[int]]
@@ -43,14 +34,14 @@ IntegerMatrix = list[list[int]]
 _TINY = mpmath.mpf(10) ** -20
 
 
-def hessians(space: LagrangianSpace, seed: int) -> tuple[int, list[IntegerMatrix]]:
+def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[IntegerMatrix]]:
     """(prime, d2L/dv dv of each combination at one random point)."""
     candidates = list(dict.fromkeys(key for c in space.combinations for key in c))
-    letters = letters_of(candidates)
-    table = letter_table(space.sampler, letters, 1, seed)
+    letters = ansatz.letters_of(candidates)
+    table = ansatz.letter_table(space.sampler, letters, 1, seed)
     index = {letter: k for k, letter in enumerate(letters)}
     inverse = pow(1 << 64, -1, table.prime)
-    values = [int(x) * inverse % table.prime for x in monomial_values(table, letters, candidates)[0]]
+    values = [int(x) * inverse % table.prime for x in ansatz.monomial_values(table, letters, candidates)[0]]
     single = {
         key: _hessian(table, [(index[p], e) for p, e in key], value)
         for key, value in zip(candidates, values, strict=True)
@@ -58,10 +49,10 @@ def hessians(space: LagrangianSpace, seed: int) -> tuple[int, list[IntegerMatrix
     return table.prime, [_combined(single, c, table.prime) for c in space.combinations]
 
 
-def _hessian(table: LetterTable, letters: Sequence[tuple[int, Fraction]], value: int) -> IntegerMatrix:
+def _hessian(table: ansatz.LetterTable, letters: Sequence[tuple[int, Fraction]], value: int) -> IntegerMatrix:
     """m (V_i V_j + sum e d2 log p)."""
     prime, n = table.prime, table.derivatives.size
-    weights = [(k, number_value(e, prime)) for k, e in letters]
+    weights = [(k, point.number_value(e, prime)) for k, e in letters]
     slope = [sum(w * int(table.derivatives.by_velocity[0, k, i]) for k, w in weights) % prime for i in range(n)]
     return [
         [value * (slope[i] * slope[j] + sum(w * int(table.derivatives.hessian[0, k, i, j]) for k, w in weights)) % prime
@@ -70,18 +61,18 @@ def _hessian(table: LetterTable, letters: Sequence[tuple[int, Fraction]], value:
     ]  # fmt: skip
 
 
-def _combined(single: dict[Monomial, IntegerMatrix], combination: Combination, prime: int) -> IntegerMatrix:
+def _combined(single: dict[Monomial, IntegerMatrix], combination: ansatz.Combination, prime: int) -> IntegerMatrix:
     n = len(next(iter(single.values())))
     total = [[0] * n for _ in range(n)]
     for key, a in combination.items():
-        weight = number_value(a, prime)
+        weight = point.number_value(a, prime)
         for i in range(n):
             for j in range(n):
                 total[i][j] = (total[i][j] + weight * single[key][i][j]) % prime
     return total
 
 
-def regular_members(space: LagrangianSpace, seed: int, most: int = 4) -> list[tuple[int, ...]]:
+def regular_members(space: ansatz.LagrangianSpace, seed: int, most: int = 4) -> list[tuple[int, ...]]:
     """Index sets of combinations whose generic sum is regular, simplest first.
 
     Combinations without a Hessian (total derivatives, relations among letters) are left aside.
@@ -135,18 +126,18 @@ def _rank(matrices: Sequence[IntegerMatrix], weights: Sequence[int], prime: int)
     return int(nmod_mat(n, n, total, prime).rank())
 
 
-def complexity(combination: Combination) -> tuple[Fraction | int, int]:
+def complexity(combination: ansatz.Combination) -> tuple[Fraction | int, int]:
     """Total weight of its terms, and their number."""
     return sum((rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
 
 
-def gauge_of(space: LagrangianSpace, seed: int) -> list[Combination]:
+def gauge_of(space: ansatz.LagrangianSpace, seed: int) -> list[ansatz.Combination]:
     """The combinations without Hessian."""
     _, matrices = hessians(space, seed)
     return [c for c, m in zip(space.combinations, matrices, strict=True) if not any(map(any, m))]
 
 
-def reduced(total: Combination, gauge: Sequence[Combination]) -> Combination:
+def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> ansatz.Combination:
     """Gauge elements subtracted as long as the rest gets simpler."""
     improved = True
     while improved:
@@ -160,7 +151,7 @@ def reduced(total: Combination, gauge: Sequence[Combination]) -> Combination:
     return total
 
 
-def scaled(combination: Combination) -> Combination:
+def scaled(combination: ansatz.Combination) -> ansatz.Combination:
     """The simplest term that is not linear in the velocities gets coefficient 1/2 if quadratic, else 1."""
     moving = [key for key in combination if velocity_degree(key) not in (0, 1)] or list(combination)
     leading = min(moving, key=rank)
@@ -174,20 +165,20 @@ def velocity_degree(key: Monomial) -> Fraction:
     return sum((1 + abs(e - 1) for letter, e in key if has_velocity(letter)), Fraction(0))
 
 
-def signature(space: LagrangianSpace, hessian: Sequence[Sequence[Expression]]) -> tuple[int, int] | None:
+def signature(space: ansatz.LagrangianSpace, hessian: Sequence[Sequence[ex.Expression]]) -> tuple[int, int] | None:
     """`inertia` at the real point of the space."""
     return inertia(space.sampler.real_point, hessian)
 
 
-def inertia(table: RealTable | None, hessian: Sequence[Sequence[Expression]]) -> tuple[int, int] | None:
+def inertia(table: real_point.RealTable | None, hessian: Sequence[Sequence[ex.Expression]]) -> tuple[int, int] | None:
     """(positive, negative) eigenvalues of a Hessian at a real point; None where it has no value there."""
     if table is None:
         return None
     with mpmath.workdps(30):
         try:
-            matrix = mpmath.matrix([[evaluate(entry, table) for entry in row] for row in hessian])
+            matrix = mpmath.matrix([[evaluation.evaluate(entry, table) for entry in row] for row in hessian])
             values = mpmath.eigsy(matrix, eigvals_only=True)
-        except (NoRealValue, ArithmeticError):
+        except (evaluation.NoRealValue, ArithmeticError):
             return None
         size = max(abs(value) for value in values)
         return sum(1 for x in values if x > size * _TINY), sum(1 for x in values if x < -size * _TINY)
@@ -281,12 +272,12 @@ _SEED = 1
 class Member:
     """A Lagrangian, the combinations it is a sum of, and whether its Hessian is positive at the real point."""
 
-    terms: Combination
-    parts: tuple[Combination, ...]
+    terms: ansatz.Combination
+    parts: tuple[ansatz.Combination, ...]
     definite: bool
 
 
-def best_members(space: LagrangianSpace, seed: int) -> list[Member]:
+def best_members(space: ansatz.LagrangianSpace, seed: int) -> list[Member]:
     """The simplest regular members, definite ones first, short kinetic terms before others."""
     sets = regular_members(space, seed)
     if not sets:
@@ -295,18 +286,18 @@ def best_members(space: LagrangianSpace, seed: int) -> list[Member]:
     found = [_sum_of(space, gauge, chosen) for chosen in sets]
     if not any(member.definite for member in found):
         found += _definite_sums(space, gauge)
-    parameters = frozenset(Symbol(name) for name in space.sampler.analysis.system.parameters)
+    parameters = frozenset(ex.Symbol(name) for name in space.sampler.analysis.system.parameters)
     table = space.sampler.real_point
     plain = [_divided(member, parameters, table) for member in found] if table and parameters else found
     return sorted(plain, key=lambda member: _order(member, parameters))
 
 
-def _order(member: Member, parameters: frozenset[Symbol]) -> tuple[bool, Fraction, tuple[Fraction | int, int]]:
+def _order(member: Member, parameters: frozenset[ex.Symbol]) -> tuple[bool, Fraction, tuple[Fraction | int, int]]:
     weights = (sum((abs(e) + (e < 0) for _, e in part), Fraction(0)) for part in _constants(member.terms, parameters))
     return not member.definite, sum(weights, Fraction(0)), complexity(member.terms)
 
 
-def _divided(member: Member, parameters: frozenset[Symbol], table: RealTable) -> Member:
+def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_point.RealTable) -> Member:
     """Divided by the parameters of one of its kinetic terms, if that leaves fewer of them there.
 
     A multiplier times a constant is one; the sign keeps the Hessian positive at the real point.
@@ -314,24 +305,24 @@ def _divided(member: Member, parameters: frozenset[Symbol], table: RealTable) ->
     found = [member]
     for part in dict.fromkeys(_constants(member.terms, parameters)):
         if part:
-            sign = -1 if real_sign(monomial_tree(part), table) < 0 else 1
+            sign = -1 if real_point.real_sign(monomial_tree(part), table) < 0 else 1
             terms = {times(key, part, -1): sign * value for key, value in member.terms.items()}
             found.append(replace(member, terms=terms))
     return min(found, key=lambda one: _order(one, parameters))
 
 
-def _constants(terms: Combination, parameters: frozenset[Symbol]) -> list[Monomial]:
+def _constants(terms: ansatz.Combination, parameters: frozenset[ex.Symbol]) -> list[Monomial]:
     """The letters of each kinetic term that hold nothing but parameters."""
     kinetic = [key for key in terms if velocity_degree(key) not in (0, 1)]
     return [frozenset(item for item in key if _is_constant(item[0], parameters)) for key in kinetic]
 
 
-def _is_constant(letter: Expression, parameters: frozenset[Symbol]) -> bool:
-    names = {node for node in walk(letter) if isinstance(node, Symbol | Velocity)}
+def _is_constant(letter: ex.Expression, parameters: frozenset[ex.Symbol]) -> bool:
+    names = {node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity)}
     return bool(names) and names <= parameters
 
 
-def needed_combinations(space: LagrangianSpace, seed: int) -> list[int]:
+def needed_combinations(space: ansatz.LagrangianSpace, seed: int) -> list[int]:
     """The numbers of the combinations that the simplest regular members and a definite one are made of."""
     sets = regular_members(space, seed)
     chosen = dict.fromkeys(k for members in sets for k in members)
@@ -341,30 +332,30 @@ def needed_combinations(space: LagrangianSpace, seed: int) -> list[int]:
     return list(chosen)
 
 
-def _sum_of(space: LagrangianSpace, gauge: Sequence[Combination], chosen: Sequence[int]) -> Member:
+def _sum_of(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], chosen: Sequence[int]) -> Member:
     """The sum of the chosen combinations, each with the sign that makes its Hessian positive.
 
     Where that sum is singular the parts get different weights.
     """
     names = space.sampler.analysis.system.coordinates
     parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
-    found = [signature(space, hessian(tree_of(part), names)) for part in parts]
+    found = [signature(space, euler_lagrange.hessian(tree_of(part), names)) for part in parts]
     signs = [-1 if one is not None and one[1] > one[0] else 1 for one in found]
-    total: Combination = {}
+    total: ansatz.Combination = {}
     inertia = None
     for spread in range(3):
         total = {}
         for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
             total = add_terms(total, part, sign * (1 + spread * k))
         total = reduced(total, gauge)
-        inertia = signature(space, hessian(tree_of(total), names))
+        inertia = signature(space, euler_lagrange.hessian(tree_of(total), names))
         if inertia is None or sum(inertia) == len(names):
             break
     given = tuple(space.combinations[k] for k in chosen)
     return Member(total, given, inertia is not None and inertia[0] == len(names))
 
 
-def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list[Member]:
+def _definite_sums(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination]) -> list[Member]:
     """Sums with a positive definite Hessian at the real point, from the simplest combinations."""
     if not all(map(_is_quadratic, space.combinations)):
         return []  # a Hessian that holds velocities is definite at some places only
@@ -375,7 +366,7 @@ def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list
     with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
     found = []
     for weights in definite_weights([matrix for _, matrix in with_hessian]):
-        total: Combination = {}
+        total: ansatz.Combination = {}
         for weight, (c, _) in zip(weights, with_hessian, strict=True):
             total = add_terms(total, c, weight)
         parts = tuple(c for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight)
@@ -383,33 +374,36 @@ def _definite_sums(space: LagrangianSpace, gauge: Sequence[Combination]) -> list
     return found
 
 
-def _is_quadratic(combination: Combination) -> bool:
+def _is_quadratic(combination: ansatz.Combination) -> bool:
     """Whether its terms are v_i v_j, v_i or 1 times functions of position."""
     moving = [[(letter, e) for letter, e in key if has_velocity(letter)] for key in combination]
-    plain = all(isinstance(letter, Velocity) for part in moving for letter, _ in part)
+    plain = all(isinstance(letter, ex.Velocity) for part in moving for letter, _ in part)
     return plain and all(
         sum(e for _, e in part) in (0, 1, 2) and min((e for _, e in part), default=1) > 0 for part in moving
     )
 
 
-def _scaled_up(combination: Combination) -> Combination:
+def _scaled_up(combination: ansatz.Combination) -> ansatz.Combination:
     """`scaled`, by a positive factor."""
     result = scaled(combination)
     key = next(iter(result))
     return result if result[key] * combination[key] > 0 else {key: -value for key, value in result.items()}
 
 
-def _real_hessian(space: LagrangianSpace, combination: Combination) -> Matrix | None:
+def _real_hessian(space: ansatz.LagrangianSpace, combination: ansatz.Combination) -> Matrix | None:
     """d2L/dv dv at the real point; None where it vanishes or has no value."""
-    check()
+    deadline.check()
     table = space.sampler.real_point
     if table is None or not any(velocity_degree(key) not in (0, 1) for key in combination):
         return None
     names = space.sampler.analysis.system.coordinates
     with mpmath.workdps(20):
         try:
-            entries = [[float(evaluate(e, table)) for e in row] for row in hessian(tree_of(combination), names)]
-        except (NoRealValue, ArithmeticError, TypeError):
+            entries = [
+                [float(evaluation.evaluate(e, table)) for e in row]
+                for row in euler_lagrange.hessian(tree_of(combination), names)
+            ]
+        except (evaluation.NoRealValue, ArithmeticError, TypeError):
             return None
     matrix = np.array(entries)
     return matrix if np.isfinite(matrix).all() and np.abs(matrix).max() > 0 else None

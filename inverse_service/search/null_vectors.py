@@ -15,10 +15,9 @@ from functools import partial
 import numpy as np
 from flint import nmod_mat
 
-from inverse_service import bounds
-from inverse_service.deadline import check
+from inverse_service import bounds, deadline
+from inverse_service.field import modular
 from inverse_service.field.echelon import Words
-from inverse_service.field.modular import reconstruct
 
 # So many equations more than unknowns: a random one holds by accident with the probability 1/P, P the prime.
 SPARE = 12
@@ -45,7 +44,7 @@ def _rational(row: list[int], prime: int) -> dict[int, Fraction] | None:
     vector: dict[int, Fraction] = {}
     for k, x in enumerate(row):
         if x:
-            value = reconstruct(x, prime, bounds.NUMBER)
+            value = modular.reconstruct(x, prime, bounds.NUMBER)
             if value is None:
                 return None
             vector[k] = value
@@ -59,7 +58,7 @@ def small_solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] 
     solution = [Fraction(0)] * width
     for i in range(order):
         pivot = next(k for k in range(width + 1) if int(reduced[i, k]))
-        value = reconstruct(int(reduced[i, width]), prime, bounds.RATIO)
+        value = modular.reconstruct(int(reduced[i, width]), prime, bounds.RATIO)
         if pivot == width or value is None:
             return None
         solution[pivot] = value
@@ -73,7 +72,7 @@ def kernel(matrix: Words, prime: int) -> Kernel:
 
 def _check_work(rows: int, columns: int) -> None:
     """What an elimination costs, in units of the search."""
-    check(1 + rows * columns // 100 + rows * columns * min(rows, columns) // 10_000)
+    deadline.check(1 + rows * columns // 100 + rows * columns * min(rows, columns) // 10_000)
 
 
 def _over_field(matrix: Words, prime: int) -> nmod_mat:

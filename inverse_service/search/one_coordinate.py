@@ -43,61 +43,14 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 
-from inverse_service import bounds
-from inverse_service.deadline import check
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    TIME,
-    ZERO,
-    Apply,
-    Expression,
-    Integral,
-    Number,
-    Power,
-    Symbol,
-    Velocity,
-    add,
-    factors_of,
-    holds,
-    is_exponential,
-    multiply,
-    negated,
-    number,
-    powers_of,
-    square_root,
-    substitute,
-)
+from inverse_service import bounds, deadline, errors
+from inverse_service.expressions import derivative, evaluation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import real_point
 from inverse_service.field.point import SingularPoint, number_value
-from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.search.ansatz import (
-    LetterTable,
-    letter_table,
-    letters_of,
-    make_sampler,
-    monomial_values,
-    null_combinations,
-    tensors_of,
-)
+from inverse_service.search import ansatz, members, null_vectors, quadratures
 from inverse_service.search.factors import Factors, find_factors
 from inverse_service.search.material import Material, antiderivatives
-from inverse_service.search.members import scaled
-from inverse_service.search.null_vectors import SPARE, pivots, small_solution
-from inverse_service.search.quadratures import (
-    antiderivative,
-    completed,
-    expanded,
-    exponential_of_integral,
-    extracted_root,
-    factored,
-    fresh_names,
-    potential_with_integrals,
-    shortest,
-    weight,
-)
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -117,7 +70,7 @@ from inverse_service.search.terms import (
     tree_of,
 )
 
-Factor = tuple[Expression, Fraction]
+Factor = tuple[ex.Expression, Fraction]
 
 
 class NotElementary(ArithmeticError):
@@ -128,22 +81,22 @@ class NotElementary(ArithmeticError):
 class Place:
     """The names of coordinate and velocity, and the real point that says on which branch roots are."""
 
-    x: Symbol
-    v: Velocity
-    point: RealTable
+    x: ex.Symbol
+    v: ex.Velocity
+    point: real_point.RealTable
 
 
 @dataclass(frozen=True, slots=True)
 class _Quadratic:
     """Q with u = dQ/dv, its leading coefficient a, and D = 4ac - b^2 in factors."""
 
-    q: Expression
-    u: Expression
-    a: Expression
-    d: Expression
+    q: ex.Expression
+    u: ex.Expression
+    a: ex.Expression
+    d: ex.Expression
 
 
-def coefficients(base: Expression, velocity: Velocity) -> list[Expression]:
+def coefficients(base: ex.Expression, velocity: ex.Velocity) -> list[ex.Expression]:
     """[c_0, c_1, …] of a polynomial in v; NotElementary for other functions of v."""
     table: dict[int, Terms] = {}
     for key, value in terms_of(base).items():
@@ -154,7 +107,7 @@ def coefficients(base: Expression, velocity: Velocity) -> list[Expression]:
     return [tree_of(table.get(k, {})) for k in range(max(table, default=0) + 1)]
 
 
-def double_integral(weight: Expression, factors: Sequence[Factor], place: Place) -> Expression:
+def double_integral(weight: ex.Expression, factors: Sequence[Factor], place: Place) -> ex.Expression:
     """K with d2K/dv2 = weight times the factors, which are positive at the real point; else NotElementary.
 
     The weight is a function of t and x.
@@ -162,16 +115,16 @@ def double_integral(weight: Expression, factors: Sequence[Factor], place: Place)
     parts = [coefficients(base, place.v) for base, _ in factors]
     degrees = [len(part) - 1 for part in parts]
     if not factors:
-        return HALF * weight * place.v**2
+        return ex.HALF * weight * place.v**2
     if degrees == [1]:
         ((base, e),) = factors
-        scale = factored(weight / parts[0][1] ** 2, [place.x])
+        scale = quadratures.factored(weight / parts[0][1] ** 2, [place.x])
         return scale * _linear(base, e, place.point)
     if degrees == [2]:
         ((base, e),) = factors
         form = _quadratic(base, parts[0], place)
         if e == -1:
-            return factored(weight / form.a, [place.x]) * _with_arctangent(form, place)
+            return quadratures.factored(weight / form.a, [place.x]) * _with_arctangent(form, place)
         return weight * _recursion(form, e, place)
     if set(degrees) == {1} and all(e == -1 for _, e in factors):
         return weight * _partial_fractions([base for base, _ in factors], parts, place)
@@ -180,18 +133,20 @@ def double_integral(weight: Expression, factors: Sequence[Factor], place: Place)
     raise NotElementary
 
 
-def _partial_fractions(bases: Sequence[Expression], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
+def _partial_fractions(
+    bases: Sequence[ex.Expression], parts: Sequence[Sequence[ex.Expression]], place: Place
+) -> ex.Expression:
     """int int 1/(P_1 … P_m), the sum of u log u / (a^2 c) over u = P_j = a v + b, c the others at u = 0."""
     terms = []
     for j, (b, a) in enumerate(parts):
         root = -(b / a)
         others = [part[1] * root + part[0] for k, part in enumerate(parts) if k != j]
-        weight = factored(multiply(a**2, *others) ** -1, [place.x])
+        weight = quadratures.factored(ex.multiply(a**2, *others) ** -1, [place.x])
         terms.append(weight * _linear(bases[j], Fraction(-1), place.point))
-    return add(*terms)
+    return ex.add(*terms)
 
 
-def _linear(u: Expression, e: Fraction, point: RealTable) -> Expression:
+def _linear(u: ex.Expression, e: Fraction, point: real_point.RealTable) -> ex.Expression:
     """int int u^e du du."""
     if e == -1:
         return u * _logarithm(u, point)
@@ -200,14 +155,14 @@ def _linear(u: Expression, e: Fraction, point: RealTable) -> Expression:
     return 1 / ((e + 1) * (e + 2)) * u ** (e + 2)
 
 
-def _logarithm(u: Expression, point: RealTable) -> Expression:
+def _logarithm(u: ex.Expression, point: real_point.RealTable) -> ex.Expression:
     """log |u| on the side of the real point, numeric factors dropped: they add terms linear in v."""
-    terms = terms_of(u if real_sign(u, point) > 0 else negated(u))
+    terms = terms_of(u if real_point.real_sign(u, point) > 0 else ex.negated(u))
     content = abs(split_content(terms)[0])
-    return Apply("log", tree_of({key: value / content for key, value in terms.items()}))
+    return ex.Apply("log", tree_of({key: value / content for key, value in terms.items()}))
 
 
-def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[Expression]], place: Place) -> Expression:
+def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[ex.Expression]], place: Place) -> ex.Expression:
     """(e_1 + 2)(e_2 + 2) W^2 K = -P_1^(e_1 + 2) P_2^(e_2 + 2) for linear factors with e_1 + e_2 = -3.
 
     W = a_1 b_2 - a_2 b_1 for P_j = a_j v + b_j.
@@ -216,21 +171,21 @@ def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[Expression]], pl
     (b1, a1), (b2, a2) = parts
     if e + h != -3 or -2 in (e, h):
         raise NotElementary
-    difference = factored(a1 * b2 - a2 * b1, [place.x])
+    difference = quadratures.factored(a1 * b2 - a2 * b1, [place.x])
     product = first ** (e + 2) * second ** (h + 2) * difference**-2
     return -1 / ((e + 2) * (h + 2)) * product
 
 
-def _quadratic(q: Expression, parts: Sequence[Expression], place: Place) -> _Quadratic:
+def _quadratic(q: ex.Expression, parts: Sequence[ex.Expression], place: Place) -> _Quadratic:
     c, b, a = parts
-    d = factored(4 * a * c - b**2, [place.x])
-    if d == ZERO:
+    d = quadratures.factored(4 * a * c - b**2, [place.x])
+    if d == ex.ZERO:
         # A square: the linear factor stands for it.
         raise NotElementary
-    return _Quadratic(q, expanded(differentiate(q, place.v)), a, d)
+    return _Quadratic(q, quadratures.expanded(derivative.differentiate(q, place.v)), a, d)
 
 
-def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
+def _recursion(form: _Quadratic, e: Fraction, place: Place) -> ex.Expression:
     """J_e."""
     if e == -1:
         return _with_arctangent(form, place) / form.a
@@ -242,52 +197,52 @@ def _recursion(form: _Quadratic, e: Fraction, place: Place) -> Expression:
         raise NotElementary
     if e < -1:
         weight = 2 * (e + 2) * (2 * e + 3)
-        above = weight * form.a * _recursion(form, e + 1, place) if weight else ZERO
+        above = weight * form.a * _recursion(form, e + 1, place) if weight else ex.ZERO
         return (above - form.q ** (e + 2)) / ((e + 1) * (e + 2) * form.d)
     weight = e * (e + 1)
-    below = weight * form.d * _recursion(form, e - 1, place) if weight else ZERO
+    below = weight * form.d * _recursion(form, e - 1, place) if weight else ex.ZERO
     return (form.q ** (e + 1) + below) / (2 * (e + 1) * (2 * e + 1) * form.a)
 
 
-def _with_arctangent(form: _Quadratic, place: Place) -> Expression:
+def _with_arctangent(form: _Quadratic, place: Place) -> ex.Expression:
     """a J_(-1) = y atan y - log(Q)/2 with y = u/D^1/2; logarithms where D < 0."""
-    if real_sign(form.d, place.point) < 0:
+    if real_point.real_sign(form.d, place.point) < 0:
         return _with_logarithms(form, place)
-    y = shortest(form.u / extracted_root(form.d), [place.x, place.v])
-    return y * Apply("atan", y) - HALF * _logarithm(form.q, place.point)
+    y = quadratures.shortest(form.u / quadratures.extracted_root(form.d), [place.x, place.v])
+    return y * ex.Apply("atan", y) - ex.HALF * _logarithm(form.q, place.point)
 
 
-def _with_logarithms(form: _Quadratic, place: Place) -> Expression:
+def _with_logarithms(form: _Quadratic, place: Place) -> ex.Expression:
     """a J_(-1) = ((u - R) log(u - R) - (u + R) log(u + R))/(2R) with R^2 = -D."""
-    root = extracted_root(-form.d)
-    low, high = expanded(form.u - root), expanded(form.u + root)
+    root = quadratures.extracted_root(-form.d)
+    low, high = quadratures.expanded(form.u - root), quadratures.expanded(form.u + root)
     first, second = _logarithm(low, place.point), _logarithm(high, place.point)
     difference = low * first - high * second
     return difference / (2 * root)
 
 
-def _of_inverse_square(form: _Quadratic, place: Place) -> Expression:
+def _of_inverse_square(form: _Quadratic, place: Place) -> ex.Expression:
     """J_(-2) = 2u atan(u/D^1/2)/D^3/2, for R^2 = -D > 0 it is u log((u - R)/(u + R))/(D R)."""
-    if real_sign(form.d, place.point) > 0:
-        root = extracted_root(form.d)
-        y = shortest(form.u / root, [place.x, place.v])
-        return 2 * y * Apply("atan", y) / form.d
-    root = extracted_root(-form.d)
-    low, high = expanded(form.u - root), expanded(form.u + root)
+    if real_point.real_sign(form.d, place.point) > 0:
+        root = quadratures.extracted_root(form.d)
+        y = quadratures.shortest(form.u / root, [place.x, place.v])
+        return 2 * y * ex.Apply("atan", y) / form.d
+    root = quadratures.extracted_root(-form.d)
+    low, high = quadratures.expanded(form.u - root), quadratures.expanded(form.u + root)
     difference = _logarithm(low, place.point) - _logarithm(high, place.point)
     return form.u * difference / (form.d * root)
 
 
-def _with_root(form: _Quadratic, place: Place) -> Expression:
+def _with_root(form: _Quadratic, place: Place) -> ex.Expression:
     """int int Q^(-1/2): a logarithm for a > 0, an arcsine for a < 0."""
     a, u, q = form.a, form.u, form.q
-    last = square_root(q) / a
-    if real_sign(a, place.point) > 0:
-        root = extracted_root(factored(a, [place.x]))
-        log = _logarithm(u + 2 * root * square_root(q), place.point)
+    last = ex.square_root(q) / a
+    if real_point.real_sign(a, place.point) > 0:
+        root = quadratures.extracted_root(quadratures.factored(a, [place.x]))
+        log = _logarithm(u + 2 * root * ex.square_root(q), place.point)
         return u * log / (2 * a * root) - last
-    root = extracted_root(factored(negated(a), [place.x]))
-    arc = Apply("asin", u / extracted_root(-form.d))
+    root = quadratures.extracted_root(quadratures.factored(ex.negated(a), [place.x]))
+    arc = ex.Apply("asin", u / quadratures.extracted_root(-form.d))
     return -(u * arc / (2 * a * root)) - last
 
 
@@ -295,18 +250,18 @@ _SPEEDS = (Fraction(0), Fraction(1), Fraction(2), Fraction(1, 2), Fraction(-1))
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 
 
-def euler_lagrange(kinetic: Expression, force: Expression, x: Symbol, v: Velocity) -> Expression:
+def euler_lagrange(kinetic: ex.Expression, force: ex.Expression, x: ex.Symbol, v: ex.Velocity) -> ex.Expression:
     """f K_vv + v K_vx + K_vt - K_x."""
-    momentum = differentiate(kinetic, v)
+    momentum = derivative.differentiate(kinetic, v)
     return (
-        force * differentiate(momentum, v)
-        + v * differentiate(momentum, x)
-        + differentiate(momentum, TIME)
-        - differentiate(kinetic, x)
+        force * derivative.differentiate(momentum, v)
+        + v * derivative.differentiate(momentum, x)
+        + derivative.differentiate(momentum, ex.TIME)
+        - derivative.differentiate(kinetic, x)
     )
 
 
-def potential(kinetic: Expression, force: Expression, place: Place) -> Expression | None:
+def potential(kinetic: ex.Expression, force: ex.Expression, place: Place) -> ex.Expression | None:
     """U(t, x) with dU/dx = E(K), so that K + U is a Lagrangian; None where it is not found."""
     residual = euler_lagrange(kinetic, force, place.x, place.v)
     if not _is_free_of_velocity(residual, place):
@@ -315,8 +270,8 @@ def potential(kinetic: Expression, force: Expression, place: Place) -> Expressio
         if not _is_defined(residual, {**place.point, place.v: mpmath.mpf(speed.numerator) / speed.denominator}):
             continue
         try:
-            fixed = factored(substitute(residual, {place.v: number(speed)}), [place.x])
-            found = completed([place.x.name], [terms_of(-fixed)])
+            fixed = quadratures.factored(ex.substitute(residual, {place.v: ex.number(speed)}), [place.x])
+            found = quadratures.completed([place.x.name], [terms_of(-fixed)])
         except TooManyTerms:
             continue
         if found is not None:
@@ -324,20 +279,20 @@ def potential(kinetic: Expression, force: Expression, place: Place) -> Expressio
     return None
 
 
-def _is_free_of_velocity(residual: Expression, place: Place) -> bool:
+def _is_free_of_velocity(residual: ex.Expression, place: Place) -> bool:
     """Seen in its values at the real point and close to it: what d2K/dv2 is no multiplier is left early."""
     with mpmath.workdps(bounds.DIGITS):
-        first = evaluate(residual, place.point)
+        first = evaluation.evaluate(residual, place.point)
         moved = {**place.point, place.v: place.point[place.v] * _STEP}
-        second = evaluate(residual, moved)
+        second = evaluation.evaluate(residual, moved)
         return bool(abs(first - second) < _TINY * (1 + abs(first)))
 
 
-def _is_defined(tree: Expression, point: RealTable) -> bool:
+def _is_defined(tree: ex.Expression, point: real_point.RealTable) -> bool:
     """Asked before a velocity is put in, since 0 times an infinite factor would fold to 0."""
     try:
-        evaluate(tree, point)
-    except NoRealValue:
+        evaluation.evaluate(tree, point)
+    except evaluation.NoRealValue:
         return False
     return True
 
@@ -346,8 +301,8 @@ def _is_defined(tree: Expression, point: RealTable) -> bool:
 class Samples:
     """Letters, their values and logarithmic derivatives along the motion, and df/dv, at points of one prime."""
 
-    places: dict[Expression, int]
-    table: LetterTable
+    places: dict[ex.Expression, int]
+    table: ansatz.LetterTable
     slopes: tuple[int, ...]
 
     @property
@@ -362,22 +317,22 @@ class Samples:
 
 def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int) -> Samples:
     """`count` points for the letters of the terms; IrreducibleAtoms, SingularPoint or ValueError if there are none."""
-    letters = letters_of(terms)
-    sampler = make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
-    table = letter_table(sampler, letters, count, seed)
-    slopes = tuple(-2 * connection[0][0] % table.prime for connection, _ in tensors_of(sampler, table))
+    letters = ansatz.letters_of(terms)
+    sampler = ansatz.make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
+    table = ansatz.letter_table(sampler, letters, count, seed)
+    slopes = tuple(-2 * connection[0][0] % table.prime for connection, _ in ansatz.tensors_of(sampler, table))
     return Samples({p: k for k, p in enumerate(letters)}, table, slopes)
 
 
 def independent(samples: Samples, terms: Sequence[Monomial]) -> list[Monomial]:
     """The terms without those that are combinations of earlier ones as functions (1 = sin^2 + cos^2)."""
-    rows = monomial_values(samples.table, list(samples.places), terms)
-    return [terms[k] for k in pivots(rows, samples.prime)]
+    rows = ansatz.monomial_values(samples.table, list(samples.places), terms)
+    return [terms[k] for k in null_vectors.pivots(rows, samples.prime)]
 
 
 def montgomery_values(samples: Samples, terms: Sequence[Monomial]) -> list[list[int]]:
     """The value of each term at each sample in Montgomery form (times 2^64)."""
-    return [[int(a) for a in row] for row in monomial_values(samples.table, list(samples.places), terms)]
+    return [[int(a) for a in row] for row in ansatz.monomial_values(samples.table, list(samples.places), terms)]
 
 
 _LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
@@ -411,7 +366,7 @@ def darboux_powers(material: Material, factors: Factors, seed: int) -> list[Darb
     for degree, exponents in EXPONENTS:
         try:
             found.update(dict.fromkeys(_of_degree(material, factors, degree, exponents, seed)))
-        except (IrreducibleAtoms, SingularPoint, TooManyTerms, ValueError):
+        except (errors.IrreducibleAtoms, SingularPoint, TooManyTerms, ValueError):
             continue
     return list(found)
 
@@ -422,7 +377,7 @@ def _of_degree(
     phis = {e: position_factors(factors, degree * e) for e in exponents}
     candidates = candidate_terms(material, degree)
     every = [*candidates, *(phi for group in phis.values() for phi in group)]
-    samples = sampled(material, every, len(candidates) + SPARE, seed)
+    samples = sampled(material, every, len(candidates) + null_vectors.SPARE, seed)
     candidates = independent(samples, candidates)
     values = montgomery_values(samples, candidates)
     rates = [[samples.along(k, key) for key in candidates] for k in range(len(values))]
@@ -431,7 +386,7 @@ def _of_degree(
             weight = number_value(e, samples.prime)
             wanted = [slope + samples.along(k, phi) for k, slope in enumerate(samples.slopes)]
             rows = _equations(values, rates, weight, wanted, samples.prime)
-            for terms in null_combinations(np.array(rows, np.uint64), candidates, samples.prime):
+            for terms in ansatz.null_combinations(np.array(rows, np.uint64), candidates, samples.prime):
                 yield DarbouxPower(phi, tuple(terms.items()), e)
 
 
@@ -492,7 +447,7 @@ def _raised(material: Material, key: Monomial, slope: Terms) -> list[Monomial]:
         if _is_polynomial(lowered, velocity, _HIGHEST):
             found.update(dict.fromkeys([lowered, *(times(m, lowered) for m in antiderivatives(position, x))]))
         if motion.with_time and _is_polynomial(moving, velocity, _HIGHEST):
-            found.update(dict.fromkeys(times(m, moving) for m in antiderivatives(position, TIME)))
+            found.update(dict.fromkeys(times(m, moving) for m in antiderivatives(position, ex.TIME)))
         quotients = ((part, times(moving, power, -1)) for part, power in divisors)
         found.update(
             (times(position, part, -1) | rest, None)
@@ -502,18 +457,18 @@ def _raised(material: Material, key: Monomial, slope: Terms) -> list[Monomial]:
     return list(found)
 
 
-def _is_polynomial(moving: Monomial, velocity: Velocity, degree: int) -> bool:
+def _is_polynomial(moving: Monomial, velocity: ex.Velocity, degree: int) -> bool:
     return all(p == velocity and e.denominator == 1 and 0 <= e <= degree for p, e in moving)
 
 
-def _is_admissible(key: Monomial, with_time: bool, velocity: Velocity, degree: int) -> bool:
+def _is_admissible(key: Monomial, with_time: bool, velocity: ex.Velocity, degree: int) -> bool:
     """A polynomial of this degree in v, with t only where L may contain it."""
     if not _is_polynomial(split_velocities(key)[1], velocity, degree):
         return False
-    return with_time or not any(holds(p, TIME) for p, _ in key)
+    return with_time or not any(ex.holds(p, ex.TIME) for p, _ in key)
 
 
-def inverse_multiplier(material: Material, factors: Factors) -> Expression | None:
+def inverse_multiplier(material: Material, factors: Factors) -> ex.Expression | None:
     """(alpha E^2 v^2 + h E v + h^2)/E^2, or None where f is not of this kind."""
     motion = material.motion
     x, v = motion.coordinates[0], motion.velocities[0]
@@ -522,11 +477,11 @@ def inverse_multiplier(material: Material, factors: Factors) -> Expression | Non
         return None
     scale, damping = monomial_tree(factors.along.get(0, EMPTY)), tree_of(parts[1])
     try:
-        ratio = factored(scale * tree_of(parts[0]) / damping, [x])
-        alpha = factored(-(differentiate(ratio, x) / (scale * damping)), [x])
-        if alpha == ZERO or holds(alpha, x, TIME):
+        ratio = quadratures.factored(scale * tree_of(parts[0]) / damping, [x])
+        alpha = quadratures.factored(-(derivative.differentiate(ratio, x) / (scale * damping)), [x])
+        if alpha == ex.ZERO or ex.holds(alpha, x, ex.TIME):
             return None
-        lowered = expanded(factored(ratio / scale, [x]))
+        lowered = quadratures.expanded(quadratures.factored(ratio / scale, [x]))
     except TooManyTerms:
         return None
     return alpha * v**2 + lowered * v + lowered**2
@@ -541,7 +496,7 @@ def _by_powers(material: Material) -> Mapping[int, Terms] | None:
         degree = dict(moving).get(velocity, 0)
         if degree not in (0, 1, 2) or len(moving) > 1 or (moving and not degree):
             return None
-        if any(holds(p, TIME) for p, _ in key):
+        if any(ex.holds(p, ex.TIME) for p, _ in key):
             return None
         table.setdefault(int(degree), {})[position] = value
     return table
@@ -552,7 +507,7 @@ class LastMultiplier:
     """g = factor * product of base^exponent; only the bases, polynomials in v, hold the velocity."""
 
     factor: Monomial
-    moving: tuple[tuple[Expression, Fraction], ...]
+    moving: tuple[tuple[ex.Expression, Fraction], ...]
 
 
 def last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
@@ -571,8 +526,8 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
     if inverse is not None:
         powers.append((EMPTY, inverse, Fraction(-1)))
     moving = _moving_factors(material)
-    if moving and all(isinstance(e, Number) for _, e in moving):
-        found[LastMultiplier(EMPTY, tuple((base, -e.value) for base, e in moving if isinstance(e, Number)))] = None
+    if moving and all(isinstance(e, ex.Number) for _, e in moving):
+        found[LastMultiplier(EMPTY, tuple((base, -e.value) for base, e in moving if isinstance(e, ex.Number)))] = None
     for phi, base, exponent in powers:
         try:
             found[_in_factors(material, phi, base, exponent)] = None
@@ -588,49 +543,49 @@ def _simplified(material: Material, factors: Factors) -> Factors:
     x = material.motion.coordinates[0]
     along = {}
     for i, phi in factors.along.items():
-        arguments = [e * p.argument for p, e in phi if is_exponential(p)]
-        rest = frozenset(item for item in phi if not is_exponential(item[0]))
+        arguments = [e * p.argument for p, e in phi if ex.is_exponential(p)]
+        rest = frozenset(item for item in phi if not ex.is_exponential(item[0]))
         try:
-            ((key, _),) = terms_of(Apply("exp", factored(add(*arguments), [x]))).items()
+            ((key, _),) = terms_of(ex.Apply("exp", quadratures.factored(ex.add(*arguments), [x]))).items()
             along[i] = times(rest, key) if arguments else phi
         except TooManyTerms:
             along[i] = phi
     return replace(factors, along=along)
 
 
-def _in_factors(material: Material, phi: Monomial, polynomial: Expression, exponent: Fraction) -> LastMultiplier:
+def _in_factors(material: Material, phi: Monomial, polynomial: ex.Expression, exponent: Fraction) -> LastMultiplier:
     """phi P^e with P factored; its factors without velocity go into phi, constants are dropped."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     moving = []
-    for base, e in powers_of(factored(polynomial, [x, v])):
+    for base, e in ex.powers_of(quadratures.factored(polynomial, [x, v])):
         if has_velocity(base):
-            moving.append((expanded(base), e * exponent))
-        elif not isinstance(base, Number) and holds(base, x, TIME):
+            moving.append((quadratures.expanded(base), e * exponent))
+        elif not isinstance(base, ex.Number) and ex.holds(base, x, ex.TIME):
             phi = times(phi, _letters(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))
 
 
-def _letters(base: Expression) -> Monomial:
+def _letters(base: ex.Expression) -> Monomial:
     """A factor as a monomial; exp(u + …) is a product of letters."""
-    if is_exponential(base):
+    if ex.is_exponential(base):
         ((key, _),) = terms_of(base).items()
         return key
     return monomial(base)
 
 
-def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Iterable[LastMultiplier]:
+def _combined(material: Material, bases: Sequence[ex.Expression], seed: int) -> Iterable[LastMultiplier]:
     """One base, or two linear ones with e_1 + e_2 = -3, with exponents of letters of f, for df/dv."""
     if not bases:
         return
-    letters = [p for p in material.position_letters if not isinstance(p, Number)][: bounds.FEW]
+    letters = [p for p in material.position_letters if not isinstance(p, ex.Number)][: bounds.FEW]
     try:
-        samples = sampled(material, [monomial(p) for p in (*bases, *letters)], len(letters) + SPARE, seed)
-    except (IrreducibleAtoms, SingularPoint, ValueError):
+        samples = sampled(material, [monomial(p) for p in (*bases, *letters)], len(letters) + null_vectors.SPARE, seed)
+    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return
     linear = [base for base in bases if _degree(material, base) == 1]
-    choices: list[tuple[Expression, ...]] = [(base,) for base in bases]
+    choices: list[tuple[ex.Expression, ...]] = [(base,) for base in bases]
     for chosen in [*choices, *itertools.combinations(linear, 2)]:
-        solution = small_solution(_exponents(samples, chosen, letters), samples.prime)
+        solution = null_vectors.small_solution(_exponents(samples, chosen, letters), samples.prime)
         if solution is not None:
             used = [(p, e) for p, e in zip([*chosen, *letters], solution, strict=True) if e]
             yield LastMultiplier(
@@ -639,14 +594,14 @@ def _combined(material: Material, bases: Sequence[Expression], seed: int) -> Ite
             )
 
 
-def _degree(material: Material, base: Expression) -> int:
+def _degree(material: Material, base: ex.Expression) -> int:
     try:
         return len(coefficients(base, material.motion.velocities[0])) - 1
     except NotElementary:
         return 0
 
 
-def _exponents(samples: Samples, chosen: Sequence[Expression], letters: Sequence[Expression]) -> list[list[int]]:
+def _exponents(samples: Samples, chosen: Sequence[ex.Expression], letters: Sequence[ex.Expression]) -> list[list[int]]:
     """Rows (Gamma(log p) for each p, -df/dv), and for two factors the one that makes the integral algebraic."""
     columns = [monomial(p) for p in (*chosen, *letters)]
     rows = [
@@ -657,22 +612,22 @@ def _exponents(samples: Samples, chosen: Sequence[Expression], letters: Sequence
     return rows
 
 
-def _moving_factors(material: Material) -> list[tuple[Expression, Expression]]:
+def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expression]]:
     """(base, exponent) of the factors of f that hold v, numbers left out: for f = F(v) G(t, x), 1/F is a multiplier."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     try:
-        force = factored(material.analysis.system.accelerations[0], [x, v])
+        force = quadratures.factored(material.analysis.system.accelerations[0], [x, v])
     except TooManyTerms:
         return []
-    factors = factors_of(force)
-    pairs = [(f.base, f.exponent) if isinstance(f, Power) else (f, ONE) for f in factors]
+    factors = ex.factors_of(force)
+    pairs = [(f.base, f.exponent) if isinstance(f, ex.Power) else (f, ex.ONE) for f in factors]
     return [(base, exponent) for base, exponent in pairs if has_velocity(base)]
 
 
-def _of_symbolic_power(material: Material) -> Expression | None:
+def _of_symbolic_power(material: Material) -> ex.Expression | None:
     """For f = P^e G, P = a v + b and e a letter: int int P^(-e) = P^(2 - e)/((1 - e)(2 - e) a^2), and a potential."""
     point, moving = material.analysis.real_point, _moving_factors(material)
-    if point is None or len(moving) != 1 or isinstance(moving[0][1], Number):
+    if point is None or len(moving) != 1 or isinstance(moving[0][1], ex.Number):
         return None
     ((base, e),) = moving
     place = Place(material.motion.coordinates[0], material.motion.velocities[0], point)
@@ -681,12 +636,12 @@ def _of_symbolic_power(material: Material) -> Expression | None:
         below = (1 - e) * (2 - e) * a**2
         kinetic = base ** (2 - e) / below
         rest = potential(kinetic, material.analysis.system.accelerations[0], place)
-    except (ValueError, NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
+    except (ValueError, NotElementary, evaluation.NoRealValue, errors.IrreducibleAtoms, TooManyTerms):
         return None
     return None if rest is None else kinetic + rest
 
 
-def propose_function_of_velocity(material: Material, seed: int) -> list[Expression]:
+def propose_function_of_velocity(material: Material, seed: int) -> list[ex.Expression]:
     """L with g = phi(t, x)/F(v), for the first F that will do; phi, the two integrals of g and the potential by
     quadratures."""
     for function in _functions_of_velocity(material):
@@ -697,40 +652,44 @@ def propose_function_of_velocity(material: Material, seed: int) -> list[Expressi
     return []
 
 
-def _functions_of_velocity(material: Material) -> Iterator[Expression]:
+def _functions_of_velocity(material: Material) -> Iterator[ex.Expression]:
     """Candidates for F: the factors of f that hold v alone, and what each term of f holds of v."""
     x = material.motion.coordinates[0]
-    found = [multiply(*(base**e for base, e in _moving_factors(material) if not holds(base, x, TIME)))]
+    found = [ex.multiply(*(base**e for base, e in _moving_factors(material) if not ex.holds(base, x, ex.TIME)))]
     found += [monomial_tree(split_velocities(key)[1]) for key in material.motion.forces[0]]
-    yield from dict.fromkeys(tree for tree in found if not holds(tree, x, TIME))
+    yield from dict.fromkeys(tree for tree in found if not ex.holds(tree, x, ex.TIME))
 
 
-def _of_function(material: Material, function: Expression) -> Expression | None:
+def _of_function(material: Material, function: ex.Expression) -> ex.Expression | None:
     """phi (v P - Q) + int phi G dx for f = F (G - A P - B Q), where P' = 1/F, Q' = v/F, A = phi_t/phi, B = phi_x/phi.
 
     1/F is a multiplier of f = F G; A(t) and B(x) follow from F d(f/F)/dv = -(A + B v).
     """
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     system = material.analysis.system
-    rest = factored(system.accelerations[0] / function, [x, v])
-    rate = factored(function * (-differentiate(rest, v)), [x, v])
-    along = factored(differentiate(rate, v), [x, v])
-    in_time = factored(rate - v * along, [x, v])
-    if holds(along, v, TIME) or holds(in_time, v, x) or (in_time != ZERO and not material.motion.with_time):
+    rest = quadratures.factored(system.accelerations[0] / function, [x, v])
+    rate = quadratures.factored(function * (-derivative.differentiate(rest, v)), [x, v])
+    along = quadratures.factored(derivative.differentiate(rate, v), [x, v])
+    in_time = quadratures.factored(rate - v * along, [x, v])
+    if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
         return None
-    phi = multiply(*(exponential_of_integral(c, q, material.analysis) for c, q in ((in_time, TIME), (along, x))))
-    names = fresh_names(system, phi)
+    phi = ex.multiply(
+        *(quadratures.exponential_of_integral(c, q, material.analysis) for c, q in ((in_time, ex.TIME), (along, x)))
+    )
+    names = quadratures.fresh_names(system, phi)
     integrals = []
     for slope, c in ((1 / function, in_time), (v / function, along)):
-        known = antiderivative(system, tree_of(terms_of(slope)), v, material.analysis.real_point)
-        if known is None and c != ZERO:
+        known = quadratures.antiderivative(system, tree_of(terms_of(slope)), v, material.analysis.real_point)
+        if known is None and c != ex.ZERO:
             return None
-        tree = Integral(next(names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else known
+        tree = ex.Integral(next(names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else known
         integrals.append(tree)
-        rest = rest + c * tree if c != ZERO else rest
-    force = phi * factored(rest, [x, v])
+        rest = rest + c * tree if c != ex.ZERO else rest
+    force = phi * quadratures.factored(rest, [x, v])
     kinetic = phi * (v * integrals[0] - integrals[1])
-    potential_part = potential_with_integrals(system, kinetic, terms_of(-force), material.analysis.real_point)
+    potential_part = quadratures.potential_with_integrals(
+        system, kinetic, terms_of(-force), material.analysis.real_point
+    )
     return None if potential_part is None else tree_of(terms_of(kinetic)) + potential_part
 
 
@@ -745,21 +704,21 @@ def applies(material: Material) -> bool:
     return moderate and material.analysis.real_point is not None
 
 
-def propose(material: Material, seed: int) -> Sequence[Expression]:
+def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
     """Lagrangians whose multiplier is a product of Darboux factors, the simplest first; each is a candidate only."""
-    found: dict[Expression, None] = {}
+    found: dict[ex.Expression, None] = {}
     for multiplier in last_multipliers(material, find_factors(material, seed), seed)[: bounds.CANDIDATES]:
-        check()
+        deadline.check()
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:
             found[lagrangian] = None
     symbolic = _of_symbolic_power(material)
     if symbolic is not None:
         found[symbolic] = None
-    return sorted(found, key=weight)
+    return sorted(found, key=quadratures.weight)
 
 
-def lagrangian_of(material: Material, multiplier: LastMultiplier) -> Expression | None:
+def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expression | None:
     """L = K + U in closed form, with d2L/dv2 positive at the real point of f; None where there is none."""
     motion, point = material.motion, material.analysis.real_point
     force = material.analysis.system.accelerations[0]
@@ -771,19 +730,19 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> Expression 
         kinetic = double_integral(monomial_tree(multiplier.factor), bases, place)
         rest = potential(kinetic, force, place)
         return None if rest is None else _positive(kinetic + rest, place)
-    except (NotElementary, NoRealValue, IrreducibleAtoms, TooManyTerms):
+    except (NotElementary, evaluation.NoRealValue, errors.IrreducibleAtoms, TooManyTerms):
         return None
 
 
-def _oriented(base: Expression, place: Place) -> Expression:
+def _oriented(base: ex.Expression, place: Place) -> ex.Expression:
     """The base or its opposite, positive at the real point."""
-    return base if real_sign(base, place.point) > 0 else negated(base)
+    return base if real_point.real_sign(base, place.point) > 0 else ex.negated(base)
 
 
-def _positive(lagrangian: Expression, place: Place) -> Expression:
+def _positive(lagrangian: ex.Expression, place: Place) -> ex.Expression:
     """The shorter of the tree and its expansion with simple coefficients, with a positive Hessian at the point."""
-    tree = min((tree_of(scaled(terms_of(lagrangian))), lagrangian), key=weight)
-    hessian = differentiate(differentiate(tree, place.v), place.v)
-    if real_sign(hessian, place.point) > 0:
+    tree = min((tree_of(members.scaled(terms_of(lagrangian))), lagrangian), key=quadratures.weight)
+    hessian = derivative.differentiate(derivative.differentiate(tree, place.v), place.v)
+    if real_point.real_sign(hessian, place.point) > 0:
         return tree
-    return negated(tree)
+    return ex.negated(tree)

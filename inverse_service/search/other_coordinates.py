@@ -17,38 +17,15 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 
-from inverse_service import bounds
-from inverse_service.deadline import OutOfTime, check, within
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.collecting_trees import merge_powers
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    holds,
-    node_count,
-    number,
-    rebuild,
-    square_root,
-    substitute,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.field.tower import to_kernels
+from inverse_service import bounds, deadline
+from inverse_service.expressions import collecting, collecting_trees, derivative
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, tower
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search import tidy
 from inverse_service.search.material import Material
 from inverse_service.search.protocol import Smaller
 from inverse_service.search.terms import Monomial, Terms, TooManyTerms, terms_of, tree_of
-from inverse_service.search.tidy import collected_inside
 
 # The terms of a function of position, a set so that equal ones can be counted.
 Form = frozenset[tuple[Monomial, Fraction]]
@@ -63,9 +40,9 @@ class Change:
     """
 
     name: str
-    new: Mapping[str, Expression]
-    old: Mapping[str, Expression]
-    functions: Mapping[Expression, Expression] = field(default_factory=dict)
+    new: Mapping[str, ex.Expression]
+    old: Mapping[str, ex.Expression]
+    functions: Mapping[ex.Expression, ex.Expression] = field(default_factory=dict)
 
 
 def suggested(material: Material) -> list[Change]:
@@ -89,21 +66,23 @@ def _forms(material: Material) -> Counter[Form]:
     found: Counter[Form] = Counter()
     trees = [*material.analysis.system.accelerations, *material.position_letters]
     for tree in trees:
-        for node in walk(tree):
-            if isinstance(node, Sum):
+        for node in ex.walk(tree):
+            if isinstance(node, ex.Sum):
                 found.update(_primitives(node, names))
     return found
 
 
-def _primitives(node: Sum, names: Iterable[str]) -> Iterator[Form]:
+def _primitives(node: ex.Sum, names: Iterable[str]) -> Iterator[Form]:
     """The sum itself without its constant, or the function of which it is the rate."""
     try:
         terms = terms_of(node)
     except TooManyTerms:
         return
-    if all(isinstance(p, Symbol) and p.name in names for key in terms for p, _ in key if not isinstance(p, Number)):
+    if all(
+        isinstance(p, ex.Symbol) and p.name in names for key in terms for p, _ in key if not isinstance(p, ex.Number)
+    ):
         yield frozenset((key, value) for key, value in terms.items() if key)
-    elif all(sum(isinstance(p, Velocity) for p, _ in key) == 1 for key in terms):
+    elif all(sum(isinstance(p, ex.Velocity) for p, _ in key) == 1 for key in terms):
         whole = _integrated(terms)
         if whole is not None:
             yield frozenset(whole.items())
@@ -113,10 +92,10 @@ def _integrated(terms: Terms) -> Terms | None:
     """w with w' = sum c y^k y', or None where a term is of another kind."""
     found: Terms = {}
     for key, value in terms.items():
-        ((velocity, degree),) = [(p, e) for p, e in key if isinstance(p, Velocity)]
-        assert isinstance(velocity, Velocity)
+        ((velocity, degree),) = [(p, e) for p, e in key if isinstance(p, ex.Velocity)]
+        assert isinstance(velocity, ex.Velocity)
         rest = dict(item for item in key if item[0] != velocity)
-        y = Symbol(velocity.coordinate)
+        y = ex.Symbol(velocity.coordinate)
         exponent = rest.pop(y, Fraction(0))
         if rest or degree != 1 or exponent == -1:
             return None
@@ -124,30 +103,30 @@ def _integrated(terms: Terms) -> Terms | None:
     return found
 
 
-def _shears(form: Form, names: Iterable[str]) -> Iterator[tuple[str, Expression]]:
+def _shears(form: Form, names: Iterable[str]) -> Iterator[tuple[str, ex.Expression]]:
     """(x, g) with the form a multiple of x + g, g without x."""
     table = dict(form)
     for name in names:
-        single = frozenset([(Symbol(name), Fraction(1))])
+        single = frozenset([(ex.Symbol(name), Fraction(1))])
         if single in table and len(table) > 1:
             rest = {key: value / table[single] for key, value in table.items() if key != single}
-            if not holds(tree_of(rest), Symbol(name)):
+            if not ex.holds(tree_of(rest), ex.Symbol(name)):
                 yield name, tree_of(rest)
 
 
-def _is_multiple(rest: Expression) -> bool:
+def _is_multiple(rest: ex.Expression) -> bool:
     """Whether g is c y: such forms are taken as directions of a rotation first."""
     terms = terms_of(rest)
     return len(terms) == 1 and all(e == 1 for key in terms for _, e in key) and len(next(iter(terms))) == 1
 
 
-def _shear(x: str, rest: Expression) -> Change:
-    return Change("shear", {x: Symbol(x) + rest}, {x: Symbol(x) - rest})
+def _shear(x: str, rest: ex.Expression) -> Change:
+    return Change("shear", {x: ex.Symbol(x) + rest}, {x: ex.Symbol(x) - rest})
 
 
 def _directions(form: Form, names: tuple[str, ...]) -> Iterator[tuple[str, str, Fraction]]:
     """(x, y, c) for the part x + c y of a linear form, 0 < c up to a turn by a right angle."""
-    single = {Symbol(name): name for name in names}
+    single = {ex.Symbol(name): name for name in names}
     linear = {single[p]: value for key, value in form for p, e in key if len(key) == 1 and e == 1 and p in single}
     chosen = sorted(linear, key=names.index)
     for k, x in enumerate(chosen):
@@ -158,9 +137,9 @@ def _directions(form: Form, names: tuple[str, ...]) -> Iterator[tuple[str, str, 
 
 def _rotation(x: str, y: str, c: Fraction) -> Change:
     """X = a x + b y, Y = a y - b x with b/a = c, a and b whole."""
-    a, b = number(c.denominator), number(c.numerator)
-    length = number(c.denominator**2 + c.numerator**2)
-    first, second = Symbol(x), Symbol(y)
+    a, b = ex.number(c.denominator), ex.number(c.numerator)
+    length = ex.number(c.denominator**2 + c.numerator**2)
+    first, second = ex.Symbol(x), ex.Symbol(y)
     new = {x: a * first + b * second, y: a * second - b * first}
     old = {
         x: (a * first - b * second) / length,
@@ -171,40 +150,42 @@ def _rotation(x: str, y: str, c: Fraction) -> Change:
 
 def _exponential_changes(material: Material) -> Iterator[Change]:
     """For each coordinate x with e^x or e^(k x) in f."""
-    nodes = (node for f in material.analysis.system.accelerations for node in walk(f))
-    arguments = dict.fromkeys(node.argument for node in nodes if isinstance(node, Apply) and node.function == "exp")
-    multiples = [argument.factors for argument in arguments if isinstance(argument, Product)]
-    bare = {factors[-1] for factors in multiples if len(factors) == 2 and isinstance(factors[0], Number)}
+    nodes = (node for f in material.analysis.system.accelerations for node in ex.walk(f))
+    arguments = dict.fromkeys(node.argument for node in nodes if isinstance(node, ex.Apply) and node.function == "exp")
+    multiples = [argument.factors for argument in arguments if isinstance(argument, ex.Product)]
+    bare = {factors[-1] for factors in multiples if len(factors) == 2 and isinstance(factors[0], ex.Number)}
     for name in material.analysis.system.coordinates:
-        if Symbol(name) in arguments or Symbol(name) in bare:
-            yield Change("exponential", {name: Apply("exp", Symbol(name))}, {name: Apply("log", Symbol(name))})
+        if ex.Symbol(name) in arguments or ex.Symbol(name) in bare:
+            yield Change(
+                "exponential", {name: ex.Apply("exp", ex.Symbol(name))}, {name: ex.Apply("log", ex.Symbol(name))}
+            )
 
 
 def _polar_changes(material: Material) -> Iterator[Change]:
     """For each angle all other coordinates as radius, those first that its acceleration is divided by."""
     names = material.analysis.system.coordinates
-    trees = [to_kernels(f) for f in material.analysis.system.accelerations]
+    trees = [tower.to_kernels(f) for f in material.analysis.system.accelerations]
     for angle in names:
-        circular: dict[Expression, Expression] = {
-            Apply("sin", Symbol(angle)): Number(Fraction(3, 5)),
-            Apply("cos", Symbol(angle)): Number(Fraction(4, 5)),
+        circular: dict[ex.Expression, ex.Expression] = {
+            ex.Apply("sin", ex.Symbol(angle)): ex.Number(Fraction(3, 5)),
+            ex.Apply("cos", ex.Symbol(angle)): ex.Number(Fraction(4, 5)),
         }
-        occurs = {node for tree in trees for node in walk(tree)} & set(circular)
-        bare = any(holds(substitute(tree, circular), Symbol(angle)) for tree in trees)
-        divisors = {node.base for node in walk(trees[names.index(angle)]) if isinstance(node, Power)}
-        for radius in sorted(names, key=lambda name: Symbol(name) not in divisors) if occurs and not bare else ():
+        occurs = {node for tree in trees for node in ex.walk(tree)} & set(circular)
+        bare = any(ex.holds(ex.substitute(tree, circular), ex.Symbol(angle)) for tree in trees)
+        divisors = {node.base for node in ex.walk(trees[names.index(angle)]) if isinstance(node, ex.Power)}
+        for radius in sorted(names, key=lambda name: ex.Symbol(name) not in divisors) if occurs and not bare else ():
             if radius != angle:
                 yield _polar(radius, angle)
 
 
 def _polar(radius: str, angle: str) -> Change:
-    x, y = Symbol(radius), Symbol(angle)
-    sine, cosine = Apply("sin", y), Apply("cos", y)
-    length = square_root(x**2 + y**2)
+    x, y = ex.Symbol(radius), ex.Symbol(angle)
+    sine, cosine = ex.Apply("sin", y), ex.Apply("cos", y)
+    length = ex.square_root(x**2 + y**2)
     return Change(
         "polar",
         {radius: x * cosine, angle: x * sine},
-        {radius: length, angle: Apply("atan", y / x)},
+        {radius: length, angle: ex.Apply("atan", y / x)},
         {sine: y / length, cosine: x / length},
     )
 
@@ -222,14 +203,16 @@ def in_shorter_coordinates(material: Material, seed: int) -> Iterator[Smaller]:
         )
 
 
-def _carried_back(table: dict[Expression, Expression], found: Sequence[Sequence[Expression]]) -> list[Expression]:
-    return [merge_powers(_plain_arguments(substitute(tree, table))) for tree in found[0]]
+def _carried_back(
+    table: dict[ex.Expression, ex.Expression], found: Sequence[Sequence[ex.Expression]]
+) -> list[ex.Expression]:
+    return [collecting_trees.merge_powers(_plain_arguments(ex.substitute(tree, table))) for tree in found[0]]
 
 
-def _plain_arguments(tree: Expression) -> Expression:
+def _plain_arguments(tree: ex.Expression) -> ex.Expression:
     """log(w' - v' + v') as log(w')."""
-    tree = rebuild(tree, _plain_arguments)
-    return rebuild(tree, collected_inside) if isinstance(tree, Apply) else tree
+    tree = ex.rebuild(tree, _plain_arguments)
+    return ex.rebuild(tree, tidy.collected_inside) if isinstance(tree, ex.Apply) else tree
 
 
 def shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
@@ -237,8 +220,8 @@ def shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
     system = material.analysis.system
     own = size(system.accelerations)
     found: list[tuple[Change, SecondOrderSystem]] = []
-    known: dict[Expression, Expression] = {}
-    with suppress(OutOfTime), within(bounds.WORK):
+    known: dict[ex.Expression, ex.Expression] = {}
+    with suppress(deadline.OutOfTime), deadline.within(bounds.WORK):
         own = min(own, size([_settled(f, system.coordinates, known) for f in system.accelerations]))
         for pair in _transformed(material, own, known):
             found.append(pair)
@@ -247,16 +230,16 @@ def shorter(material: Material) -> list[tuple[Change, SecondOrderSystem]]:
     return sorted(found, key=lambda pair: size(pair[1].accelerations))
 
 
-def size(trees: Sequence[Expression]) -> int:
-    return sum(map(node_count, trees))
+def size(trees: Sequence[ex.Expression]) -> int:
+    return sum(map(ex.node_count, trees))
 
 
 def _transformed(
-    material: Material, most: int, known: dict[Expression, Expression]
+    material: Material, most: int, known: dict[ex.Expression, ex.Expression]
 ) -> Iterator[tuple[Change, SecondOrderSystem]]:
     """The changes that make f smaller than that."""
     for change in suggested(material):
-        check()
+        deadline.check()
         try:
             other = transformed(material.analysis.system, change, most, known)
         except (ArithmeticError, ValueError):
@@ -266,7 +249,10 @@ def _transformed(
 
 
 def transformed(
-    system: SecondOrderSystem, change: Change, most: float = math.inf, known: dict[Expression, Expression] | None = None
+    system: SecondOrderSystem,
+    change: Change,
+    most: float = math.inf,
+    known: dict[ex.Expression, ex.Expression] | None = None,
 ) -> SecondOrderSystem | None:
     """The system in the new coordinates: Q'' = W_q f + (W_qq v) v with q = psi(Q); None where f gets that large.
 
@@ -275,55 +261,55 @@ def transformed(
     known = {} if known is None else known
     names = system.coordinates
     forces = dict(zip(names, system.accelerations, strict=True))
-    table: dict[Expression, Expression] = {**_table(change.old, names), **change.functions}
+    table: dict[ex.Expression, ex.Expression] = {**_table(change.old, names), **change.functions}
     accelerations = []
     for name in names:
-        rate = _rate(change.new[name], names) if name in change.new else Velocity(name)
-        along = [differentiate(rate, Velocity(other)) * forces[other] for other in names]
-        whole = add(_rate(rate, names), *along)
-        placed = substitute(to_kernels(whole) if change.functions else whole, table)
+        rate = _rate(change.new[name], names) if name in change.new else ex.Velocity(name)
+        along = [derivative.differentiate(rate, ex.Velocity(other)) * forces[other] for other in names]
+        whole = ex.add(_rate(rate, names), *along)
+        placed = ex.substitute(tower.to_kernels(whole) if change.functions else whole, table)
         accelerations.append(_settled(placed, names, known))
         if size(accelerations) >= most:
             return None
     return replace(system, accelerations=tuple(accelerations))
 
 
-def _rate(tree: Expression, names: Sequence[str]) -> Expression:
+def _rate(tree: ex.Expression, names: Sequence[str]) -> ex.Expression:
     """sum v dF/dq."""
-    return add(ZERO, *(differentiate(tree, Symbol(name)) * Velocity(name) for name in names))
+    return ex.add(ex.ZERO, *(derivative.differentiate(tree, ex.Symbol(name)) * ex.Velocity(name) for name in names))
 
 
-def _table(functions: Mapping[str, Expression], names: Sequence[str]) -> dict[Expression, Expression]:
+def _table(functions: Mapping[str, ex.Expression], names: Sequence[str]) -> dict[ex.Expression, ex.Expression]:
     """Each coordinate that changes, and its velocity, as functions of the others."""
-    table: dict[Expression, Expression] = {}
+    table: dict[ex.Expression, ex.Expression] = {}
     for name, tree in functions.items():
-        table[Symbol(name)] = tree
-        table[Velocity(name)] = _rate(tree, names)
+        table[ex.Symbol(name)] = tree
+        table[ex.Velocity(name)] = _rate(tree, names)
     return table
 
 
-def _settled(tree: Expression, names: Sequence[str], known: dict[Expression, Expression]) -> Expression:
+def _settled(tree: ex.Expression, names: Sequence[str], known: dict[ex.Expression, ex.Expression]) -> ex.Expression:
     """Each sum and product, the innermost first, as it is, multiplied out or as a factored quotient: the shortest."""
     if tree not in known:
-        whole = rebuild(tree, lambda part: _settled(part, names, known))
-        known[tree] = _shortest(whole, names) if isinstance(whole, Sum | Product) else whole
+        whole = ex.rebuild(tree, lambda part: _settled(part, names, known))
+        known[tree] = _shortest(whole, names) if isinstance(whole, ex.Sum | ex.Product) else whole
     return known[tree]
 
 
-def _shortest(tree: Expression, names: Sequence[str]) -> Expression:
-    whole = collect(tree)
-    check(size([tree, whole]))  # about what it costs to multiply out
+def _shortest(tree: ex.Expression, names: Sequence[str]) -> ex.Expression:
+    whole = collecting.collect(tree)
+    deadline.check(size([tree, whole]))  # about what it costs to multiply out
     return min((tree, whole, _quotient(whole, names)), key=lambda form: size([form]))
 
 
-def _quotient(tree: Expression, names: Sequence[str]) -> Expression:
-    if isinstance(tree, Number | Symbol | Velocity):
+def _quotient(tree: ex.Expression, names: Sequence[str]) -> ex.Expression:
+    if isinstance(tree, ex.Number | ex.Symbol | ex.Velocity):
         return tree
-    symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
-    budget = Budget.short()
+    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
+    budget = exact_field.Budget.short()
     try:
-        return factored([tree], symbols, budget)[0]
-    except (TooLarge, ZeroDivisionError):
+        return exact_field.factored([tree], symbols, budget)[0]
+    except (exact_field.TooLarge, ZeroDivisionError):
         return tree
     finally:
-        check(1 + budget.done)
+        deadline.check(1 + budget.done)

@@ -17,31 +17,14 @@ from typing import TYPE_CHECKING
 
 import mpmath
 
-from inverse_service.deadline import end, left
-from inverse_service.decision.certify import where_proved
-from inverse_service.decision.deciding import Analysis, variables_of
+from inverse_service import deadline, errors
+from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian, Matrix
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.inequalities import is_plainly_nonzero, is_plainly_positive
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    Expression,
-    Number,
-    Power,
-    Sum,
-    Symbol,
-    Velocity,
-    factors_of,
-    multiply,
-    node_count,
-    powers_of,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.field.real_point import RealTable, known_positive
-from inverse_service.mechanics.euler_lagrange import hessian
-from inverse_service.search.terms import TooManyTerms, reading_class, terms_of, tree_of
+from inverse_service.expressions import evaluation, inequalities, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, real_point
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.search import terms
 
 if TYPE_CHECKING:
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -55,9 +38,9 @@ _LONGEST_CHECK = 60.0  # s, of a Lagrangian that is described
 class Found:
     """Regular Lagrangians of one family, the simplest first; `parts` are those that the first is a sum of."""
 
-    lagrangians: tuple[Expression, ...]
+    lagrangians: tuple[ex.Expression, ...]
     family: str
-    parts: tuple[Expression, ...]
+    parts: tuple[ex.Expression, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +62,7 @@ class Leaf:
     name: str
     cost: float
     accepts: Callable[[Material], bool]
-    propose: Callable[[Material, int], Sequence[Expression]]
+    propose: Callable[[Material, int], Sequence[ex.Expression]]
     reason: str
     exact: bool = False
 
@@ -93,7 +76,7 @@ class Smaller:
 
     systems: tuple[SecondOrderSystem, ...]
     with_time: bool
-    lift: Callable[[Sequence[Sequence[Expression]]], Sequence[Expression]]
+    lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,119 +91,139 @@ class Reduction:
     exact: bool = False
 
 
-def describe(analysis: Analysis, lagrangian: Expression, family: str) -> Lagrangian:
+def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str) -> Lagrangian:
     """g = d2L/dv dv, the functions that must not vanish, those that are positive on its domain."""
     names = analysis.system.coordinates
-    rates = hessian(lagrangian, names)
+    rates = euler_lagrange.hessian(lagrangian, names)
     short = {entry: _compact(analysis, entry) for row in rates for entry in row}
     multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
-    where = where_proved(analysis, lagrangian, min(left(end(), 1.0), _LONGEST_CHECK))
+    where = certify.where_proved(analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK))
     zeros = (*where.nonzero, *_distinct(_denominators(lagrangian, multiplier)))
     nonzero = _that_can_vanish(analysis, zeros, where.positive)
     return Lagrangian(lagrangian, multiplier, nonzero, family, where.positive)
 
 
 def _that_can_vanish(
-    analysis: Analysis, trees: Sequence[Expression], positive: Sequence[Expression]
-) -> tuple[Expression, ...]:
+    analysis: deciding.Analysis, trees: Sequence[ex.Expression], positive: Sequence[ex.Expression]
+) -> tuple[ex.Expression, ...]:
     """Those with a factor that is not seen to differ from 0 where all of `positive` are > 0, each factor once."""
-    known = known_positive(positive)
+    known = real_point.known_positive(positive)
     factors = {base for tree in positive for base, _ in _powers(analysis, tree)}
-    kept = set[Expression]()
-    for tree in sorted(trees, key=node_count):
+    kept = set[ex.Expression]()
+    for tree in sorted(trees, key=ex.node_count):
         parts = [base for base, exponent in _powers(analysis, tree) if exponent > 0]
-        if not all(is_plainly_positive(base, known) or is_plainly_nonzero(base, factors) for base in parts):
+        if not all(
+            inequalities.is_plainly_positive(base, known) or inequalities.is_plainly_nonzero(base, factors)
+            for base in parts
+        ):
             kept.add(tree)
             factors.update(parts)
     return tuple(tree for tree in trees if tree in kept)
 
 
-def _powers(analysis: Analysis, tree: Expression) -> list[tuple[Expression, Fraction]]:
+def _powers(analysis: deciding.Analysis, tree: ex.Expression) -> list[tuple[ex.Expression, Fraction]]:
     """The tree as a product of powers, as far as it can be factored."""
-    return powers_of(_factored(analysis, tree))
+    return ex.powers_of(_factored(analysis, tree))
 
 
-def _compact(analysis: Analysis, entry: Expression) -> Expression:
+def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:
     """The entry as a sum of products or, where that is shorter, as one quotient."""
     try:
-        plain = tree_of(terms_of(entry))
-    except (TooManyTerms, TooLarge):
+        plain = terms.tree_of(terms.terms_of(entry))
+    except (terms.TooManyTerms, exact_field.TooLarge):
         return entry
-    return min(plain, _factored(analysis, plain), key=node_count)
+    return min(plain, _factored(analysis, plain), key=ex.node_count)
 
 
-def _factored(analysis: Analysis, tree: Expression) -> Expression:
-    if len(factors_of(tree)) == 1 and not any(isinstance(node, Sum) for node in walk(tree)):
+def _factored(analysis: deciding.Analysis, tree: ex.Expression) -> ex.Expression:
+    if len(ex.factors_of(tree)) == 1 and not any(isinstance(node, ex.Sum) for node in ex.walk(tree)):
         return tree
-    held = set(walk(tree))
-    moving = variables_of(analysis.system)[: 1 + 2 * len(analysis.system.coordinates)]  # parameters are printed first
+    held = set(ex.walk(tree))
+    moving = deciding.variables_of(analysis.system)[
+        : 1 + 2 * len(analysis.system.coordinates)
+    ]  # parameters are printed first
     varying = [variable for variable in moving if variable in held]
     try:
-        return factored([tree], varying, Budget.short())[0]
-    except (TooLarge, ZeroDivisionError, KeyError, IrreducibleAtoms):
+        return exact_field.factored([tree], varying, exact_field.Budget.short())[0]
+    except (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms):
         return tree
 
 
-def _varies(tree: Expression) -> bool:
-    return any(isinstance(node, Symbol | Velocity) for node in walk(tree))
+def _varies(tree: ex.Expression) -> bool:
+    return any(isinstance(node, ex.Symbol | ex.Velocity) for node in ex.walk(tree))
 
 
-def _denominators(lagrangian: Expression, multiplier: Matrix) -> Iterable[Expression]:
+def _denominators(lagrangian: ex.Expression, multiplier: Matrix) -> Iterable[ex.Expression]:
     """Bases of negative powers in L and in g, without factors that are numbers."""
     for tree in (lagrangian, *(entry for row in multiplier for entry in row)):
-        for node in walk(tree):
-            if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value < 0:
-                parts = factors_of(node.base)
-                yield multiply(*filter(_varies, parts))
+        for node in ex.walk(tree):
+            if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value < 0:
+                parts = ex.factors_of(node.base)
+                yield ex.multiply(*filter(_varies, parts))
 
 
-def _distinct(trees: Iterable[Expression]) -> tuple[Expression, ...]:
+def _distinct(trees: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
     return tuple(dict.fromkeys(tree for tree in trees if _varies(tree)))
 
 
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 
 
-def is_multiple(first: Expression, second: Expression, names: Sequence[str], table: RealTable | None) -> bool:
+def is_multiple(
+    first: ex.Expression, second: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
+) -> bool:
     """Whether the Hessians are constant multiples of each other, seen at the real point and at one beside it."""
     if table is None:
         return first == second
-    rows = zip(hessian(first, names), hessian(second, names), strict=True)
+    rows = zip(euler_lagrange.hessian(first, names), euler_lagrange.hessian(second, names), strict=True)
     entries = [pair for row in rows for pair in zip(*row, strict=True)]
-    moving = {*map(Symbol, names), *map(Velocity, names)}
+    moving = {*map(ex.Symbol, names), *map(ex.Velocity, names)}
     try:
         with mpmath.workdps(30):
             beside = {leaf: value * _STEP if leaf in moving else value for leaf, value in table.items()}
-            pairs = [(evaluate(x, point), evaluate(y, point)) for point in (table, beside) for x, y in entries]
+            pairs = [
+                (evaluation.evaluate(x, point), evaluation.evaluate(y, point))
+                for point in (table, beside)
+                for x, y in entries
+            ]
             a, b = max(pairs, key=lambda pair: abs(pair[0]))
             return all(abs(x * b - y * a) < _TINY * (1 + abs(a * b)) for x, y in pairs)
-    except NoRealValue:
+    except evaluation.NoRealValue:
         return False
 
 
-def why_shown(shown: Expression, other: Expression, names: Sequence[str], table: RealTable | None) -> str:
+def why_shown(
+    shown: ex.Expression, other: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
+) -> str:
     """What another Lagrangian has that the one that is shown has not; "" where that is nothing."""
-    if len(to_text(other)) < len(to_text(shown)):
+    if len(printing.to_text(other)) < len(printing.to_text(shown)):
         return "shorter"
     if is_definite(other, names, table) and not is_definite(shown, names, table):
         return "positive definite"
     return "of another kind" if _kind(other, names) < _kind(shown, names) else ""
 
 
-def is_definite(lagrangian: Expression, names: Sequence[str], table: RealTable | None) -> bool:
+def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_point.RealTable | None) -> bool:
     """Whether the Hessian is positive definite at the real point."""
     if table is None:
         return False
     try:
         with mpmath.workdps(30):
-            form = mpmath.matrix([[evaluate(entry, table) for entry in row] for row in hessian(lagrangian, names)])
+            form = mpmath.matrix(
+                [
+                    [evaluation.evaluate(entry, table) for entry in row]
+                    for row in euler_lagrange.hessian(lagrangian, names)
+                ]
+            )
             return all(mpmath.det(form[:k, :k]) > _TINY for k in range(1, len(names) + 1))
-    except NoRealValue:
+    except evaluation.NoRealValue:
         return False
 
 
-def _kind(lagrangian: Expression, names: Sequence[str]) -> tuple[int, bool]:
+def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:
     """How it reads, and whether it is more than quadratic in the velocities."""
-    moving = {*map(Velocity, names)}
-    held = any(node in moving for row in hessian(lagrangian, names) for entry in row for node in walk(entry))
-    return reading_class(lagrangian), held
+    moving = {*map(ex.Velocity, names)}
+    held = any(
+        node in moving for row in euler_lagrange.hessian(lagrangian, names) for entry in row for node in ex.walk(entry)
+    )
+    return terms.reading_class(lagrangian), held

@@ -23,51 +23,16 @@ from fractions import Fraction
 from itertools import combinations, combinations_with_replacement, count
 from typing import Any
 
-from inverse_service import bounds
-from inverse_service.certificate.checker import check_certificate
-from inverse_service.deadline import check, end, left, now
-from inverse_service.decision.certify import of_lagrangian
-from inverse_service.decision.deciding import Analysis, analyze
-from inverse_service.errors import InputError, IrreducibleAtoms
-from inverse_service.expressions.collecting_trees import merge_powers
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import (
-    HALF,
-    PI,
-    TIME,
-    ZERO,
-    Apply,
-    Arbitrary,
-    Expression,
-    Integral,
-    Number,
-    Power,
-    Product,
-    Symbol,
-    Velocity,
-    add,
-    holds,
-    is_exponential,
-    multiply,
-    negated,
-    number,
-    powers_of,
-    rebuild,
-    square_root,
-    substitute,
-    walk,
-)
-from inverse_service.field import exact_field
-from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, exact_ring, quotient_tree
-from inverse_service.field.matrices import echelon_of, reduced_rows
-from inverse_service.field.modular import prime_factors
-from inverse_service.field.real_point import RealTable, is_defined, real_sign
-from inverse_service.mechanics.implicit_equations import vanishes
+from inverse_service import bounds, deadline, errors
+from inverse_service.certificate import checker
+from inverse_service.decision import certify, deciding
+from inverse_service.expressions import collecting_trees, derivative, evaluation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, matrices, modular, real_point
+from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.potential import Potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.mechanics.writing import joined, readable
-from inverse_service.search.material import antiderivatives
+from inverse_service.search import material
 from inverse_service.search.terms import (
     Monomial,
     Terms,
@@ -87,31 +52,31 @@ from inverse_service.search.terms import (
 _LARGEST_FACTORED = 10**15
 
 
-def factored(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
+def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
     """The tree over its common denominator as a product of factors; TooManyTerms where that is large."""
     try:
-        return exact_field.factored([tree], [TIME, *variables], Budget.long())[0]
-    except (TooLarge, ZeroDivisionError, KeyError) as problem:
+        return exact_field.factored([tree], [ex.TIME, *variables], exact_field.Budget.long())[0]
+    except (exact_field.TooLarge, ZeroDivisionError, KeyError) as problem:
         raise TooManyTerms from problem
 
 
-def expanded(tree: Expression) -> Expression:
+def expanded(tree: ex.Expression) -> ex.Expression:
     """The tree as a sum of monomials in letters."""
     return tree_of(terms_of(tree))
 
 
-def weight(tree: Expression) -> int:
+def weight(tree: ex.Expression) -> int:
     """The number of nodes, functions and roots counting more: how hard a formula is to read."""
-    return sum(_node_weight(node) for node in walk(tree))
+    return sum(_node_weight(node) for node in ex.walk(tree))
 
 
-def _node_weight(node: Expression) -> int:
-    if isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value.denominator > 1:
+def _node_weight(node: ex.Expression) -> int:
+    if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value.denominator > 1:
         return 30
-    return 8 if isinstance(node, Apply) else 1
+    return 8 if isinstance(node, ex.Apply) else 1
 
 
-def shortest(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expression:
+def shortest(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
     """The lightest of the tree, its expansion and its factored form."""
     found = [tree]
     for change in (expanded, lambda given: factored(given, variables)):
@@ -122,26 +87,26 @@ def shortest(tree: Expression, variables: Sequence[Symbol | Velocity]) -> Expres
     return min(found, key=weight)
 
 
-def even_root(radicand: Expression) -> tuple[Expression, Expression]:
+def even_root(radicand: ex.Expression) -> tuple[ex.Expression, ex.Expression]:
     """(a, b) with radicand = a^2 b; a sqrt(b) is a square root up to its sign.
 
     5 d^2/4 gives (d/2, 5) whatever the sign of d.
     """
-    outside: list[Expression] = []
-    inside: list[Expression] = []
-    for base, e in powers_of(radicand):
-        if isinstance(base, Number) and e == 1:
+    outside: list[ex.Expression] = []
+    inside: list[ex.Expression] = []
+    for base, e in ex.powers_of(radicand):
+        if isinstance(base, ex.Number) and e == 1:
             above, below = base.value.as_integer_ratio()
             whole, rest = _square_part(abs(above) * below)
-            outside.append(number(Fraction(whole, below)))
-            inside.append(number(rest if above > 0 else -rest))
-        elif is_exponential(base):
-            outside.append(Apply("exp", e / 2 * base.argument))
+            outside.append(ex.number(Fraction(whole, below)))
+            inside.append(ex.number(rest if above > 0 else -rest))
+        elif ex.is_exponential(base):
+            outside.append(ex.Apply("exp", e / 2 * base.argument))
         else:
             half = e // 2 if e.denominator == 1 else Fraction(0)
             outside.append(base**half)
             inside.append(base ** (e - 2 * half))
-    return multiply(*outside), multiply(*inside)
+    return ex.multiply(*outside), ex.multiply(*inside)
 
 
 def _square_part(value: int) -> tuple[int, int]:
@@ -149,16 +114,16 @@ def _square_part(value: int) -> tuple[int, int]:
     outside, inside = 1, 1
     if not 0 < value <= _LARGEST_FACTORED:
         return 1, value
-    for prime, exponent in prime_factors(value):
+    for prime, exponent in modular.prime_factors(value):
         outside *= prime ** (exponent // 2)
         inside *= prime ** (exponent % 2)
     return outside, inside
 
 
-def extracted_root(tree: Expression) -> Expression:
+def extracted_root(tree: ex.Expression) -> ex.Expression:
     """A square root of a product with the squares among its factors taken out; its sign is left open."""
     outside, inside = even_root(tree)
-    return outside * square_root(expanded(inside))
+    return outside * ex.square_root(expanded(inside))
 
 
 def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Fraction]) -> list[Fraction] | None:
@@ -167,7 +132,7 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
         return None
     sides = [*columns, right]
     rows = list(dict.fromkeys(key for side in sides for key in side))
-    table = echelon_of([[side.get(key, Fraction(0)) for side in sides] for key in rows], len(sides))
+    table = matrices.echelon_of([[side.get(key, Fraction(0)) for side in sides] for key in rows], len(sides))
     found = [Fraction(0)] * len(columns)
     for pivot, row in table:
         if pivot == len(columns):
@@ -180,12 +145,12 @@ def expressions_without_acceleration(names: Sequence[str], terms: Terms) -> list
     """v_j L_(v_i q_j) + L_(v_i t) - L_(q_i) for each i."""
     found = []
     for name in names:
-        check()
-        momentum = derivative_of_terms(terms, Velocity(name))
-        total = add_terms(derivative_of_terms(momentum, TIME), derivative_of_terms(terms, Symbol(name)), -1)
+        deadline.check()
+        momentum = derivative_of_terms(terms, ex.Velocity(name))
+        total = add_terms(derivative_of_terms(momentum, ex.TIME), derivative_of_terms(terms, ex.Symbol(name)), -1)
         for other in names:
-            slope = derivative_of_terms(momentum, Symbol(other))
-            total = add_terms(total, multiply_terms(slope, {monomial(Velocity(other)): Fraction(1)}))
+            slope = derivative_of_terms(momentum, ex.Symbol(other))
+            total = add_terms(total, multiply_terms(slope, {monomial(ex.Velocity(other)): Fraction(1)}))
         found.append(_in_one_square(total))
     return found
 
@@ -205,9 +170,9 @@ def _in_one_square(terms: Terms) -> Terms:
 def _of_one_square(key: Monomial) -> Terms:
     powers = dict(key)
     for letter, e in key:
-        if e >= 2 and isinstance(letter, Apply) and letter.function in _SQUARES:
+        if e >= 2 and isinstance(letter, ex.Apply) and letter.function in _SQUARES:
             name, a, b = _SQUARES[letter.function]
-            partner = Apply(name, letter.argument)
+            partner = ex.Apply(name, letter.argument)
             if powers.get(partner, 0) < 0:
                 less = times(key, monomial(letter), -2)
                 parts = {less: Fraction(a), times(less, monomial(partner), 2): Fraction(b)}
@@ -215,7 +180,7 @@ def _of_one_square(key: Monomial) -> Terms:
     return {key: Fraction(1)}
 
 
-def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:
+def completed(names: Sequence[str], wanted: Sequence[Terms]) -> ex.Expression | None:
     """A_i v_i - V with the Euler-Lagrange expressions `wanted`, one for each coordinate; None where none is found.
 
     The coefficients of its terms are rational where that is enough, else they hold parameters.
@@ -223,14 +188,14 @@ def completed(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | Non
     if not _is_self_adjoint(names, wanted):
         return None
     total, rest = [], list(wanted)
-    with suppress(TooLarge, ZeroDivisionError):
+    with suppress(exact_field.TooLarge, ZeroDivisionError):
         for i, j in combinations(range(len(names)), 2):
             magnetic = round_potential(names, rest, i, j)
             if magnetic is not None:
                 rest = _less(names, rest, terms_of(magnetic))
                 total.append(magnetic)
     found = linear_completion(names, rest)
-    return None if found is None else add(*total, found)
+    return None if found is None else ex.add(*total, found)
 
 
 def _is_self_adjoint(names: Sequence[str], wanted: Sequence[Terms]) -> bool:
@@ -238,16 +203,16 @@ def _is_self_adjoint(names: Sequence[str], wanted: Sequence[Terms]) -> bool:
 
     What does not cancel term by term is tried at random points: letters can be related.
     """
-    rates, left = [Velocity(name) for name in names], list[Terms]()
-    for (i, q), (j, r) in combinations_with_replacement(enumerate(map(Symbol, names)), 2):
+    rates, left = [ex.Velocity(name) for name in names], list[Terms]()
+    for (i, q), (j, r) in combinations_with_replacement(enumerate(map(ex.Symbol, names)), 2):
         field = _beside(wanted[i], rates[j])
         left.append(add_terms(field, _beside(wanted[j], rates[i])))
         forces = (_at_rest(wanted[i]), _at_rest(wanted[j]))
         turning = add_terms(derivative_of_terms(forces[0], r), derivative_of_terms(forces[1], q), -1)
-        left.append(add_terms(turning, derivative_of_terms(field, TIME), -1))
+        left.append(add_terms(turning, derivative_of_terms(field, ex.TIME), -1))
     try:
-        return all(vanishes(tree_of(terms)) for terms in left if terms)
-    except InputError:
+        return all(implicit_equations.vanishes(tree_of(terms)) for terms in left if terms)
+    except errors.InputError:
         return True
 
 
@@ -255,36 +220,36 @@ def _less(names: Sequence[str], wanted: Sequence[Terms], known: Terms) -> list[T
     """What is still wanted beside known terms; what vanishes by relations among its letters is left out."""
     own = expressions_without_acceleration(names, known)
     trees = [tree_of(add_terms(dict(terms), part, -1)) for terms, part in zip(wanted, own, strict=True)]
-    symbols: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
-    return [terms_of(tree) for tree in exact_field.factored(trees, symbols, Budget.short())]
+    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
+    return [terms_of(tree) for tree in exact_field.factored(trees, symbols, exact_field.Budget.short())]
 
 
-def round_potential(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> Expression | None:
+def round_potential(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> ex.Expression | None:
     """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
 
     It is regular where B is, but for the axis: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
     """
-    x, y, v, w = Symbol(names[i]), Symbol(names[j]), Velocity(names[i]), Velocity(names[j])
+    x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
     field = _beside(wanted[i], w)
     if not field or not _is_round(field, x, y) or add_terms(field, _beside(wanted[j], v)):
         return None
-    radial = multiply_terms(terms_of(substitute(tree_of(field), {y: ZERO})), {monomial(x): Fraction(1)})
+    radial = multiply_terms(terms_of(ex.substitute(tree_of(field), {y: ex.ZERO})), {monomial(x): Fraction(1)})
     flux = linear_completion([x.name], [radial])
     if flux is None:
         return None
     square = x**2 + y**2
-    table = {x**2: square, Apply("log", x): HALF * Apply("log", square), x: square_root(square)}
-    return substitute(flux, table) * square**-1 * (x * w - y * v)
+    table = {x**2: square, ex.Apply("log", x): ex.HALF * ex.Apply("log", square), x: ex.square_root(square)}
+    return ex.substitute(flux, table) * square**-1 * (x * w - y * v)
 
 
-def _is_round(field: Terms, x: Symbol, y: Symbol) -> bool:
+def _is_round(field: Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
     """Whether it depends on x^2 + y^2, and on x and y in no other way: x B_y = y B_x."""
     slopes = [derivative_of_terms(field, variable) for variable in (x, y)]
     turned = [multiply_terms(slope, {monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
     return bool(slopes[0]) and turned[0] == turned[1]
 
 
-def _beside(terms: Terms, velocity: Velocity) -> Terms:
+def _beside(terms: Terms, velocity: ex.Velocity) -> Terms:
     """The coefficient of a velocity."""
     return {key - monomial(velocity): a for key, a in terms.items() if split_velocities(key)[1] == monomial(velocity)}
 
@@ -294,7 +259,7 @@ def _at_rest(terms: Terms) -> Terms:
     return {key: a for key, a in terms.items() if not split_velocities(key)[1]}
 
 
-def linear_completion(names: Sequence[str], wanted: Sequence[Terms]) -> Expression | None:
+def linear_completion(names: Sequence[str], wanted: Sequence[Terms]) -> ex.Expression | None:
     columns: dict[Monomial, list[Terms]] = {}
     wanted = [_in_one_square(terms) for terms in wanted]
     fresh = [(i, key) for i, terms in enumerate(wanted) for key in terms]
@@ -320,7 +285,7 @@ def linear_completion(names: Sequence[str], wanted: Sequence[Terms]) -> Expressi
 
 def _with_parameters(
     names: Sequence[str], columns: Mapping[Monomial, Sequence[Terms]], wanted: Sequence[Terms]
-) -> Expression | None:
+) -> ex.Expression | None:
     """The same with coefficients from the field of the constants."""
     varying = dict.fromkeys(_varying(names, m) for m in columns)
     if not varying or len(varying) > bounds.COLUMNS:
@@ -330,19 +295,19 @@ def _with_parameters(
     keys = list(dict.fromkeys(key for side in sides for key in side))
     trees = [[tree_of(side.get(key, {})) for side in sides] for key in keys]
     try:
-        budget = Budget.short()
-        ring = exact_ring([tree for row in trees for tree in row], [], 0, budget, slopes=False)
-        found = reduced_rows([[ring.value(tree) for tree in row] for row in trees], range(len(sides)))
-    except (TooLarge, ZeroDivisionError):
+        budget = exact_field.Budget.short()
+        ring = exact_field.exact_ring([tree for row in trees for tree in row], [], 0, budget, slopes=False)
+        found = matrices.reduced_rows([[ring.value(tree) for tree in row] for row in trees], range(len(sides)))
+    except (exact_field.TooLarge, ZeroDivisionError):
         return None
     if len(plain) in found.pivots:
         return None
     parts = [
-        quotient_tree(ring, row[-1]) * monomial_tree(m)
+        exact_field.quotient_tree(ring, row[-1]) * monomial_tree(m)
         for pivot, row in zip(found.pivots, found.rows, strict=True)
         for m in (list(plain)[pivot],)
     ]
-    return add(*parts)
+    return ex.add(*parts)
 
 
 def _varying(names: Sequence[str], key: Monomial) -> Monomial:
@@ -350,10 +315,10 @@ def _varying(names: Sequence[str], key: Monomial) -> Monomial:
     return frozenset(item for item in key if _varies(names, item[0]))
 
 
-def _varies(names: Sequence[str], letter: Expression) -> bool:
+def _varies(names: Sequence[str], letter: ex.Expression) -> bool:
     return any(
-        isinstance(node, Velocity) or (isinstance(node, Symbol) and (node == TIME or node.name in names))
-        for node in walk(letter)
+        isinstance(node, ex.Velocity) or (isinstance(node, ex.Symbol) and (node == ex.TIME or node.name in names))
+        for node in ex.walk(letter)
     )
 
 
@@ -373,109 +338,119 @@ def _numbered(expressions: Iterable[Terms]) -> dict[Hashable, Fraction]:
 
 def _is_affine(key: Monomial) -> bool:
     moving = list(split_velocities(key)[1])
-    return len(moving) <= 1 and all(isinstance(letter, Velocity) and e == 1 for letter, e in moving)
+    return len(moving) <= 1 and all(isinstance(letter, ex.Velocity) and e == 1 for letter, e in moving)
 
 
 def _answers(names: Sequence[str], i: int, key: Monomial) -> list[Monomial]:
     """B with dB/dq_i = T for a term T of E_i; B v_i with dB/dq_j = T and B v_j with dB/dq_i = T for a term T v_j."""
     position, moving = split_velocities(key)
-    q, v = Symbol(names[i]), Velocity(names[i])
+    q, v = ex.Symbol(names[i]), ex.Velocity(names[i])
     if not moving:
-        return list(antiderivatives(position, q))
+        return list(material.antiderivatives(position, q))
     ((rate, _),) = moving
-    assert isinstance(rate, Velocity)
-    pairs: list[tuple[Monomial, Expression]] = [(m, v) for m in antiderivatives(position, Symbol(rate.coordinate))]
-    pairs += [(m, rate) for m in antiderivatives(position, q)]
+    assert isinstance(rate, ex.Velocity)
+    pairs: list[tuple[Monomial, ex.Expression]] = [
+        (m, v) for m in material.antiderivatives(position, ex.Symbol(rate.coordinate))
+    ]
+    pairs += [(m, rate) for m in material.antiderivatives(position, q)]
     return [times(m, monomial(w)) for m, w in pairs]
 
 
 _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 
 
-def exponential(ring: ExactRing, logarithm: Potential, table: RealTable | None) -> Expression:
+def exponential(ring: exact_field.ExactRing, logarithm: Potential, table: real_point.RealTable | None) -> ex.Expression:
     """exp(phi) with bases that are positive at the real point; factors to the same power are one base."""
-    bases: dict[Expression, Quotient] = {}
+    bases: dict[ex.Expression, exact_field.Quotient] = {}
     for value, element in logarithm.logarithms:
-        exponent = readable(ring, value)
+        exponent = writing.readable(ring, value)
         bases[exponent] = bases.get(exponent, ring.constant(1)) * element
     factors = []
     for exponent, element in bases.items():
-        tree = shortest(readable(ring, element), [])
-        factors.append((tree if table is None or real_sign(tree, table) > 0 else negated(tree)) ** exponent)
+        tree = shortest(writing.readable(ring, element), [])
+        factors.append(
+            (tree if table is None or real_point.real_sign(tree, table) > 0 else ex.negated(tree)) ** exponent
+        )
     rest = logarithm.rest
-    return multiply(*factors, *([] if rest.is_zero else [Apply("exp", readable(ring, rest))]))
+    return ex.multiply(*factors, *([] if rest.is_zero else [ex.Apply("exp", writing.readable(ring, rest))]))
 
 
-def exponential_of_integral(slope: Expression, variable: Expression, analysis: Analysis) -> Expression:
+def exponential_of_integral(
+    slope: ex.Expression, variable: ex.Expression, analysis: deciding.Analysis
+) -> ex.Expression:
     """exp(int slope dx) for a slope that holds no other variable."""
     found = _elementary_factors(slope, variable, analysis)
     if found is not None:
-        return multiply(*found)
-    integral = Integral(next(fresh_names(analysis.system)), (variable,), (0,), (slope,))
-    return Apply("exp", integral)
+        return ex.multiply(*found)
+    integral = ex.Integral(next(fresh_names(analysis.system)), (variable,), (0,), (slope,))
+    return ex.Apply("exp", integral)
 
 
-def _elementary_factors(slope: Expression, variable: Expression, analysis: Analysis) -> list[Expression] | None:
+def _elementary_factors(
+    slope: ex.Expression, variable: ex.Expression, analysis: deciding.Analysis
+) -> list[ex.Expression] | None:
     """Factors of exp(int slope dx), powers for the logarithms; None where no elementary antiderivative is found."""
     found = antiderivative(analysis.system, slope, variable, analysis.real_point)
     if found is None:
         return None
-    powers: dict[Expression, list[Expression]] = {}
+    powers: dict[ex.Expression, list[ex.Expression]] = {}
     rest: Terms = {}
     for key, value in terms_of(found).items():
-        logarithm = next((p for p, e in key if isinstance(p, Apply) and p.function == "log" and e == 1), None)
+        logarithm = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == "log" and e == 1), None)
         others = key - {(logarithm, Fraction(1))} if logarithm else key
-        if logarithm and not any(holds(p, variable) for p, _ in others):
+        if logarithm and not any(ex.holds(p, variable) for p, _ in others):
             powers.setdefault(logarithm.argument, []).append(tree_of({others: value}))
         else:
             rest[key] = value
     table = analysis.real_point
     factors = [
-        (base if table is None or real_sign(base, table) > 0 else negated(base)) ** add(*exponents)
+        (base if table is None or real_point.real_sign(base, table) > 0 else ex.negated(base)) ** ex.add(*exponents)
         for base, exponents in powers.items()
     ]
-    return [*factors, *([Apply("exp", tree_of(rest))] if rest else [])]
+    return [*factors, *([ex.Apply("exp", tree_of(rest))] if rest else [])]
 
 
 def antiderivative(
-    system: SecondOrderSystem, slope: Expression, variable: Expression, table: RealTable | None
-) -> Expression | None:
+    system: SecondOrderSystem, slope: ex.Expression, variable: ex.Expression, table: real_point.RealTable | None
+) -> ex.Expression | None:
     """An elementary one of a formula in one variable; None where none is found. SymPy is asked last."""
     names = fresh_names(system, slope)
-    letter, inner = Symbol(next(names)), Symbol(next(names))
-    plain = joined(substitute(slope if table is None else real_form(slope, table), {variable: letter}))
+    letter, inner = ex.Symbol(next(names)), ex.Symbol(next(names))
+    plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))
     forms = [(plain, letter, letter), *((form, inner, w) for form, w in _substitutions(plain, letter, inner))]
     for form, name, meant in forms:
-        with suppress(TooManyTerms, TooLarge, ZeroDivisionError):
+        with suppress(TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
             found = completed([name.name], [terms_of(form)])
             if found is not None:
-                return -substitute(substitute(found, {name: meant}), {letter: variable})
+                return -ex.substitute(ex.substitute(found, {name: meant}), {letter: variable})
     if not table or variable not in table:
         return None
     place = {**table, letter: table[variable]}
     for form, name, meant in reversed(forms):
-        with suppress(NoRealValue):
-            known = _by_sympy(form, name, {**place, name: evaluate(meant, place)})
+        with suppress(evaluation.NoRealValue):
+            known = _by_sympy(form, name, {**place, name: evaluation.evaluate(meant, place)})
             if known is not None:
-                return substitute(substitute(known, {name: meant}), {letter: variable})
+                return ex.substitute(ex.substitute(known, {name: meant}), {letter: variable})
     return None
 
 
-def _substitutions(slope: Expression, x: Symbol, inner: Symbol) -> Iterator[tuple[Expression, Expression]]:
+def _substitutions(
+    slope: ex.Expression, x: ex.Symbol, inner: ex.Symbol
+) -> Iterator[tuple[ex.Expression, ex.Expression]]:
     """(g, w) with slope = g(w(x)) w'(x) for w = x^2 and the functions of x that occur, g in the letter `inner`."""
-    functions = dict.fromkeys(node for node in walk(slope) if isinstance(node, Apply) and x in walk(node))
+    functions = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node))
     for w in (x**2, *functions):
-        outer = merge_powers(slope / differentiate(w, x))
-        table: dict[Expression, Expression] = {w: inner}
-        if isinstance(w, Power):
+        outer = collecting_trees.merge_powers(slope / derivative.differentiate(w, x))
+        table: dict[ex.Expression, ex.Expression] = {w: inner}
+        if isinstance(w, ex.Power):
             exponents = {
                 node: node.exponent.value / 2
-                for node in walk(outer)
-                if isinstance(node, Power) and node.base == x and isinstance(node.exponent, Number)
+                for node in ex.walk(outer)
+                if isinstance(node, ex.Power) and node.base == x and isinstance(node.exponent, ex.Number)
             }
             table = {node: inner**half for node, half in exponents.items() if half.denominator == 1}
-        form = substitute(outer, table)
-        if x not in walk(form):
+        form = ex.substitute(outer, table)
+        if x not in ex.walk(form):
             yield form, w
 
 
@@ -486,10 +461,10 @@ class _TimeIsUp(BaseException):
 @contextmanager
 def _at_most(seconds: float) -> Iterator[None]:
     """Ends the calls within by _TimeIsUp, also those of a library that knows no deadlines."""
-    moment, calls = min(now() + seconds, end()), count()
+    moment, calls = min(deadline.now() + seconds, deadline.end()), count()
 
     def stop(*_: object) -> None:
-        if next(calls) % _CALLS == 0 and now() > moment:
+        if next(calls) % _CALLS == 0 and deadline.now() > moment:
             raise _TimeIsUp
 
     before = sys.getprofile()
@@ -504,26 +479,26 @@ def _at_most(seconds: float) -> Iterator[None]:
 _SECONDS, _HIGHEST = 2.5, 12
 _CALLS = 500  # between two looks at the time
 # What was asked for the whole time in vain: parts of a potential come again and again in one search.
-_VAIN: set[tuple[Expression, frozenset[tuple[Symbol, int]]]] = set()
+_VAIN: set[tuple[ex.Expression, frozenset[tuple[ex.Symbol, int]]]] = set()
 _MOST_VAIN = 256
 
 
-def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expression | None:
+def _by_sympy(slope: ex.Expression, variable: ex.Symbol, table: real_point.RealTable) -> ex.Expression | None:
     """SymPy's antiderivative where it is elementary, real at the point, and its derivative is the slope."""
-    nodes = list(walk(slope))
-    high = any(isinstance(node, Number) and abs(node.value) > _HIGHEST for node in nodes)
-    if high or len(nodes) > bounds.NODES or any(isinstance(node, Arbitrary | Velocity) for node in nodes):
+    nodes = list(ex.walk(slope))
+    high = any(isinstance(node, ex.Number) and abs(node.value) > _HIGHEST for node in nodes)
+    if high or len(nodes) > bounds.NODES or any(isinstance(node, ex.Arbitrary | ex.Velocity) for node in nodes):
         return None
     from inverse_service.reading.sympy_trees import elementary_antiderivatives
 
-    signs = {node: 1 if table[node] > 0 else -1 for node in nodes if isinstance(node, Symbol)}
-    question, most = (slope, frozenset(signs.items())), end() - now()
+    signs = {node: 1 if table[node] > 0 else -1 for node in nodes if isinstance(node, ex.Symbol)}
+    question, most = (slope, frozenset(signs.items())), deadline.end() - deadline.now()
     if question in _VAIN:
         return None
-    found: list[Expression] = []
+    found: list[ex.Expression] = []
     with suppress(_TimeIsUp), _at_most(_SECONDS):
         for tree in elementary_antiderivatives(slope, variable, signs):
-            found = [real for real in (real_form(tree, table),) if is_defined([real], table)]
+            found = [real for real in (real_form(tree, table),) if real_point.is_defined([real], table)]
             if found:
                 break
     if not found and most > _SECONDS and len(_VAIN) < _MOST_VAIN:
@@ -531,82 +506,82 @@ def _by_sympy(slope: Expression, variable: Symbol, table: RealTable) -> Expressi
     return next((tree for tree in found if _has_slope(tree, slope, variable, table)), None)
 
 
-def real_form(tree: Expression, table: RealTable) -> Expression:
+def real_form(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
     """The tree as it is real at the point: log(-u) for log(u) where u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
 
     The first changes it by a constant. In the second sqrt(u)*sqrt(w) stands for sqrt(u*w), whole powers of u beside.
     """
-    if is_defined([tree], table):
+    if real_point.is_defined([tree], table):
         return tree
-    with suppress(NoRealValue, IrreducibleAtoms):
+    with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms):
         return _turned(tree, table)
     return tree
 
 
-def _turned(tree: Expression, table: RealTable) -> Expression:
-    tree = rebuild(tree, lambda part: _turned(part, table))
-    if isinstance(tree, Integral):
+def _turned(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
+    tree = ex.rebuild(tree, lambda part: _turned(part, table))
+    if isinstance(tree, ex.Integral):
         return replace(tree, slopes=tuple(slope and _turned(slope, table) for slope in tree.slopes))
-    if isinstance(tree, Apply) and tree.function == "log" and real_sign(tree.argument, table) < 0:
-        return Apply("log", negated(tree.argument))
-    factors = tree.factors if isinstance(tree, Product) else ()
-    halves: dict[Expression, Expression] = {
-        factor: negated(factor.base) ** factor.exponent * (-1) ** (math.floor(factor.exponent.value) % 2)
+    if isinstance(tree, ex.Apply) and tree.function == "log" and real_point.real_sign(tree.argument, table) < 0:
+        return ex.Apply("log", ex.negated(tree.argument))
+    factors = tree.factors if isinstance(tree, ex.Product) else ()
+    halves: dict[ex.Expression, ex.Expression] = {
+        factor: ex.negated(factor.base) ** factor.exponent * (-1) ** (math.floor(factor.exponent.value) % 2)
         for factor in factors
-        if isinstance(factor, Power)
-        and isinstance(factor.exponent, Number)
+        if isinstance(factor, ex.Power)
+        and isinstance(factor.exponent, ex.Number)
         and factor.exponent.value.denominator == 2
-        and real_sign(factor.base, table) < 0
+        and real_point.real_sign(factor.base, table) < 0
     }
     is_real = halves and len(halves) % 2 == 0
-    return multiply(*(halves.get(factor, factor) for factor in factors)) if is_real else tree
+    return ex.multiply(*(halves.get(factor, factor) for factor in factors)) if is_real else tree
 
 
-def _has_slope(tree: Expression, slope: Expression, x: Symbol, table: RealTable) -> bool:
+def _has_slope(tree: ex.Expression, slope: ex.Expression, x: ex.Symbol, table: real_point.RealTable) -> bool:
     """Whether d tree/dx = slope about the point: the checker says that x'^2/2 + tree is a Lagrangian of x'' = slope."""
-    velocity = Velocity(x.name)
-    symbols = dict.fromkeys(node for node in walk(slope) if isinstance(node, Symbol))
-    constants = (node.name for node in symbols if node not in (x, TIME, PI))
+    velocity = ex.Velocity(x.name)
+    symbols = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Symbol))
+    constants = (node.name for node in symbols if node not in (x, ex.TIME, ex.PI))
     system = SecondOrderSystem((x.name,), (slope,), tuple(constants))
     try:
-        analysis = replace(analyze(system), real_point={TIME: table[x], **table, velocity: table[x]})
-        certificate = of_lagrangian(analysis, HALF * velocity**2 + tree, with_time=True)
-    except IrreducibleAtoms:
+        analysis = replace(deciding.analyze(system), real_point={ex.TIME: table[x], **table, velocity: table[x]})
+        certificate = certify.of_lagrangian(analysis, ex.HALF * velocity**2 + tree, with_time=True)
+    except errors.IrreducibleAtoms:
         return False
-    return check_certificate(certificate, time_limit=left(end())).verdict == "valid"
+    return checker.check_certificate(certificate, time_limit=deadline.left(deadline.end())).verdict == "valid"
 
 
 def potential_with_integrals(
-    system: SecondOrderSystem, phi: Expression, wanted: Terms, table: RealTable | None
-) -> Expression | None:
+    system: SecondOrderSystem, phi: ex.Expression, wanted: Terms, table: real_point.RealTable | None
+) -> ex.Expression | None:
     """-V(t, x) with dV/dx = wanted for one coordinate x; None where that holds a velocity."""
-    x = Symbol(system.coordinates[0])
-    if any(isinstance(node, Velocity) for key in wanted for letter, _ in key for node in walk(letter)):
+    x = ex.Symbol(system.coordinates[0])
+    if any(isinstance(node, ex.Velocity) for key in wanted for letter, _ in key for node in ex.walk(letter)):
         return None
     fresh = fresh_names(system, phi)
     groups: dict[Monomial, Terms] = {}
     for key, value in wanted.items():
-        own: Monomial = frozenset(item for item in key if holds(item[0], x))
+        own: Monomial = frozenset(item for item in key if ex.holds(item[0], x))
         groups.setdefault(own, {})[key - own] = value
-    total: list[Expression] = []
+    total: list[ex.Expression] = []
     for own, outside in groups.items():
         rest = antiderivative(system, monomial_tree(own), x, table)
         if rest is None:
             rest = _integral(monomial_tree(own), x, next(fresh))
         total.append(tree_of(outside) * (-rest))
-    return add(*total)
+    return ex.add(*total)
 
 
-def _integral(slope: Expression, x: Symbol, name: str) -> Integral:
+def _integral(slope: ex.Expression, x: ex.Symbol, name: str) -> ex.Integral:
     """The integral over x of a formula that may also hold t, whose derivative by t is then left open."""
-    if holds(slope, TIME):
-        return Integral(name, (TIME, x), (0, 0), (None, slope))
-    return Integral(name, (x,), (0,), (slope,))
+    if ex.holds(slope, ex.TIME):
+        return ex.Integral(name, (ex.TIME, x), (0, 0), (None, slope))
+    return ex.Integral(name, (x,), (0,), (slope,))
 
 
-def fresh_names(system: SecondOrderSystem, *trees: Expression) -> Iterator[str]:
+def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[str]:
     """Names of functions that nothing else bears."""
     used = {*system.coordinates, *system.parameters, *dict(system.functions)}
-    used |= {node.name for tree in trees for node in walk(tree) if isinstance(node, Arbitrary)}
+    used |= {node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
     yield from (name for name in _NAMES if name not in used)
     yield from (f"F_{k}" for k in range(1, 1_000) if f"F_{k}" not in used)

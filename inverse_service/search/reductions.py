@@ -5,52 +5,43 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from inverse_service.decision.certify import walk_integrals
-from inverse_service.expressions.tree import (
-    Expression,
-    Integral,
-    Symbol,
-    Velocity,
-    add,
-    rebuild,
-    walk,
-)
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
+from inverse_service.decision import certify
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics import second_order_system
+from inverse_service.search import quadratures, terms
 from inverse_service.search.material import Material
 from inverse_service.search.protocol import Smaller
-from inverse_service.search.quadratures import fresh_names
-from inverse_service.search.terms import (
-    tree_of,
-)
 
 
-def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
+def decoupled_blocks(system: second_order_system.SecondOrderSystem) -> list[second_order_system.SecondOrderSystem]:
     """The system as blocks: within one, coordinates occur in each other's equations, directly or by others."""
     pairs = zip(system.coordinates, system.accelerations, strict=True)
     links = ({name} | _coordinates_in(f, system.coordinates) for name, f in pairs)
-    return [_block(system, group) for group in connected(system.coordinates, links)]
+    return [_block(system, group) for group in second_order_system.connected(system.coordinates, links)]
 
 
-def _coordinates_in(tree: Expression, names: Sequence[str]) -> set[str]:
+def _coordinates_in(tree: ex.Expression, names: Sequence[str]) -> set[str]:
     found = set()
-    for node in walk(tree):
-        if isinstance(node, Velocity):
+    for node in ex.walk(tree):
+        if isinstance(node, ex.Velocity):
             found.add(node.coordinate)
-        elif isinstance(node, Symbol) and node.name in names:
+        elif isinstance(node, ex.Symbol) and node.name in names:
             found.add(node.name)
     return found
 
 
-def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSystem:
+def _block(
+    system: second_order_system.SecondOrderSystem, group: Collection[str]
+) -> second_order_system.SecondOrderSystem:
     kept = [k for k, name in enumerate(system.coordinates) if name in group]
     coordinates = tuple(system.coordinates[k] for k in kept)
     return replace(system, coordinates=coordinates, accelerations=tuple(system.accelerations[k] for k in kept))
 
 
-def _cancelled(material: Material) -> SecondOrderSystem:
+def _cancelled(material: Material) -> second_order_system.SecondOrderSystem:
     """The system, with f_i as it was factored where fewer coordinates occur in it: (u x - v x)/(u - v) is x."""
     system = material.analysis.system
-    pairs = zip(system.accelerations, map(tree_of, material.motion.forces), strict=True)
+    pairs = zip(system.accelerations, map(terms.tree_of, material.motion.forces), strict=True)
     forces = tuple(min(pair, key=lambda tree: len(_coordinates_in(tree, system.coordinates))) for pair in pairs)
     return replace(system, accelerations=forces)
 
@@ -66,17 +57,17 @@ def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
     yield Smaller(blocks, material.motion.with_time, lambda found: [_sum_of(system, [trees[0] for trees in found])])
 
 
-def _sum_of(system: SecondOrderSystem, trees: Sequence[Expression]) -> Expression:
+def _sum_of(system: second_order_system.SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
     """The sum of Lagrangians of blocks, each of which may have called an integral of its own F."""
-    fresh, used, found = fresh_names(system, *trees), set[str](), []
+    fresh, used, found = quadratures.fresh_names(system, *trees), set[str](), []
     for tree in trees:
-        own = {node.name for node in walk_integrals(tree)}
+        own = {node.name for node in certify.walk_integrals(tree)}
         names = {name: next(fresh) for name in sorted(own & used)}
         used |= own
         found.append(_renamed(tree, names) if names else tree)
-    return add(*found)
+    return ex.add(*found)
 
 
-def _renamed(tree: Expression, names: Mapping[str, str]) -> Expression:
-    named = replace(tree, name=names.get(tree.name, tree.name)) if isinstance(tree, Integral) else tree
-    return rebuild(named, lambda part: _renamed(part, names))
+def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
+    named = replace(tree, name=names.get(tree.name, tree.name)) if isinstance(tree, ex.Integral) else tree
+    return ex.rebuild(named, lambda part: _renamed(part, names))

@@ -21,61 +21,43 @@ import numpy as np
 
 from inverse_service import bounds
 from inverse_service.decision.deciding import Analysis
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import HALF, ONE, TIME, Expression, Integral, Velocity, add, walk
-from inverse_service.field.exact_field import Budget, ExactRing, Quotient, TooLarge, quotient_tree, sum_of
+from inverse_service.expressions import evaluation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field
 from inverse_service.field.matrices import null_vectors, numerators, reduced_rows
 from inverse_service.field.real_point import RealTable
-from inverse_service.mechanics.conditions import (
-    MotionInRing,
-    Tensor11,
-    jacobi_endomorphism,
-    motion_in_ring,
-    velocity_slopes,
-)
+from inverse_service.mechanics import conditions
 from inverse_service.mechanics.potential import potential
+from inverse_service.search import members, quadratures, terms
 from inverse_service.search.material import Material
-from inverse_service.search.members import Matrix as RealMatrix
-from inverse_service.search.members import definite_weights
-from inverse_service.search.quadratures import (
-    completed,
-    exponential,
-)
-from inverse_service.search.terms import (
-    Monomial,
-    Terms,
-    TooManyTerms,
-    add_terms,
-    monomial,
-    multiply_terms,
-    terms_of,
-)
 
-Matrix = list[list[Quotient]]
+Matrix = list[list[exact_field.Quotient]]
 
 
 @dataclass(frozen=True, slots=True)
 class _Setting:
     """f over its ring, df/dv, Gamma(log phi), its part alpha_0 without velocities, and phi."""
 
-    exact: MotionInRing
-    slopes: Tensor11[Quotient]
-    rate: Quotient
-    drag: Quotient
-    phi: Expression
+    exact: conditions.MotionInRing
+    slopes: conditions.Tensor11[exact_field.Quotient]
+    rate: exact_field.Quotient
+    drag: exact_field.Quotient
+    phi: ex.Expression
 
     @property
-    def ring(self) -> ExactRing:
+    def ring(self) -> exact_field.ExactRing:
         return self.exact.ring
 
     @property
     def places(self) -> range:
         return range(self.exact.motion.size)
 
-    def at_rest(self, element: Quotient) -> Quotient:
+    def at_rest(self, element: exact_field.Quotient) -> exact_field.Quotient:
         """The element at v = 0."""
-        moving = [index for index, tree in self.ring.trees.items() if isinstance(tree, Velocity)]
-        return Quotient(self.ring.field, element.numerator.subs(dict.fromkeys(moving, 0)), element.exponents)
+        moving = [index for index, tree in self.ring.trees.items() if isinstance(tree, ex.Velocity)]
+        return exact_field.Quotient(
+            self.ring.field, element.numerator.subs(dict.fromkeys(moving, 0)), element.exponents
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,19 +68,19 @@ class _Prepared:
     matrices: list[Matrix]
 
 
-def propose(material: Material, seed: int) -> list[Expression]:
+def propose(material: Material, seed: int) -> list[ex.Expression]:
     """Lagrangians with such a multiplier, the simplest first; none where f has none."""
     known = _prepared(material)
     if known is None:
         return []
     try:
         found = [_lagrangian(material, known.setting, matrix) for matrix in known.matrices]
-    except (TooLarge, TooManyTerms, ZeroDivisionError):
+    except (exact_field.TooLarge, terms.TooManyTerms, ZeroDivisionError):
         return []
     return [tree for tree in found if tree is not None]
 
 
-def kinetic_terms(material: Material) -> list[Monomial]:
+def kinetic_terms(material: Material) -> list[terms.Monomial]:
     """The terms of phi G_ij v_i v_j for all of these multipliers: where they are found, A and V may take an ansatz."""
     known = _prepared(material)
     if known is None or function_of_position(material) is None:
@@ -106,15 +88,17 @@ def kinetic_terms(material: Material) -> list[Monomial]:
     velocities = material.motion.velocities
     try:
         kinetic = [_kinetic(known.setting, velocities, matrix) for matrix in known.matrices]
-        return list(dict.fromkeys(key for tree in kinetic for key in terms_of(tree)))
-    except TooManyTerms:
+        return list(dict.fromkeys(key for tree in kinetic for key in terms.terms_of(tree)))
+    except terms.TooManyTerms:
         return []
 
 
-def function_of_position(material: Material) -> Expression | None:
+def function_of_position(material: Material) -> ex.Expression | None:
     """phi where f has such a multiplier without integral signs in it."""
     known = _prepared(material)
-    return known.setting.phi if known and not any(isinstance(n, Integral) for n in walk(known.setting.phi)) else None
+    return (
+        known.setting.phi if known and not any(isinstance(n, ex.Integral) for n in ex.walk(known.setting.phi)) else None
+    )
 
 
 def is_of_one_coordinate(material: Material) -> bool:
@@ -131,31 +115,33 @@ def _prepared(material: Material) -> _Prepared | None:
 
 def _multipliers(material: Material) -> _Prepared | None:
     try:
-        exact = motion_in_ring(material.analysis.system, 2, Budget.long())
+        exact = conditions.motion_in_ring(material.analysis.system, 2, exact_field.Budget.long())
         setting = _setting(exact, material.analysis)
-        if setting is None or (TIME in walk(setting.phi) and not material.motion.with_time):
+        if setting is None or (ex.TIME in ex.walk(setting.phi) and not material.motion.with_time):
             return None
         chosen = _regular(setting, material.analysis.real_point)
-    except (TooLarge, TooManyTerms, ZeroDivisionError):
+    except (exact_field.TooLarge, terms.TooManyTerms, ZeroDivisionError):
         return None
     return _Prepared(setting, chosen) if chosen else None
 
 
-def _setting(exact: MotionInRing, analysis: Analysis) -> _Setting | None:
+def _setting(exact: conditions.MotionInRing, analysis: Analysis) -> _Setting | None:
     """None where f is not quadratic in v, or -div_v f/n not Gamma of a function of t and q that is found."""
     motion, ring = exact.motion, exact.ring
-    slopes = velocity_slopes(motion)
-    share = sum_of(motion.zero, [slopes[i][i] for i in range(motion.size)]).scaled(Fraction(-1, motion.size))
+    slopes = conditions.velocity_slopes(motion)
+    share = exact_field.sum_of(motion.zero, [slopes[i][i] for i in range(motion.size)]).scaled(
+        Fraction(-1, motion.size)
+    )
     alpha = [by(share) for by in motion.by_velocity]
     second = [by(entry) for row in slopes for entry in row for by in motion.by_velocity]
     if any(not by(entry).is_zero for entry in (*alpha, *second) for by in motion.by_velocity):
         return None
-    velocities = [ring.atoms[v] for v in ring.variables if isinstance(v, Velocity)]
-    drag = sum_of(motion.zero, [share, *(-(slope * v) for slope, v in zip(alpha, velocities, strict=True))])
+    velocities = [ring.atoms[v] for v in ring.variables if isinstance(v, ex.Velocity)]
+    drag = exact_field.sum_of(motion.zero, [share, *(-(slope * v) for slope, v in zip(alpha, velocities, strict=True))])
     found = potential(ring, range(1 + motion.size), [drag, *alpha])
     if found is None:
         return None
-    return _Setting(exact, slopes, share, drag, exponential(ring, found, analysis.real_point))
+    return _Setting(exact, slopes, share, drag, quadratures.exponential(ring, found, analysis.real_point))
 
 
 def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:
@@ -165,7 +151,7 @@ def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:
         return []
     real = [_real(setting, matrix, table) for matrix in basis]
     known = [matrix for matrix in real if matrix is not None]
-    weights = definite_weights(known) if len(known) == len(basis) <= bounds.COLUMNS else []
+    weights = members.definite_weights(known) if len(known) == len(basis) <= bounds.COLUMNS else []
     plain = [Fraction(int(_is_diagonal(matrix))) for matrix in basis]
     alone = [[Fraction(int(j == k)) for j in range(len(basis))] for k in range(len(basis))]
     choices = [plain, *weights, [Fraction(1)] * len(basis), *alone]
@@ -174,9 +160,9 @@ def _regular(setting: _Setting, table: RealTable | None) -> list[Matrix]:
     return sorted(found, key=lambda one: (not _is_definite(_real(setting, one, table)), _entries(one)))[: bounds.FEW]
 
 
-def _constant_vectors(setting: _Setting) -> list[list[Quotient]]:
+def _constant_vectors(setting: _Setting) -> list[list[exact_field.Quotient]]:
     """The entries G_ab, a <= b, that (H2) and (H3) allow: a basis over the constants, each without denominators."""
-    phi, zero = jacobi_endomorphism(setting.exact.motion), setting.ring.constant(0)
+    phi, zero = conditions.jacobi_endomorphism(setting.exact.motion), setting.ring.constant(0)
     columns = [_conditions(setting, phi, a, b, zero) for a, b in _pairs(setting)]
     return [_without_denominators(setting, vector) for vector in null_vectors(setting.ring, columns)]
 
@@ -185,10 +171,12 @@ def _pairs(setting: _Setting) -> list[tuple[int, int]]:
     return list(itertools.combinations_with_replacement(setting.places, 2))
 
 
-def _conditions(setting: _Setting, phi: Tensor11[Quotient], a: int, b: int, zero: Quotient) -> list[Quotient]:
+def _conditions(
+    setting: _Setting, phi: conditions.Tensor11[exact_field.Quotient], a: int, b: int, zero: exact_field.Quotient
+) -> list[exact_field.Quotient]:
     """(H2) and (H3) for the matrix with ones at (a, b) and (b, a): rate G + (G f_v + (G f_v)^T)/2, and G Phi skewed."""
 
-    def lowered(tensor: Tensor11[Quotient], i: int, j: int) -> Quotient:
+    def lowered(tensor: conditions.Tensor11[exact_field.Quotient], i: int, j: int) -> exact_field.Quotient:
         """(G T)_ij."""
         return tensor[b][j] if i == a else tensor[a][j] if i == b else zero
 
@@ -200,11 +188,11 @@ def _conditions(setting: _Setting, phi: Tensor11[Quotient], a: int, b: int, zero
     return [*rates, *skew]
 
 
-def _without_denominators(setting: _Setting, vector: Sequence[Quotient]) -> list[Quotient]:
-    return [Quotient(setting.ring.field, numerator, ()) for numerator in numerators(setting.ring, vector)]
+def _without_denominators(setting: _Setting, vector: Sequence[exact_field.Quotient]) -> list[exact_field.Quotient]:
+    return [exact_field.Quotient(setting.ring.field, numerator, ()) for numerator in numerators(setting.ring, vector)]
 
 
-def _matrix(setting: _Setting, vector: Sequence[Quotient]) -> Matrix:
+def _matrix(setting: _Setting, vector: Sequence[exact_field.Quotient]) -> Matrix:
     table = dict(zip(_pairs(setting), vector, strict=True))
     return [[table[min(i, j), max(i, j)] for j in setting.places] for i in setting.places]
 
@@ -212,7 +200,10 @@ def _matrix(setting: _Setting, vector: Sequence[Quotient]) -> Matrix:
 def _combined(setting: _Setting, basis: Sequence[Matrix], weights: Sequence[Fraction]) -> Matrix:
     zero = setting.ring.constant(0)
     pairs = [(matrix, w) for matrix, w in zip(basis, weights, strict=True) if w]
-    return [[sum_of(zero, [m[i][j].scaled(w) for m, w in pairs]) for j in setting.places] for i in setting.places]
+    return [
+        [exact_field.sum_of(zero, [m[i][j].scaled(w) for m, w in pairs]) for j in setting.places]
+        for i in setting.places
+    ]
 
 
 def _entries(matrix: Matrix) -> int:
@@ -230,47 +221,56 @@ def _oriented(setting: _Setting, matrix: Matrix, table: RealTable | None) -> Mat
     return matrix if positive else [[-entry for entry in row] for row in matrix]
 
 
-def _real(setting: _Setting, matrix: Matrix, table: RealTable | None) -> RealMatrix | None:
+def _real(setting: _Setting, matrix: Matrix, table: RealTable | None) -> members.Matrix | None:
     """The entries at the real point; None where there is none."""
     if table is None:
         return None
     try:
         with mpmath.workdps(20):
-            return np.array([[float(evaluate(quotient_tree(setting.ring, e), table)) for e in row] for row in matrix])
-    except (NoRealValue, ArithmeticError, TypeError):
+            return np.array(
+                [
+                    [float(evaluation.evaluate(exact_field.quotient_tree(setting.ring, e), table)) for e in row]
+                    for row in matrix
+                ]
+            )
+    except (evaluation.NoRealValue, ArithmeticError, TypeError):
         return None
 
 
-def _is_definite(matrix: RealMatrix | None) -> bool:
+def _is_definite(matrix: members.Matrix | None) -> bool:
     return matrix is not None and bool(np.linalg.eigvalsh(matrix)[0] > 0)
 
 
-def _lagrangian(material: Material, setting: _Setting, matrix: Matrix) -> Expression | None:
+def _lagrangian(material: Material, setting: _Setting, matrix: Matrix) -> ex.Expression | None:
     """phi G_ij v_i v_j / 2 + A_i v_i - V; None where the last terms have no closed form that is found."""
     velocities = material.motion.velocities
     wanted = [_wanted(setting, velocities, row) for row in matrix]
-    rest = completed(material.analysis.system.coordinates, wanted)
+    rest = quadratures.completed(material.analysis.system.coordinates, wanted)
     return None if rest is None else _kinetic(setting, velocities, matrix) + rest
 
 
-def _kinetic(setting: _Setting, velocities: Sequence[Velocity], matrix: Matrix) -> Expression:
+def _kinetic(setting: _Setting, velocities: Sequence[ex.Velocity], matrix: Matrix) -> ex.Expression:
     """phi G_ij v_i v_j / 2."""
     squares = [
-        (HALF if i == j else ONE)
-        * quotient_tree(setting.ring, matrix[i][j])
+        (ex.HALF if i == j else ex.ONE)
+        * exact_field.quotient_tree(setting.ring, matrix[i][j])
         * (velocities[i] ** 2 if i == j else velocities[i] * velocities[j])
         for i, j in _pairs(setting)
     ]
-    return setting.phi * add(*squares)
+    return setting.phi * ex.add(*squares)
 
 
-def _wanted(setting: _Setting, velocities: Sequence[Velocity], row: Sequence[Quotient]) -> Terms:
+def _wanted(setting: _Setting, velocities: Sequence[ex.Velocity], row: Sequence[exact_field.Quotient]) -> terms.Terms:
     """-phi ((G f)_i + ((G f_v)_ij + alpha_0 G_ij) v_j) at v = 0: what A_i v_i - V has to give."""
     ring, zero, motion = setting.ring, setting.ring.constant(0), setting.exact.motion
-    force = sum_of(zero, [-(g * setting.at_rest(f)) for g, f in zip(row, motion.accelerations, strict=True)])
-    total = terms_of(setting.phi * quotient_tree(ring, force))
+    force = exact_field.sum_of(
+        zero, [-(g * setting.at_rest(f)) for g, f in zip(row, motion.accelerations, strict=True)]
+    )
+    total = terms.terms_of(setting.phi * exact_field.quotient_tree(ring, force))
     for j, v in enumerate(velocities):
         slopes = [-(g * setting.at_rest(setting.slopes[k][j])) for k, g in enumerate(row)]
-        tree = quotient_tree(ring, sum_of(zero, [*slopes, -(row[j] * setting.drag)]))
-        total = add_terms(total, multiply_terms(terms_of(setting.phi * tree), {monomial(v): Fraction(1)}))
+        tree = exact_field.quotient_tree(ring, exact_field.sum_of(zero, [*slopes, -(row[j] * setting.drag)]))
+        total = terms.add_terms(
+            total, terms.multiply_terms(terms.terms_of(setting.phi * tree), {terms.monomial(v): Fraction(1)})
+        )
     return total

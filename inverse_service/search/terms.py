@@ -20,29 +20,11 @@ from math import gcd, lcm
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service import bounds
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    ONE,
-    TIME,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    holds,
-    is_exponential,
-    multiply,
-    number,
-    split_exponent,
-    walk,
-)
-from inverse_service.field.exact_field import factor_polynomial
+from inverse_service.field import exact_field
 
-Monomial = frozenset[tuple[Expression, Fraction]]
+Monomial = frozenset[tuple[ex.Expression, Fraction]]
 Terms = dict[Monomial, Fraction]
 
 EMPTY: Monomial = frozenset()
@@ -61,7 +43,7 @@ class TooManyTerms(ArithmeticError):
 
 
 @lru_cache(maxsize=4096)
-def monomial(*letters: Expression) -> Monomial:
+def monomial(*letters: ex.Expression) -> Monomial:
     """The product of letters."""
     product = EMPTY
     for letter in letters:
@@ -115,42 +97,42 @@ def _bounded(terms: Terms) -> Terms:
     return terms
 
 
-def terms_of(expression: Expression) -> Terms:
+def terms_of(expression: ex.Expression) -> Terms:
     """The tree expanded; TooManyTerms where that is large.
 
     Sums under negative or fractional powers are letters, 1/(x^2 + 2 x y + y^2) by its letter x + y.
     """
     match expression:
-        case Number(value):
+        case ex.Number(value):
             return {EMPTY: value} if value else {}
-        case Sum(parts):
+        case ex.Sum(parts):
             total: Terms = {}
             for part in parts:
                 total = add_terms(total, terms_of(part))
             return _bounded(total)
-        case Product(factors):
+        case ex.Product(factors):
             product: Terms = {EMPTY: Fraction(1)}
             for factor in factors:
                 product = multiply_terms(product, terms_of(factor))
             return product
-        case Power(base, Number(exponent)):
+        case ex.Power(base, ex.Number(exponent)):
             return _power(terms_of(base), exponent)
-        case Power(base, exponent) if split_exponent(exponent)[1]:
-            rest, whole = split_exponent(exponent)
+        case ex.Power(base, exponent) if ex.split_exponent(exponent)[1]:
+            rest, whole = ex.split_exponent(exponent)
             if not (inside := terms_of(base)):
                 return {}
             content, common, primitive = split_content(inside)
-            beside = times(common, monomial(primitive) if primitive != ONE else EMPTY)
-            return {times(monomial(Power(base, rest)), beside, whole): content**whole}
-        case Apply("exp", argument):
+            beside = times(common, monomial(primitive) if primitive != ex.ONE else EMPTY)
+            return {times(monomial(ex.Power(base, rest)), beside, whole): content**whole}
+        case ex.Apply("exp", argument):
             return _exponential(argument)
-        case Apply(function, argument) if function in _QUOTIENTS:
+        case ex.Apply(function, argument) if function in _QUOTIENTS:
             pairs = zip(*_QUOTIENTS[function], strict=True)
-            return terms_of(multiply(*(Apply(name, argument) ** e for name, e in pairs if e)))
-        case Apply(function, Sum() as argument) if function in _PARITY:
+            return terms_of(ex.multiply(*(ex.Apply(name, argument) ** e for name, e in pairs if e)))
+        case ex.Apply(function, ex.Sum() as argument) if function in _PARITY:
             return _with_leading_plus(function, terms_of(argument))
-        case Apply(function, Product((Number(factor), *_)) as argument) if factor < 0 and function in _PARITY:
-            return {key: c * _PARITY[function] for key, c in terms_of(Apply(function, -argument)).items()}
+        case ex.Apply(function, ex.Product((ex.Number(factor), *_)) as argument) if factor < 0 and function in _PARITY:
+            return {key: c * _PARITY[function] for key, c in terms_of(ex.Apply(function, -argument)).items()}
         case _:
             return {monomial(expression): Fraction(1)}
 
@@ -162,7 +144,7 @@ def _with_leading_plus(function: str, argument: Terms) -> Terms:
     negative = argument[min(argument, key=rank)] < 0
     turned = {key: -value for key, value in argument.items()} if negative else argument
     sign = _PARITY[function] if negative else 1
-    return {monomial(Apply(function, tree_of(turned))): Fraction(sign)}
+    return {monomial(ex.Apply(function, tree_of(turned))): Fraction(sign)}
 
 
 def _power(base: Terms, exponent: Fraction) -> Terms:
@@ -179,18 +161,18 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
         return {frozenset([(tree_of(base), exponent)]): Fraction(1)}
     factor, root = _numeric_power(content, exponent)
     whole = times(root, common, exponent)
-    if rest != ONE and exponent.denominator == 1:
+    if rest != ex.ONE and exponent.denominator == 1:
         unit, parts = _without_squares(rest)
         factor *= unit ** int(exponent)
         for part, e in parts:
             whole = times(whole, monomial(part), e * exponent)
-    elif rest != ONE:
+    elif rest != ex.ONE:
         whole = times(whole, monomial(rest), exponent)
     return {whole: factor}
 
 
 @lru_cache(maxsize=1024)
-def _without_squares(tree: Expression) -> tuple[Fraction, tuple[tuple[Expression, int], ...]]:
+def _without_squares(tree: ex.Expression) -> tuple[Fraction, tuple[tuple[ex.Expression, int], ...]]:
     """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k, a sum of products of letters; ((tree, 1),) as a rule."""
     terms = terms_of(tree)
     if any(e < 0 or e.denominator > 1 for key in terms for _, e in key):
@@ -203,7 +185,7 @@ def _without_squares(tree: Expression) -> tuple[Fraction, tuple[tuple[Expression
     return Fraction(int(unit.p), int(unit.q)), parts
 
 
-def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[Expression]]:
+def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[ex.Expression]]:
     """A sum of products of letters with nonnegative integer exponents, and the letters."""
     letters = list(dict.fromkeys(letter for key in terms for letter, _ in key))
     context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
@@ -214,7 +196,7 @@ def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[
     return context.from_dict(table), letters
 
 
-def terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[Expression]) -> Terms:
+def terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[ex.Expression]) -> Terms:
     return {
         frozenset((letter, Fraction(int(e))) for letter, e in zip(letters, exponents, strict=True) if e): Fraction(
             int(value.p), int(value.q)
@@ -233,17 +215,17 @@ def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monom
         return value ** int(exponent), EMPTY
     if value == 1:
         return Fraction(1), EMPTY
-    return Fraction(1), frozenset([(number(value), exponent)])
+    return Fraction(1), frozenset([(ex.number(value), exponent)])
 
 
-def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, Expression]:
+def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, ex.Expression]:
     """(rational content, common monomial, primitive rest) of a nonzero sum; the rest is ONE for one term.
 
     The content is positive for more than one term, so that even roots of the rest stay real.
     """
     if len(terms) == 1:
         ((key, value),) = terms.items()
-        return value, key, ONE
+        return value, key, ex.ONE
     values = list(terms.values())
     content = Fraction(gcd(*(v.numerator for v in values)), lcm(*(v.denominator for v in values)))
     shared = dict(next(iter(terms)))
@@ -255,22 +237,22 @@ def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomia
     return content, common, tree_of(rest)
 
 
-def _exponential(argument: Expression) -> Terms:
+def _exponential(argument: ex.Expression) -> Terms:
     """exp(c u + …) = exp(u)^c … with one letter for each monomial u of the argument."""
     product = EMPTY
     for key, coefficient in terms_of(argument).items():
-        letter = Apply("exp", monomial_tree(key))
+        letter = ex.Apply("exp", monomial_tree(key))
         product = times(product, frozenset([(letter, coefficient)]))
     return {product: Fraction(1)}
 
 
-def tree_of(terms: Mapping[Monomial, Fraction]) -> Expression:
+def tree_of(terms: Mapping[Monomial, Fraction]) -> ex.Expression:
     """The sum as a tree, in a fixed order."""
     ordered = sorted(terms.items(), key=lambda item: rank(item[0]))
-    return add(*(value * monomial_tree(key) for key, value in ordered))
+    return ex.add(*(value * monomial_tree(key) for key, value in ordered))
 
 
-def collected(tree: Expression) -> Expression:
+def collected(tree: ex.Expression) -> ex.Expression:
     """The tree as a sum of monomials, common factors of each cancelled, unless there are too many."""
     try:
         return tree_of(terms_of(tree))
@@ -278,32 +260,32 @@ def collected(tree: Expression) -> Expression:
         return tree
 
 
-def monomial_tree(key: Monomial) -> Expression:
+def monomial_tree(key: Monomial) -> ex.Expression:
     """The monomial as a tree; exponentials are merged back into exp(c u)."""
     parts, exponents = [], []
-    symbolic: dict[Expression, list[Expression]] = {}
+    symbolic: dict[ex.Expression, list[ex.Expression]] = {}
     for letter, exponent in key:
-        if isinstance(letter, Power):
+        if isinstance(letter, ex.Power):
             symbolic.setdefault(letter.base, []).append(exponent * letter.exponent)
     for letter, exponent in sorted(key, key=_letter_rank):
-        if isinstance(letter, Power) or letter in symbolic:
+        if isinstance(letter, ex.Power) or letter in symbolic:
             continue
-        if is_exponential(letter):
+        if ex.is_exponential(letter):
             exponents.append(exponent * letter.argument)
         else:
             parts.append(letter**exponent)
     table = dict(key)
     for base, together in sorted(symbolic.items(), key=lambda item: repr(item[0])):
-        parts.append(base ** tree_of(terms_of(add(*together, number(table.get(base, Fraction(0)))))))
+        parts.append(base ** tree_of(terms_of(ex.add(*together, ex.number(table.get(base, Fraction(0)))))))
     if exponents:
-        parts.append(Apply("exp", add(*exponents)))
-    return multiply(*parts)
+        parts.append(ex.Apply("exp", ex.add(*exponents)))
+    return ex.multiply(*parts)
 
 
-def _letter_rank(item: tuple[Expression, Fraction]) -> tuple[int, str]:
+def _letter_rank(item: tuple[ex.Expression, Fraction]) -> tuple[int, str]:
     letter = item[0]
-    kind = 0 if isinstance(letter, Number) else 1 if isinstance(letter, Symbol) else 3
-    return (4 if isinstance(letter, Velocity) else kind, _traits(letter)[2])
+    kind = 0 if isinstance(letter, ex.Number) else 1 if isinstance(letter, ex.Symbol) else 3
+    return (4 if isinstance(letter, ex.Velocity) else kind, _traits(letter)[2])
 
 
 @lru_cache(maxsize=16384)
@@ -327,24 +309,24 @@ def rank(key: Monomial) -> tuple[Fraction | int, int, str]:
 
 
 @lru_cache(maxsize=4096)
-def _traits(letter: Expression) -> tuple[int, bool, str]:
+def _traits(letter: ex.Expression) -> tuple[int, bool, str]:
     """Its weight, whether it is a sum with velocities, and what orders letters: the text of a tree takes long."""
     return _letter_weight(letter), _is_moving_sum(letter), repr(letter)
 
 
-def _letter_weight(letter: Expression) -> int:
-    if isinstance(letter, Symbol | Velocity | Number):
+def _letter_weight(letter: ex.Expression) -> int:
+    if isinstance(letter, ex.Symbol | ex.Velocity | ex.Number):
         return 1
-    if isinstance(letter, Apply) and _is_moving_sum(letter.argument):
+    if isinstance(letter, ex.Apply) and _is_moving_sum(letter.argument):
         return 3 + 2 * _letter_weight(letter.argument)
-    return 1 + len(letter.terms) if isinstance(letter, Sum) else 2
+    return 1 + len(letter.terms) if isinstance(letter, ex.Sum) else 2
 
 
-def _is_moving_sum(tree: Expression) -> bool:
-    return isinstance(tree, Sum) and any(isinstance(node, Velocity) for node in walk(tree))
+def _is_moving_sum(tree: ex.Expression) -> bool:
+    return isinstance(tree, ex.Sum) and any(isinstance(node, ex.Velocity) for node in ex.walk(tree))
 
 
-def derivative(key: Monomial, variable: Expression) -> Terms:
+def derivative(key: Monomial, variable: ex.Expression) -> Terms:
     """The partial derivative of a monomial."""
     result: Terms = {}
     for letter, exponent in key:
@@ -356,16 +338,16 @@ def derivative(key: Monomial, variable: Expression) -> Terms:
 
 
 @lru_cache(maxsize=4096)
-def letter_derivative(letter: Expression, variable: Expression) -> Terms:
+def letter_derivative(letter: ex.Expression, variable: ex.Expression) -> Terms:
     """The partial derivative of a letter, expanded."""
     if letter == variable:
         return {EMPTY: Fraction(1)}
-    if isinstance(letter, Symbol | Velocity | Number):
+    if isinstance(letter, ex.Symbol | ex.Velocity | ex.Number):
         return {}
     return terms_of(differentiate(letter, variable))
 
 
-def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: Expression) -> Terms:
+def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: ex.Expression) -> Terms:
     result: Terms = {}
     for key, value in terms.items():
         result = add_terms(result, derivative(key, variable), value)
@@ -379,8 +361,8 @@ class MotionTerms:
     `known` keeps what the residuals of monomials are made of, and these: families share many monomials.
     """
 
-    coordinates: tuple[Symbol, ...]
-    velocities: tuple[Velocity, ...]
+    coordinates: tuple[ex.Symbol, ...]
+    velocities: tuple[ex.Velocity, ...]
     forces: tuple[Terms, ...]
     with_time: bool
     known: dict[Hashable, Terms] = field(default_factory=dict, compare=False, repr=False)
@@ -418,7 +400,7 @@ def _add(total: Terms, terms: Terms, factor: Fraction) -> None:
         total[key] = total[key] + more if key in total else more
 
 
-def _own_part(motion: MotionTerms, p: Expression, i: int) -> Terms:
+def _own_part(motion: MotionTerms, p: ex.Expression, i: int) -> Terms:
     """Gamma(V_i p) - Q_i p."""
     key = "own part", p, i
     if key not in motion.known:
@@ -427,7 +409,7 @@ def _own_part(motion: MotionTerms, p: Expression, i: int) -> Terms:
     return motion.known[key]
 
 
-def _common_part(motion: MotionTerms, p: Expression, r: Expression, i: int) -> Terms:
+def _common_part(motion: MotionTerms, p: ex.Expression, r: ex.Expression, i: int) -> Terms:
     """G(p) V_i r."""
     key = "common part", p, r, i
     if key not in motion.known:
@@ -436,7 +418,7 @@ def _common_part(motion: MotionTerms, p: Expression, r: Expression, i: int) -> T
     return motion.known[key]
 
 
-def _slope(motion: MotionTerms, p: Expression, variable: Symbol | Velocity) -> Terms:
+def _slope(motion: MotionTerms, p: ex.Expression, variable: ex.Symbol | ex.Velocity) -> Terms:
     """The derivative of log p."""
     key = "slope", p, variable
     if key not in motion.known:
@@ -444,13 +426,13 @@ def _slope(motion: MotionTerms, p: Expression, variable: Symbol | Velocity) -> T
     return motion.known[key]
 
 
-def _divided(terms: Terms, p: Expression) -> Terms:
+def _divided(terms: Terms, p: ex.Expression) -> Terms:
     return {times(key, monomial(p), -1): value for key, value in terms.items()}
 
 
 def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
     """Gamma(terms)."""
-    total = derivative_of_terms(terms, TIME)
+    total = derivative_of_terms(terms, ex.TIME)
     for q, v, f in zip(motion.coordinates, motion.velocities, motion.forces, strict=True):
         total = add_terms(total, multiply_terms(derivative_of_terms(terms, v), f))
         total = add_terms(total, multiply_terms(derivative_of_terms(terms, q), {monomial(v): Fraction(1)}))
@@ -458,8 +440,8 @@ def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
 
 
 @lru_cache(maxsize=4096)
-def has_velocity(letter: Expression) -> bool:
-    return any(isinstance(node, Velocity) for node in walk(letter))
+def has_velocity(letter: ex.Expression) -> bool:
+    return any(isinstance(node, ex.Velocity) for node in ex.walk(letter))
 
 
 def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:
@@ -469,28 +451,28 @@ def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:
 
 
 @lru_cache(maxsize=1024)
-def irreducible_factors(tree: Expression) -> tuple[Expression, ...]:
+def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
     """Its factors that are sums, as a polynomial in roots of letters over a monomial in them."""
-    terms, exponents = terms_of(tree), dict[Expression, list[Fraction]]()
+    terms, exponents = terms_of(tree), dict[ex.Expression, list[Fraction]]()
     for letter, e in (item for key in terms for item in key):
         exponents.setdefault(letter, [Fraction(0)]).append(e)
     root = {letter: lcm(*(e.denominator for e in found)) for letter, found in exponents.items()}
     lowest = frozenset((letter, min(found)) for letter, found in exponents.items())
     whole = {frozenset((p, e * root[p]) for p, e in times(key, lowest, -1)): value for key, value in terms.items()}
     polynomial, letters = polynomial_of(whole)
-    found = [terms_of_polynomial(factor, letters) for factor, _ in factor_polynomial(polynomial)[1]]
+    found = [terms_of_polynomial(factor, letters) for factor, _ in exact_field.factor_polynomial(polynomial)[1]]
     sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
     return tuple(split_content(one)[2] for one in sums)
 
 
-def reading_class(lagrangian: Expression) -> int:
+def reading_class(lagrangian: ex.Expression) -> int:
     """0 for a polynomial in the velocities, 1 where it holds t, 2 for a rational function of them, 3 for all else."""
-    kind = int(holds(lagrangian, TIME))
-    for node in walk(lagrangian):
-        if isinstance(node, Apply) and has_velocity(node):
+    kind = int(ex.holds(lagrangian, ex.TIME))
+    for node in ex.walk(lagrangian):
+        if isinstance(node, ex.Apply) and has_velocity(node):
             return 3
-        if isinstance(node, Power) and has_velocity(node):
-            exponent = node.exponent.value if isinstance(node.exponent, Number) else Fraction(1, 2)
+        if isinstance(node, ex.Power) and has_velocity(node):
+            exponent = node.exponent.value if isinstance(node.exponent, ex.Number) else Fraction(1, 2)
             if exponent.denominator != 1:
                 return 3
             kind = max(kind, 2 if exponent < 0 else 0)

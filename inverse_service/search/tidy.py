@@ -12,43 +12,13 @@ from functools import lru_cache, partial
 from itertools import combinations
 from math import comb, prod
 
-from inverse_service import bounds
-from inverse_service.errors import InputError, IrreducibleAtoms
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.collecting_trees import minus_inside, numbers_outside
-from inverse_service.expressions.tree import (
-    MINUS_ONE,
-    ONE,
-    TIME,
-    TWO,
-    ZERO,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    distinct_nodes,
-    factors_of,
-    holds,
-    is_exponential,
-    multiply,
-    node_count,
-    number,
-    rebuild,
-    square_root,
-    substitute,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, TooLarge, factored
+from inverse_service import bounds, errors
+from inverse_service.expressions import collecting, collecting_trees
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import variables_in
-from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.mechanics.quadratic_forms import short_forms
+from inverse_service.mechanics import quadratic_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.mechanics.writing import joined
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -65,15 +35,15 @@ from inverse_service.search.terms import (
 _LARGEST = 4
 
 
-def without_arctangents(tree: Expression) -> Expression:
+def without_arctangents(tree: ex.Expression) -> ex.Expression:
     """The tree with every sin and cos of a small multiple of an arctangent replaced by its algebraic form."""
-    while table := {node: form for node in distinct_nodes((tree,)) if (form := _algebraic(node)) is not None}:
-        tree = substitute(tree, table)
+    while table := {node: form for node in ex.distinct_nodes((tree,)) if (form := _algebraic(node)) is not None}:
+        tree = ex.substitute(tree, table)
     return tree
 
 
-def _algebraic(node: Expression) -> Expression | None:
-    if not (isinstance(node, Apply) and node.function in ("sin", "cos")):
+def _algebraic(node: ex.Expression) -> ex.Expression | None:
+    if not (isinstance(node, ex.Apply) and node.function in ("sin", "cos")):
         return None
     turns, arctangent = _multiple(node.argument)
     if arctangent is None or turns.denominator != 1 or not 1 <= abs(turns) <= _LARGEST:
@@ -82,17 +52,17 @@ def _algebraic(node: Expression) -> Expression | None:
     # The real or the imaginary part of (1 + i u)^k.
     terms = [((-1) ** (e // 2) * comb(k, e), e) for e in range(node.function == "sin", k + 1, 2)]
     sign = -1 if turns < 0 and node.function == "sin" else 1
-    above = add(*(sign * a * u**e for a, e in terms))
+    above = ex.add(*(sign * a * u**e for a, e in terms))
     norm = 1 + u**2
-    return above / (norm ** (k // 2) if k % 2 == 0 else norm ** (k // 2) * square_root(norm))
+    return above / (norm ** (k // 2) if k % 2 == 0 else norm ** (k // 2) * ex.square_root(norm))
 
 
-def _multiple(argument: Expression) -> tuple[Fraction, Apply | None]:
+def _multiple(argument: ex.Expression) -> tuple[Fraction, ex.Apply | None]:
     """(k, atan u) of k atan u; (1, None) of anything else."""
     match argument:
-        case Apply("atan", _):
+        case ex.Apply("atan", _):
             return Fraction(1), argument
-        case Product((Number(value), Apply("atan", _) as inner)):
+        case ex.Product((ex.Number(value), ex.Apply("atan", _) as inner)):
             return value, inner
     return Fraction(1), None
 
@@ -101,10 +71,17 @@ _BEFORE_A_BRACKET = 12
 # Terms of a potential stay apart, as they are known, where one bracket is not much shorter.
 _MUCH = 2
 
-_FAILED = (TooLarge, TooManyTerms, ZeroDivisionError, IrreducibleAtoms, InputError, ValueError)
+_FAILED = (
+    exact_field.TooLarge,
+    TooManyTerms,
+    ZeroDivisionError,
+    errors.IrreducibleAtoms,
+    errors.InputError,
+    ValueError,
+)
 
 
-def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
+def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """A tree with fewer nodes, equal up to a constant factor, or the same one; to be verified like any other.
 
     Circular functions of arctangents are algebraic in it, even where that is longer.
@@ -117,46 +94,52 @@ def tidied(tree: Expression, system: SecondOrderSystem) -> Expression:
         return tree
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter
-    return kinetic_first(numbers_outside(minus_inside(_as_written(joined(tree), system))))
+    return kinetic_first(
+        collecting_trees.numbers_outside(collecting_trees.minus_inside(_as_written(writing.joined(tree), system)))
+    )
 
 
-def _finite(tree: Expression, system: SecondOrderSystem) -> Expression:
+def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """With another constant in the potential, where it then divides by fewer constants, as f does.
 
     a^2/(2 k (1 + k x^2)) less a^2/(2 k) is -a^2 x^2/(2 (1 + k x^2)), which has a value for k = 0.
     """
-    terms = tree.terms if isinstance(tree, Sum) else (tree,)
+    terms = tree.terms if isinstance(tree, ex.Sum) else (tree,)
     rest = [term for term in terms if not has_velocity(term)]
     parameters = _parameters(system)
     divisors = _constant_divisors(rest, parameters) - _constant_divisors(system.accelerations, parameters)
-    if not divisors or any(holds(term, TIME) for term in rest):
+    if not divisors or any(ex.holds(term, ex.TIME) for term in rest):
         return tree
-    potential = add(*rest)
-    start = substitute(potential, {Symbol(name): ZERO for name in system.coordinates})
-    symbols: list[Symbol | Velocity] = [*map(Symbol, (*system.parameters, *system.coordinates))]
-    (moved,) = factored([potential - start], symbols, Budget.short())
+    potential = ex.add(*rest)
+    start = ex.substitute(potential, {ex.Symbol(name): ex.ZERO for name in system.coordinates})
+    symbols: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, (*system.parameters, *system.coordinates))]
+    (moved,) = exact_field.factored([potential - start], symbols, exact_field.Budget.short())
     left = _constant_divisors([moved], parameters) & divisors
-    return tree if len(left) >= len(divisors) else add(*(t for t in terms if t not in rest), moved)
+    return tree if len(left) >= len(divisors) else ex.add(*(t for t in terms if t not in rest), moved)
 
 
-def _constant_divisors(trees: Iterable[Expression], parameters: frozenset[Symbol]) -> set[Expression]:
+def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.Symbol]) -> set[ex.Expression]:
     """What trees divide by that holds parameters alone."""
-    powers = (node for node in distinct_nodes(trees) if isinstance(node, Power) and isinstance(node.exponent, Number))
+    powers = (
+        node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)
+    )
     bases = (node.base for node in powers if node.exponent.value < 0)  # type: ignore[union-attr]
     return {base for base in bases if parameters.issuperset(variables_in(base))}
 
 
-def with_written_roots(tree: Expression, system: SecondOrderSystem, point: RealTable) -> Expression | None:
+def with_written_roots(
+    tree: ex.Expression, system: SecondOrderSystem, point: real_point.RealTable
+) -> ex.Expression | None:
     """A multiple of L with the roots of sums that f has as it was written, and without divisors that are constants.
 
     -m c^2 sqrt(1 - v^2/c^2) - V for -sqrt(c^2 - v^2) - V/(m c) where f holds 1 - v^2/c^2. None where f has no
     such root.
     """
     constants = _parameters(system)
-    written: dict[Expression, tuple[Expression, Monomial, Fraction]] = {}
-    for node in distinct_nodes(system.given):
+    written: dict[ex.Expression, tuple[ex.Expression, Monomial, Fraction]] = {}
+    for node in ex.distinct_nodes(system.given):
         match node:
-            case Power(Sum() as radicand, Number(e)) if e.denominator > 1 and has_velocity(radicand):
+            case ex.Power(ex.Sum() as radicand, ex.Number(e)) if e.denominator > 1 and has_velocity(radicand):
                 with suppress(TooManyTerms):
                     terms = terms_of(radicand)
                     below = _divisor(terms, constants)
@@ -169,24 +152,24 @@ def with_written_roots(tree: Expression, system: SecondOrderSystem, point: RealT
     found: dict[Monomial, Fraction] = {}
     for key, value in terms_of(tree).items():
         for letter, e in key:
-            entry: tuple[Expression, Monomial, Fraction] = (letter, EMPTY, Fraction(1))
+            entry: tuple[ex.Expression, Monomial, Fraction] = (letter, EMPTY, Fraction(1))
             base, below, content = written.get(letter, entry)
             if content != 1:
                 return None
             key = times(times(key, frozenset([(letter, -e)])), frozenset([(base, e)])) if below else key
             for constant, power in below:
-                value = value * (1 if real_sign(constant, point) > 0 or not (power * e) % 2 else -1)
+                value = value * (1 if real_point.real_sign(constant, point) > 0 or not (power * e) % 2 else -1)
             key = times(key, below, e)
         found[key] = found.get(key, Fraction(0)) + value
     rooted = {letter for _, below, _ in written.values() for letter, _ in below}
     below = _divisor(found, constants)
-    sign = prod(real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
+    sign = prod(real_point.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
     return kinetic_first(tree_of({times(key, below): sign * value for key, value in found.items()}))
 
 
-def _divisor(terms: Terms, constants: frozenset[Symbol]) -> Monomial:
+def _divisor(terms: Terms, constants: frozenset[ex.Symbol]) -> Monomial:
     """The lowest product of constants that all terms are polynomials in once they are multiplied with it."""
-    lowest: dict[Expression, Fraction] = {}
+    lowest: dict[ex.Expression, Fraction] = {}
     for key in terms:
         for letter, e in key:
             if letter in constants and e < 0:
@@ -194,111 +177,113 @@ def _divisor(terms: Terms, constants: frozenset[Symbol]) -> Monomial:
     return frozenset((letter, -e) for letter, e in lowest.items())
 
 
-def _shortest(tree: Expression, system: SecondOrderSystem) -> Expression:
+def _shortest(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """The shortest of all forms; the tree itself where none is shorter."""
     kept = _velocity_sums(tree)
     others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
     return min([tree, *others], key=_preference)
 
 
-def kinetic_first(tree: Expression) -> Expression:
+def kinetic_first(tree: ex.Expression) -> ex.Expression:
     """T before the terms linear in velocities, these before the potential, otherwise in their order: T + A v - V."""
-    if isinstance(tree, Product):
-        return multiply(*map(kinetic_first, tree.factors))
-    return add(*sorted(tree.terms, key=_place)) if isinstance(tree, Sum) else tree
+    if isinstance(tree, ex.Product):
+        return ex.multiply(*map(kinetic_first, tree.factors))
+    return ex.add(*sorted(tree.terms, key=_place)) if isinstance(tree, ex.Sum) else tree
 
 
-def _place(term: Expression) -> tuple[int, bool]:
+def _place(term: ex.Expression) -> tuple[int, bool]:
     """By the degree in the velocities, 2 and more alike; a kinetic energy does not begin with a minus."""
     degree = min(_degree(term), 2)
-    negative = isinstance(term, Product) and isinstance(term.factors[0], Number) and term.factors[0].value < 0
+    negative = isinstance(term, ex.Product) and isinstance(term.factors[0], ex.Number) and term.factors[0].value < 0
     return -degree, degree == 2 and negative
 
 
-def _degree(tree: Expression) -> int:
+def _degree(tree: ex.Expression) -> int:
     """The degree in the velocities, 2 for what is no polynomial in them."""
     match tree:
-        case Velocity():
+        case ex.Velocity():
             return 1
-        case Sum(terms):
+        case ex.Sum(terms):
             return max(map(_degree, terms))
-        case Product(factors):
+        case ex.Product(factors):
             return sum(map(_degree, factors))
         case _:
             return 2 if has_velocity(tree) else 0
 
 
-def _as_written(tree: Expression, system: SecondOrderSystem) -> Expression:
+def _as_written(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """The sums of f that are short as they are written in it, (x + m)^2 + y^2, in the place of their expansions."""
-    table: dict[Expression, Expression] = {}
-    for node in distinct_nodes(system.accelerations):
-        if isinstance(node, Sum):
+    table: dict[ex.Expression, ex.Expression] = {}
+    for node in ex.distinct_nodes(system.accelerations):
+        if isinstance(node, ex.Sum):
             with suppress(TooManyTerms):
                 terms = terms_of(node)
                 content, common, expansion = split_content(terms) if terms else (Fraction(0), EMPTY, node)
                 if not common and content == 1 and _size(node) < _size(expansion):
                     table[expansion] = node
-    return substitute(tree, table)
+    return ex.substitute(tree, table)
 
 
-def _merged(tree: Expression) -> Expression:
+def _merged(tree: ex.Expression) -> ex.Expression:
     """Products with each base once: t^c/t is t^(c - 1), (1 - t^2)^m/((1 - t)(1 + t)) is (1 - t^2)^(m - 1).
 
     (u^(1/2))^2 is u.
     """
-    tree = rebuild(tree, _merged)
+    tree = ex.rebuild(tree, _merged)
     match tree:
-        case Power(Power(base, Number(inner)), Number(outer)) if outer.denominator == 1:
+        case ex.Power(ex.Power(base, ex.Number(inner)), ex.Number(outer)) if outer.denominator == 1:
             return base ** (inner * outer)
-    if not isinstance(tree, Product) or not any(
-        isinstance(f, Power) and not isinstance(f.exponent, Number) for f in tree.factors
+    if not isinstance(tree, ex.Product) or not any(
+        isinstance(f, ex.Power) and not isinstance(f.exponent, ex.Number) for f in tree.factors
     ):
         return tree
-    table: dict[Expression, Expression] = {}
+    table: dict[ex.Expression, ex.Expression] = {}
     for factor in tree.factors:
-        base, e = (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, ONE)
-        table[base] = table.get(base, ZERO) + e
-    numbers = [base ** table.pop(base) for base in list(table) if isinstance(base, Number)]
-    for base in [base for base, e in table.items() if isinstance(base, Sum) and not isinstance(e, Number)]:
+        base, e = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
+        table[base] = table.get(base, ex.ZERO) + e
+    numbers = [base ** table.pop(base) for base in list(table) if isinstance(base, ex.Number)]
+    for base in [base for base, e in table.items() if isinstance(base, ex.Sum) and not isinstance(e, ex.Number)]:
         numbers += _absorbed(base, table)
-    return multiply(*numbers, *(base ** _ordered(e) for base, e in table.items()))
+    return ex.multiply(*numbers, *(base ** _ordered(e) for base, e in table.items()))
 
 
-def _ordered(exponent: Expression) -> Expression:
+def _ordered(exponent: ex.Expression) -> ex.Expression:
     return tree_of(terms_of(exponent))
 
 
-def _absorbed(base: Expression, table: dict[Expression, Expression]) -> list[Expression]:
+def _absorbed(base: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> list[ex.Expression]:
     """What is left of sums to one power whose product is a multiple of the base: they are counted in there."""
     whole = terms_of(base)
-    sums = [p for p, e in table.items() if isinstance(p, Sum) and isinstance(e, Number) and e.value.denominator == 1]
+    sums = [
+        p for p, e in table.items() if isinstance(p, ex.Sum) and isinstance(e, ex.Number) and e.value.denominator == 1
+    ]
     for chosen in (some for k in (1, 2) for some in combinations(sums, k)):
-        found = terms_of(multiply(*chosen))
+        found = terms_of(ex.multiply(*chosen))
         ratio = next((found.get(key, Fraction(0)) / a for key, a in whole.items()), Fraction(0))
         if ratio and found == {key: ratio * a for key, a in whole.items()} and len({table[p] for p in chosen}) == 1:
             exponents = [table.pop(p) for p in chosen]
             table[base] = table[base] + exponents[0]
-            return [number(ratio) ** exponents[0]]
+            return [ex.number(ratio) ** exponents[0]]
     return []
 
 
-def _velocity_sums(tree: Expression) -> int:
+def _velocity_sums(tree: ex.Expression) -> int:
     """How many different sums of velocities stand under powers other than squares, or in functions.
 
     Not 3 (w' + 2 u'/3) - 2 u', which is 3 w'.
     """
     found = set()
-    for node in walk(tree):
+    for node in ex.walk(tree):
         match node:
-            case Power(Sum() as inner, exponent) if exponent != TWO:
+            case ex.Power(ex.Sum() as inner, exponent) if exponent != ex.TWO:
                 found.add(inner)
-            case Apply(_, Sum() as inner):
+            case ex.Apply(_, ex.Sum() as inner):
                 found.add(inner)
-    moving = [inner for inner in found if any(isinstance(node, Velocity) for node in walk(inner))]
-    return sum(isinstance(collect(inner), Sum) for inner in moving)
+    moving = [inner for inner in found if any(isinstance(node, ex.Velocity) for node in ex.walk(inner))]
+    return sum(isinstance(collecting.collect(inner), ex.Sum) for inner in moving)
 
 
-def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression]:
+def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expression]:
     found = []
     constants, rates = partial(_by_parameters, _parameters(system)), partial(_by_rates, system)
     common = partial(_with_common_factor, constants)
@@ -307,35 +292,35 @@ def _other_forms(tree: Expression, system: SecondOrderSystem) -> list[Expression
             found.append(form(tree))
         except _FAILED:
             continue
-    return [*found, *short_forms(tree, [Velocity(name) for name in system.coordinates])]
+    return [*found, *quadratic_forms.short_forms(tree, [ex.Velocity(name) for name in system.coordinates])]
 
 
 @lru_cache(maxsize=1024)
-def _size(tree: Expression) -> int:
+def _size(tree: ex.Expression) -> int:
     """The nodes; a minus sign counts nothing, but much before a bracket."""
-    return node_count(tree) + sum(map(_sign, walk(tree)))
+    return ex.node_count(tree) + sum(map(_sign, ex.walk(tree)))
 
 
-def _preference(tree: Expression) -> tuple[int, int]:
+def _preference(tree: ex.Expression) -> tuple[int, int]:
     """Fewer nodes first, then fewer terms."""
-    return _size(tree), len(tree.terms) if isinstance(tree, Sum) else 1
+    return _size(tree), len(tree.terms) if isinstance(tree, ex.Sum) else 1
 
 
-def _sign(node: Expression) -> int:
-    if not isinstance(node, Product) or node.factors[0] != MINUS_ONE:
+def _sign(node: ex.Expression) -> int:
+    if not isinstance(node, ex.Product) or node.factors[0] != ex.MINUS_ONE:
         return 0
     if len(node.factors) > 2:
         return -1
-    return _BEFORE_A_BRACKET if isinstance(node.factors[1], Sum) else -2
+    return _BEFORE_A_BRACKET if isinstance(node.factors[1], ex.Sum) else -2
 
 
-def collected_inside(tree: Expression) -> Expression:
+def collected_inside(tree: ex.Expression) -> ex.Expression:
     """Every sum collected by itself where that makes it shorter."""
-    tree = rebuild(tree, collected_inside)
-    return min(tree, collect(tree), key=_size) if isinstance(tree, Sum) else tree
+    tree = ex.rebuild(tree, collected_inside)
+    return min(tree, collecting.collect(tree), key=_size) if isinstance(tree, ex.Sum) else tree
 
 
-def _with_common_factor(form: Callable[[Expression], Expression], tree: Expression) -> Expression:
+def _with_common_factor(form: Callable[[ex.Expression], ex.Expression], tree: ex.Expression) -> ex.Expression:
     """An exponential of t that all terms share before a bracket, kinetic terms in that form: e^(ct) (x'^2 - x^2)/2."""
     terms = terms_of(tree)
     content, shared, _ = split_content(terms) if terms else (Fraction(0), EMPTY, tree)
@@ -350,11 +335,11 @@ def _with_common_factor(form: Callable[[Expression], Expression], tree: Expressi
     return content * monomial_tree(common) * inside
 
 
-def _is_exponential_of_time(letter: Expression) -> bool:
-    return is_exponential(letter) and holds(letter, TIME)
+def _is_exponential_of_time(letter: ex.Expression) -> bool:
+    return ex.is_exponential(letter) and ex.holds(letter, ex.TIME)
 
 
-def _split(terms: Terms, is_outside: Callable[[Expression], bool]) -> dict[Monomial, Terms]:
+def _split(terms: Terms, is_outside: Callable[[ex.Expression], bool]) -> dict[Monomial, Terms]:
     """The sum over products of the letters that are outside: what each is multiplied with."""
     groups: dict[Monomial, Terms] = {}
     for key, value in terms.items():
@@ -363,14 +348,16 @@ def _split(terms: Terms, is_outside: Callable[[Expression], bool]) -> dict[Monom
     return groups
 
 
-def _by_parameters(parameters: frozenset[Symbol], tree: Expression) -> Expression:
+def _by_parameters(parameters: frozenset[ex.Symbol], tree: ex.Expression) -> ex.Expression:
     """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
     groups = _split(terms_of(tree), lambda letter: letter not in parameters)
-    coefficients = factored([tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), Budget.short())
-    return add(*(c * monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
+    coefficients = exact_field.factored(
+        [tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), exact_field.Budget.short()
+    )
+    return ex.add(*(c * monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
 
 
-def _by_rates(system: SecondOrderSystem, tree: Expression) -> Expression:
+def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum over products of velocities, each with one coefficient in its shortest form.
 
     The terms without velocities stay apart where one bracket is not much shorter.
@@ -383,10 +370,10 @@ def _by_rates(system: SecondOrderSystem, tree: Expression) -> Expression:
         if rates or _MUCH * _size(whole) < min(map(_size, forms)):
             forms.append(whole)
         parts.append(min(forms, key=_preference))
-    return add(*parts)
+    return ex.add(*parts)
 
 
-def _by_both(system: SecondOrderSystem, terms: Terms) -> Expression:
+def _by_both(system: SecondOrderSystem, terms: Terms) -> ex.Expression:
     """By parameters where several belong to the same product of other letters; the rest by these letters."""
     parameters = _parameters(system)
     groups = _split(terms, lambda letter: letter not in parameters)
@@ -395,29 +382,29 @@ def _by_both(system: SecondOrderSystem, terms: Terms) -> Expression:
     return _by_parameters(parameters, tree_of(several)) + _by_letters(system, rest)
 
 
-def _grouped(system: SecondOrderSystem, tree: Expression) -> Expression:
+def _grouped(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum over velocities and parameters of their coefficients, each in its shortest form."""
     return _by_letters(system, _without_squares(terms_of(tree), _parameters(system)))
 
 
-def _by_letters(system: SecondOrderSystem, terms: Terms) -> Expression:
+def _by_letters(system: SecondOrderSystem, terms: Terms) -> ex.Expression:
     parameters = _parameters(system)
     groups = _split(terms, lambda letter: letter in parameters or has_velocity(letter))
-    return add(*(_part(outer, inner, system) for outer, inner in groups.items()))
+    return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
 
 
-def _parameters(system: SecondOrderSystem) -> frozenset[Symbol]:
-    return frozenset(Symbol(name) for name in system.parameters)
+def _parameters(system: SecondOrderSystem) -> frozenset[ex.Symbol]:
+    return frozenset(ex.Symbol(name) for name in system.parameters)
 
 
-def _without_squares(terms: Terms, parameters: frozenset[Symbol]) -> Terms:
+def _without_squares(terms: Terms, parameters: frozenset[ex.Symbol]) -> Terms:
     """Even powers of parameters that all terms share left out: a positive multiple is as good a Lagrangian."""
     shared = frozenset.intersection(*terms) if terms else EMPTY
     common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)
     return {times(key, common, -1): value for key, value in terms.items()}
 
 
-def _part(outer: Monomial, inner: Terms, system: SecondOrderSystem) -> Expression:
+def _part(outer: Monomial, inner: Terms, system: SecondOrderSystem) -> ex.Expression:
     plain = tree_of(inner)
     moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
     constant, rates = monomial_tree(outer - moving), monomial_tree(moving)
@@ -432,25 +419,25 @@ def _part(outer: Monomial, inner: Terms, system: SecondOrderSystem) -> Expressio
 
 
 @lru_cache(maxsize=256)
-def _quotient(tree: Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> Expression | None:
+def _quotient(tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> ex.Expression | None:
     """The sum as one quotient in factors, None where it is too large; several forms ask for the same ones."""
-    constants = list(map(Symbol, parameters))
-    symbols: list[Symbol | Velocity] = [*constants, TIME, *map(Symbol, names), *map(Velocity, names)]
+    constants = list(map(ex.Symbol, parameters))
+    symbols: list[ex.Symbol | ex.Velocity] = [*constants, ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
     try:
-        return factored([tree], symbols, Budget.short())[0]
-    except (TooLarge, ZeroDivisionError):
+        return exact_field.factored([tree], symbols, exact_field.Budget.short())[0]
+    except (exact_field.TooLarge, ZeroDivisionError):
         return None
 
 
-def _constants_first(tree: Expression, system: SecondOrderSystem) -> Expression:
+def _constants_first(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """A product with its factors that do not vary in front."""
-    varying = {TIME, *map(Symbol, system.coordinates)}
-    factors = factors_of(tree)
-    return multiply(*sorted(factors, key=lambda factor: holds(factor, *varying)))
+    varying = {ex.TIME, *map(ex.Symbol, system.coordinates)}
+    factors = ex.factors_of(tree)
+    return ex.multiply(*sorted(factors, key=lambda factor: ex.holds(factor, *varying)))
 
 
-def _is_sum_of(tree: Expression, count: int) -> bool:
+def _is_sum_of(tree: ex.Expression, count: int) -> bool:
     """Whether it is a number times a sum of so many terms: nothing was gained then."""
-    if isinstance(tree, Product) and isinstance(tree.factors[0], Number):
-        tree = multiply(*tree.factors[1:])
-    return isinstance(tree, Sum) and len(tree.terms) >= count
+    if isinstance(tree, ex.Product) and isinstance(tree.factors[0], ex.Number):
+        tree = ex.multiply(*tree.factors[1:])
+    return isinstance(tree, ex.Sum) and len(tree.terms) >= count

@@ -15,24 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Expression, Symbol, Velocity
+from inverse_service import errors
+from inverse_service.expressions import derivative
+from inverse_service.expressions import tree as ex
 from inverse_service.integrators import method_table, trajectory
-from inverse_service.kernels.codegen.compiled import kernel_text
+from inverse_service.kernels.codegen import compiled
 from inverse_service.mechanics import method_advice
+from inverse_service.simulation import derivation, initial, numeric_formulas, schemes
 from inverse_service.simulation import scene_data as data
-from inverse_service.simulation.derivation import Derived, Find, derive, problem_of
-from inverse_service.simulation.initial import is_degenerate
-from inverse_service.simulation.numeric_formulas import Formulas, array_value, table_of, walls
-from inverse_service.simulation.schemes import program_of
 
 STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed
 SHARE = 10.0  # real parts compared with imaginary ones
 
 
 def advice(
-    scene: data.Scene, accelerations: tuple[Expression, ...] | None, free: data.FreeLagrangian | None = None
+    scene: data.Scene, accelerations: tuple[ex.Expression, ...] | None, free: data.FreeLagrangian | None = None
 ) -> dict[str, Any] | None:
     """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these.
 
@@ -44,21 +41,24 @@ def advice(
         return method_advice.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
     if lagrangian is None or scene.forces:
         return method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT)
-    if scene.lagrangian is not None and is_degenerate(scene):
+    if scene.lagrangian is not None and initial.is_degenerate(scene):
         return None
     if scene.constraints:
         return method_advice.for_constraints(lagrangian, scene.constraints, scene.coordinates)
-    moving: set[Expression] = set(map(Symbol, scene.coordinates))
-    ends = () if free is None else (*walls(lagrangian, moving), *free.domain)
+    moving: set[ex.Expression] = set(map(ex.Symbol, scene.coordinates))
+    ends = () if free is None else (*numeric_formulas.walls(lagrangian, moving), *free.domain)
     return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
-def is_stiff(scene: data.Scene, accelerations: tuple[Expression, ...]) -> bool:
+def is_stiff(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> bool:
     """Whether a real eigenvalue of the linearized motion at the start is fast compared with the length of the run."""
     n = len(scene.coordinates)
-    table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
-    names: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]
-    rows = [[float(array_value(differentiate(f, name), table)[0]) for name in names] for f in accelerations]
+    table = numeric_formulas.table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
+    names: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
+    rows = [
+        [float(numeric_formulas.array_value(derivative.differentiate(f, name), table)[0]) for name in names]
+        for f in accelerations
+    ]
     matrix = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), np.array(rows).reshape(n, 2 * n)])
     if not np.isfinite(matrix).all():
         return False
@@ -91,7 +91,7 @@ class Means:
 
     run: Run
     observe: Observe
-    find: Find
+    find: derivation.Find
     stop: data.Stop
 
 
@@ -104,9 +104,11 @@ class Price:
     steps: int
 
 
-def part_costs(scene: data.Scene, requested: data.Requested, derived: Derived, means: Means) -> dict[str, Any]:
+def part_costs(
+    scene: data.Scene, requested: data.Requested, derived: derivation.Derived, means: Means
+) -> dict[str, Any]:
     """The key `cost` of a method: the whole step, and each part of it."""
-    problem = problem_of(scene, requested, derived)
+    problem = derivation.problem_of(scene, requested, derived)
     if not method_table.METHODS[requested.method].has_kernel or isinstance(problem, data.Unavailable):
         return {"note": NOT_IN_STEPS}
     short = replace(scene, grid=replace(scene.grid, steps=min(scene.grid.steps, MOST_STEPS)))
@@ -141,7 +143,7 @@ def turned(scene: data.Scene, part: data.Effect) -> data.Scene:
     return replace(scene, lagrangian=part.lagrangian, constraints=part.constraints, forces=part.forces, effects=effects)
 
 
-def effects_of(scene: data.Scene, derived: Derived, means: Means) -> dict[str, Any]:
+def effects_of(scene: data.Scene, derived: derivation.Derived, means: Means) -> dict[str, Any]:
     """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
     method that steps with a kernel; None where that cannot be told."""
     method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
@@ -156,21 +158,23 @@ def effects_of(scene: data.Scene, derived: Derived, means: Means) -> dict[str, A
     return {"acting": found[True], "left_out": found[False], "method": label, "operations": whole}
 
 
-def _count(scene: data.Scene, requested: data.Requested, derived: Derived | None, means: Means) -> int | None:
+def _count(
+    scene: data.Scene, requested: data.Requested, derived: derivation.Derived | None, means: Means
+) -> int | None:
     """Operations of a step; None where the method has none for this scene."""
     alone = replace(scene, methods=(requested,), observe=tuple(n for n in scene.observe if n in IN_KERNEL))
-    problem = problem_of(scene, requested, derived or derive(alone, means.find))
+    problem = derivation.problem_of(scene, requested, derived or derivation.derive(alone, means.find))
     if isinstance(problem, data.Unavailable):
         return None
     try:
         return operations(*means.observe(scene, problem), requested)
-    except InputError:  # the method is not for such a scene
+    except errors.InputError:  # the method is not for such a scene
         return None
 
 
 def _part(variant: data.Scene, requested: data.Requested, whole: Price, means: Means) -> dict[str, Any]:
     alone = replace(variant, methods=(requested,), observe=tuple(n for n in variant.observe if n in IN_KERNEL))
-    problem = problem_of(variant, requested, derive(alone, means.find))
+    problem = derivation.problem_of(variant, requested, derivation.derive(alone, means.find))
     found = problem if isinstance(problem, data.Unavailable) else _price(variant, problem, requested, means)
     if isinstance(found, data.Unavailable):
         return {"step_ns": None, "operations": None, "note": f"Without it: {found.reason}"}
@@ -218,5 +222,5 @@ def _best(given: data.Scene, steps: int, problem: data.Problem, means: Means) ->
 def operations(problem: data.Problem, observation: data.Observation, requested: data.Requested) -> int:
     """Floating-point instructions and calls in the kernel of a method, each counted once."""
     assert requested.choice is not None
-    text = kernel_text(program_of(Formulas(problem), requested.choice, observation))
+    text = compiled.kernel_text(schemes.program_of(numeric_formulas.Formulas(problem), requested.choice, observation))
     return len(_OPERATION.findall(text))

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from inverse_service.expressions.tree import TIME, Apply, Expression, Power, Symbol, Velocity, holds, walk
-from inverse_service.integrators.method_table import METHODS, OWN_STEPS, SCIPY
-from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.expressions import tree as ex
+from inverse_service.integrators import method_table, trajectory
 from inverse_service.simulation import initial, motions, observing, schemes
 from inverse_service.simulation import numeric_formulas as nf
 from inverse_service.simulation import scene_data as data
@@ -57,7 +56,7 @@ def finer(requested: data.Requested, grid: data.Grid) -> Finer:
     assert choice is not None
     steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
     half = replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every)
-    if choice.method not in OWN_STEPS:
+    if choice.method not in method_table.OWN_STEPS:
         return Finer(requested, half, HALF, 1 - 0.5 ** (order_of(requested) or 1))
     if TIGHTER * choice.tolerance < TIGHTEST:
         return Finer(requested, half, HALF, 1.0)
@@ -67,15 +66,15 @@ def finer(requested: data.Requested, grid: data.Grid) -> Finer:
 def order_of(requested: data.Requested) -> int | None:
     """The order in h of the positions of a run, or of the steps that a method chooses itself; None where it varies."""
     choice = requested.choice
-    if choice is None or not METHODS[choice.method].orders:
-        return None if choice is None else METHODS[choice.method].order
+    if choice is None or not method_table.METHODS[choice.method].orders:
+        return None if choice is None else method_table.METHODS[choice.method].order
     is_symmetric = choice.method == "runge_kutta" or choice.alpha == 0.5 or choice.symmetrised
     return choice.order if is_symmetric and requested.convention == "momenta" else 1
 
 
 def errors_of(
-    positions: Array, nearer: Array, turns: NDArray[np.bool_], part: float = 1.0
-) -> tuple[Array, Array]:  # fmt: skip
+    positions: trajectory.Array, nearer: trajectory.Array, turns: NDArray[np.bool_], part: float = 1.0
+) -> tuple[trajectory.Array, trajectory.Array]:  # fmt: skip
     """Both (..., m, n): by how much positions are off, by round-off at least, and which share of the range of the
     coordinate that is, of at least LEAST_RANGE of the widest one, and of one of the angles `turns` at most a turn."""
     ranges = np.nanmax(nearer, axis=-2, keepdims=True) - np.nanmin(nearer, axis=-2, keepdims=True)
@@ -86,10 +85,10 @@ def errors_of(
     return errors, errors / np.maximum(np.maximum(ranges, least), schemes.SMALLEST)
 
 
-Repeat = Callable[[data.Scene, data.Requested], Trajectory | data.Unavailable]
+Repeat = Callable[[data.Scene, data.Requested], trajectory.Trajectory | data.Unavailable]
 
 
-def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, Trajectory | data.Unavailable]:
+def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.Trajectory | data.Unavailable]:
     """The finer run: without the guard where that ends it early, and with ten times the tolerance where it is the same
     to the last bit, as that of a Taylor series whose own steps are shorter than those of both grids."""
     again = finer(run.requested, run.scene.grid)
@@ -99,7 +98,7 @@ def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, Trajectory |
         return again, found
     if found.outcome.kind not in GOES_ON:
         return again, repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
-    if choice.method in OWN_STEPS and np.array_equal(found.positions, run.trajectory.positions):
+    if choice.method in method_table.OWN_STEPS and np.array_equal(found.positions, run.trajectory.positions):
         other = replace(again.requested, choice=replace(choice, tolerance=choice.tolerance / TIGHTER))
         return replace(again, how=LOOSER), repeat(scene, other)
     return again, found
@@ -114,7 +113,7 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
     at, doubts, turns = run.trajectory, [_change_of_energy(run)], initial.angles(run.scene)
     numbers: dict[str, Any] = {}
     again, found = _again(run, repeat)
-    if isinstance(found, Trajectory):
+    if isinstance(found, trajectory.Trajectory):
         count = min(len(found.times), len(at.times))
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         numbers = {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
@@ -132,7 +131,7 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
     return numbers | {"doubt": " ".join(filter(None, doubts))}
 
 
-def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str) -> str:
+def _elsewhere(run: observing.Observed, errors: trajectory.Array, shares: trajectory.Array, which: str) -> str:
     """Where a coordinate is off by more than TOO_LARGE of its range."""
     far = shares > TOO_LARGE
     if not far.any():
@@ -163,14 +162,14 @@ _OF_TOLERANCE = 1e8  # tolerances that the energy may change in two steps, in ki
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE = 0.1  # of the size of the motion
 GOLDEN, MOST_PULSES = 0.618033988749895, 64
-SEES = frozenset({"adaptive", "stiff", *SCIPY})  # their estimate of the error sees it
+SEES = frozenset({"adaptive", "stiff", *method_table.SCIPY})  # their estimate of the error sees it
 ENDS_ELSEWHERE = (
     "`adaptive` on the peaks of the forces ends {:.3g} from there: one acts within a step. Take a smaller step."
 )
 _NEAR = 5  # steps
 
 
-def jump_of_energy(run: observing.Observed) -> Outcome | None:
+def jump_of_energy(run: observing.Observed) -> trajectory.Outcome | None:
     """The outcome where one step or two change the energy, a constant, by half of the kinetic energy, or by what the
     tolerance of the method does not explain."""
     choice = run.requested.choice
@@ -182,7 +181,7 @@ def jump_of_energy(run: observing.Observed) -> Outcome | None:
         return None
     energies, kinetic = known
     share, noise = 0.5, np.zeros(len(energies) - 1)
-    if choice is not None and choice.method in OWN_STEPS:
+    if choice is not None and choice.method in method_table.OWN_STEPS:
         share, rounded = min(share, _OF_TOLERANCE * choice.tolerance), rounding_of_energy(run, energies)
         noise = _ROUND_OFF + _ROUNDINGS * np.maximum(rounded[1:], rounded[:-1])
     near = greatest_near(kinetic)[1:] + kinetic.max() / 10
@@ -194,10 +193,12 @@ def jump_of_energy(run: observing.Observed) -> Outcome | None:
         return None
     step = int(places[0])
     change = float(changes[np.abs(changes[:, step]).argmax(), step])
-    return Outcome("unresolved", step, float(at.times[step]), _JUMPS.format(f"{share:.1g}"), change, schemes.RESOLVE)
+    return trajectory.Outcome(
+        "unresolved", step, float(at.times[step]), _JUMPS.format(f"{share:.1g}"), change, schemes.RESOLVE
+    )
 
 
-def energies_of(run: observing.Observed) -> tuple[Array, Array] | None:
+def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.Array] | None:
     """E and the kinetic energy at the recorded points, (m,) each; None where E is no constant, or not known."""
     scene, at = run.scene, run.trajectory
     if observing.lagrangian_of_energy(scene) is None or observing.why_energy_varies(scene):
@@ -209,7 +210,7 @@ def energies_of(run: observing.Observed) -> tuple[Array, Array] | None:
     return observing.point_energy(*points), observing.point_kinetic(*points)
 
 
-def rounding_of_energy(run: observing.Observed, energies: Array) -> Array:
+def rounding_of_energy(run: observing.Observed, energies: trajectory.Array) -> trajectory.Array:
     """How far the next number after each place moves E, (m,): a motion near x = 10^9 is known to 10^-7 only."""
     at, found = run.trajectory, np.zeros_like(energies)
     if (velocities := observing.velocities_at_points(run)) is None:
@@ -221,14 +222,14 @@ def rounding_of_energy(run: observing.Observed, energies: Array) -> Array:
     return np.nan_to_num(found)
 
 
-def greatest_near(kinetic: Array) -> Array:
+def greatest_near(kinetic: trajectory.Array) -> trajectory.Array:
     """The greatest of the few about each, along the last axis; nan counts for nothing."""
     padded = np.pad(kinetic, [(0, 0)] * (kinetic.ndim - 1) + [(_NEAR, _NEAR)], "edge")
-    found: Array = np.fmax.reduce(sliding_window_view(padded, 2 * _NEAR + 1, axis=-1), axis=-1)
+    found: trajectory.Array = np.fmax.reduce(sliding_window_view(padded, 2 * _NEAR + 1, axis=-1), axis=-1)
     return found
 
 
-def other_motion(run: observing.Observed) -> Outcome | None:
+def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
     """The outcome where the Lagrangian of the method has another motion at a point of the run than the equations.
 
     What is known of its domain is watched at every step; a Lagrangian that is given brings none.
@@ -248,10 +249,12 @@ def other_motion(run: observing.Observed) -> Outcome | None:
         return None
     point = int(places[0])
     step = min(point * scene.grid.record_every, scene.grid.steps)
-    return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), schemes.OTHER_MOTION)
+    return trajectory.Outcome(
+        "off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), schemes.OTHER_MOTION
+    )
 
 
-def moments_of_pulses(run: observing.Observed) -> Array | None:
+def moments_of_pulses(run: observing.Observed) -> trajectory.Array | None:
     """Times at which a function of t alone has a value that neither point about it shows, at most MOST_PULSES: a pulse
     between two steps, which no method sees, nor half its steps. The argument of the function is smooth where its value
     is a pulse: its turning points and zeros, located to 1e-10 of a step. None where the formulas hold no function of t,
@@ -260,20 +263,20 @@ def moments_of_pulses(run: observing.Observed) -> Array | None:
     if problem is None or choice is None or not choice.guard:
         return None
     trees = (problem.lagrangian, problem.free_lagrangian, *(problem.accelerations or ()), *problem.forces)
-    nodes = {node for tree in trees if tree is not None for node in walk(tree)}
-    timed = [node for node in nodes if isinstance(node, Apply | Power) and holds(node, TIME)]
-    if not any(isinstance(node, Apply) for node in timed):
+    nodes = {node for tree in trees if tree is not None for node in ex.walk(tree)}
+    timed = [node for node in nodes if isinstance(node, ex.Apply | ex.Power) and ex.holds(node, ex.TIME)]
+    if not any(isinstance(node, ex.Apply) for node in timed):
         return None
-    moving = {*map(Symbol, run.scene.coordinates), *map(Velocity, run.scene.coordinates)}
-    table: dict[Expression, Any] = {Symbol(name): value for name, value in run.values.items()}
-    found: list[Array] = []
+    moving = {*map(ex.Symbol, run.scene.coordinates), *map(ex.Velocity, run.scene.coordinates)}
+    table: dict[ex.Expression, Any] = {ex.Symbol(name): value for name, value in run.values.items()}
+    found: list[trajectory.Array] = []
     for node in timed:
-        if moving.intersection(walk(node)):
+        if moving.intersection(ex.walk(node)):
             continue
-        inner = node.argument if isinstance(node, Apply) else node.base
+        inner = node.argument if isinstance(node, ex.Apply) else node.base
 
-        def at(moments: Array, tree: Expression = node) -> Array:
-            return nf.array_value(tree, {**table, TIME: moments})
+        def at(moments: trajectory.Array, tree: ex.Expression = node) -> trajectory.Array:
+            return nf.array_value(tree, {**table, ex.TIME: moments})
 
         along, values = at(times, inner), at(times)
         turns = np.flatnonzero(np.diff(np.sign(np.diff(along)))) + 1
@@ -291,7 +294,7 @@ def moments_of_pulses(run: observing.Observed) -> Array | None:
     return np.unique(np.concatenate([np.empty(0), *found]))[:MOST_PULSES]
 
 
-def apart_from(run: observing.Observed, other: Array | None) -> str:
+def apart_from(run: observing.Observed, other: trajectory.Array | None) -> str:
     """A doubt where DOP853 has positions (m, n) that end elsewhere, by a tenth of the motion's size; none without."""
     if other is None or not len(run.trajectory.times):
         return ""

@@ -29,10 +29,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.errors import InputError
+from inverse_service import errors
 from inverse_service.expressions import derivative, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.integrators.method_table import POINT_METHODS
+from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import ensembles, initial, motions, observing
 from inverse_service.simulation import numeric_formulas as nf
@@ -123,14 +123,14 @@ def _follower(
     ran, values, method = run.trajectory, run.values, run.requested.method
     choice, what = run.requested.choice, run.problem
     stepped = choice is not None and method not in ("heyoka", "modified")
-    if not stepped or (ran.momenta is None and method not in POINT_METHODS):
+    if not stepped or (ran.momenta is None and method not in method_table.POINT_METHODS):
         choice, what = CONTINUED, None if isinstance(motion, data.Unavailable) else motion
     if velocities is None or what is None or choice is None:
         return None
     speeds, run_by, of = velocities, choice, what
 
     def follow(places: NDArray[np.int64], lengths: Array) -> State:
-        carried = None if run_by.method in POINT_METHODS or ran.momenta is None else ran.momenta[places]
+        carried = None if run_by.method in method_table.POINT_METHODS or ran.momenta is None else ran.momenta[places]
         begins = ran.times[places]
         many = ensembles.run_ensemble(
             of, run_by, ran.positions[places], speeds[places], data.Grid(1.0, 1), values, carried, lengths,
@@ -174,7 +174,7 @@ def _located(run: observing.Observed, event: data.Event, velocities: Array | Non
         state = _zeros(brackets, way)
     except nf.NoValue:
         return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES)
-    except InputError as error:
+    except errors.InputError as error:
         return Found(event, nothing[:, 0], nothing, nothing, error.detail)
     # At a pole the sign changes too, and the value is beyond those on both sides.
     zero = np.abs(_value_about(way, brackets, state)) <= np.maximum(np.abs(brackets.below), np.abs(brackets.above))
@@ -674,7 +674,7 @@ class _Run:
             many = 1 if between else min(count, grid.steps - place)
             piece = data.Grid(ahead if between else grid.step, many, 1, state[0])
             stuck = STICKS in sides.values()
-            by_forces = stuck and self.requested.method not in POINT_METHODS
+            by_forces = stuck and self.requested.method not in method_table.POINT_METHODS
             choice = CONTINUED if by_forces else self.requested.choice
             assert choice is not None
             what = self.motion.problem_on(sides, by_forces)

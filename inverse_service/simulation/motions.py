@@ -41,15 +41,12 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.errors import InputError
+from inverse_service import errors
+from inverse_service.expressions import collecting, derivative, graphs
 from inverse_service.expressions import tree as ex
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.graphs import components
 from inverse_service.integrators.trajectory import Array
-from inverse_service.mechanics.euler_lagrange import Matrix, euler_lagrange_residual, euler_lagrange_sums, hessian
-from inverse_service.simulation.initial import initial_velocities
-from inverse_service.simulation.numeric_formulas import NoValue, array_value, table_of
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.simulation import initial, numeric_formulas
 from inverse_service.simulation.scene_data import Scene
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -71,7 +68,7 @@ class ExactMotion:
     """
 
     coordinates: tuple[str, ...]
-    inertia: Matrix
+    inertia: euler_lagrange.Matrix
     mass: Array
     constraints: tuple[tuple[ex.Expression, ...], ...]
     turning: int | None
@@ -93,7 +90,7 @@ def motion_by_quadrature(
 ) -> ExactMotion | NoExactMotion:
     """The exact motion of a system of the class above, or why it is not of it."""
     names = tuple(coordinates)
-    inertia = hessian(lagrangian, names)
+    inertia = euler_lagrange.hessian(lagrangian, names)
     mass = _mass(lagrangian, inertia, names, values)
     if mass is None:
         return NoExactMotion("The kinetic energy has coefficients that are not constant, or there is a potential.")
@@ -123,28 +120,28 @@ def _with_one_direction(found: ExactMotion) -> ExactMotion | NoExactMotion:
 
 
 def _mass(
-    lagrangian: ex.Expression, inertia: Matrix, names: tuple[str, ...], values: Mapping[str, float]
+    lagrangian: ex.Expression, inertia: euler_lagrange.Matrix, names: tuple[str, ...], values: Mapping[str, float]
 ) -> Array | None:
     rates = [ex.Velocity(name) for name in names]
     table: dict[ex.Expression, float] = {ex.Symbol(name): value for name, value in values.items()}
     kinetic = ex.add(
         *(ex.HALF * entry * rates[i] * rates[j] for i, row in enumerate(inertia) for j, entry in enumerate(row))
     )
-    rest = collect(lagrangian - kinetic)
+    rest = collecting.collect(lagrangian - kinetic)
     try:
-        array_value(rest, table)
-        return np.array([[float(array_value(entry, table)[0]) for entry in row] for row in inertia])
-    except NoValue:
+        numeric_formulas.array_value(rest, table)
+        return np.array([[float(numeric_formulas.array_value(entry, table)[0]) for entry in row] for row in inertia])
+    except numeric_formulas.NoValue:
         return None
 
 
 def _coefficients(constraint: ex.Expression, names: tuple[str, ...]) -> tuple[ex.Expression, ...] | None:
     """The coefficients of the velocities; None where the constraint has any other part."""
-    row = tuple(collect(differentiate(constraint, ex.Velocity(name))) for name in names)
+    row = tuple(collecting.collect(derivative.differentiate(constraint, ex.Velocity(name))) for name in names)
     if any(isinstance(node, ex.Velocity) for entry in row for node in ex.walk(entry)):
         return None
     rest = constraint - ex.add(*(entry * ex.Velocity(n) for entry, n in zip(row, names, strict=True)))
-    return row if collect(rest) == ex.ZERO else None
+    return row if collecting.collect(rest) == ex.ZERO else None
 
 
 def positions_of(motion: ExactMotion, positions: Array, velocities: Array, times: Array) -> tuple[Array, Array]:
@@ -225,7 +222,7 @@ def _direction(motion: ExactMotion, turning: Array) -> Array:
     rows = np.empty((len(turning), len(motion.constraints), len(others)))
     for a, row in enumerate(motion.constraints):
         for j, i in enumerate(others):
-            rows[:, a, j] = array_value(row[i], table)
+            rows[:, a, j] = numeric_formulas.array_value(row[i], table)
     minors = [np.linalg.det(np.delete(rows, j, axis=2)) * (-1) ** j for j in range(len(others))]
     direction = np.column_stack(minors)
     mass = motion.mass[np.ix_(others, others)]
@@ -310,14 +307,14 @@ def _directions(motion: ExactMotion) -> dict[int, ex.Expression]:
 
 def _square(motion: ExactMotion, directions: dict[int, ex.Expression]) -> ex.Expression:
     terms = [motion.inertia[i][j] * directions[i] * directions[j] for i in directions for j in directions]
-    return collect(ex.add(*terms))
+    return collecting.collect(ex.add(*terms))
 
 
 def _is_constant(expression: ex.Expression, motion: ExactMotion) -> bool:
     """Whether a function of the turning coordinate has one value at random points, to round-off."""
     points = np.random.default_rng(1).uniform(-3, 3, SAMPLES)
     table = turning_table(motion, points)
-    values = array_value(expression, table)
+    values = numeric_formulas.array_value(expression, table)
     values = values[np.isfinite(values)]
     return len(values) > 1 and bool(np.ptp(values) <= CONSTANT * np.abs(values).max())
 
@@ -351,10 +348,10 @@ def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array
     raw = _directions(motion)
     d = np.zeros(positions.shape)
     for i, tree in raw.items():
-        d[:, i] = array_value(tree, table)
+        d[:, i] = numeric_formulas.array_value(tree, table)
     length = np.sqrt(np.einsum("mi,ij,mj->m", d, mass, d))
     speed = np.einsum("mi,ij,mj->m", d, mass, velocities) / length
-    norm = array_value(found.norm, table)
+    norm = numeric_formulas.array_value(found.norm, table)
     momenta = velocities.astype(float)
     shift = np.zeros(len(positions))
     for i, name in enumerate(found.constants):
@@ -363,7 +360,7 @@ def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array
         constant = motion.values[name]
         ratio = _constant_ratio(raw[i], found.directions[i], motion)
         momenta[:, i] = constant * (norm / length) * speed * ratio / rate
-        shift += array_value(found.directions[i], table) * momenta[:, i] ** 2 / (2 * norm * constant)
+        shift += numeric_formulas.array_value(found.directions[i], table) * momenta[:, i] ** 2 / (2 * norm * constant)
     momenta[:, k] = rate - shift
     return momenta
 
@@ -372,7 +369,7 @@ def _constant_ratio(raw: ex.Expression, stripped: ex.Expression, motion: ExactMo
     """raw/stripped, which does not depend on the turning coordinate."""
     points = np.random.default_rng(2).uniform(-3, 3, SAMPLES)
     table = turning_table(motion, points)
-    top, bottom = array_value(raw, table), array_value(stripped, table)
+    top, bottom = numeric_formulas.array_value(raw, table), numeric_formulas.array_value(stripped, table)
     best = int(np.nanargmax(np.where(np.isfinite(top) & np.isfinite(bottom), np.abs(bottom), np.nan)))
     return float(top[best] / bottom[best])
 
@@ -393,9 +390,9 @@ def keeps_motion(
     """True or False where enough points of the domain, where its formulas are positive, have values; None elsewhere."""
     positions, velocities = _points(scene)
     times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions)) + scene.grid.begin
-    table = table_of(scene.coordinates, positions, velocities, values, times)
+    table = numeric_formulas.table_of(scene.coordinates, positions, velocities, values, times)
     worst = distance_of_motion(lagrangian, scene.coordinates, accelerations, table)
-    inside = np.all([array_value(end, table) > 0 for end in domain], axis=0)
+    inside = np.all([numeric_formulas.array_value(end, table) > 0 for end in domain], axis=0)
     finite = worst[np.isfinite(worst) & inside]
     return None if len(finite) < ENOUGH else bool((finite < SAME_MOTION).all())
 
@@ -407,8 +404,8 @@ def distance_of_motion(
     table: dict[ex.Expression, Array | float],
 ) -> Array:
     """The greatest Euler-Lagrange residual at each of m points (m,), measured by its largest term."""
-    residuals = euler_lagrange_residual(lagrangian, coordinates, accelerations)
-    sizes = [np.abs(array_value(residual, table)) / _size(residual, table) for residual in residuals]
+    residuals = euler_lagrange.euler_lagrange_residual(lagrangian, coordinates, accelerations)
+    sizes = [np.abs(numeric_formulas.array_value(residual, table)) / _size(residual, table) for residual in residuals]
     worst: Array = np.max(sizes, axis=0)
     return worst
 
@@ -416,9 +413,9 @@ def distance_of_motion(
 def _size(residual: ex.Expression, table: dict[ex.Expression, Array | float]) -> Array:
     """The size of the largest term, which the residual is measured by."""
     terms = residual.terms if isinstance(residual, ex.Sum) else (residual,)
-    size = np.ones(len(array_value(residual, table)))
+    size = np.ones(len(numeric_formulas.array_value(residual, table)))
     for term in terms:
-        size = np.maximum(size, np.abs(array_value(term, table)))
+        size = np.maximum(size, np.abs(numeric_formulas.array_value(term, table)))
     return size
 
 
@@ -431,10 +428,10 @@ def _points(scene: Scene) -> tuple[Array, Array]:
         v = scene.velocities + 0.2 * (1 + np.abs(scene.velocities)) * random.normal(0, 1, n)
         given = dict(zip(scene.coordinates, map(float, v), strict=True))
         try:
-            v = initial_velocities(
+            v = initial.initial_velocities(
                 scene.coordinates, scene.constraints, scene.lagrangian, scene.values, q, given, project=True
             )
-        except InputError:
+        except errors.InputError:
             continue
         found_q.append(q)
         found_v.append(v)
@@ -468,14 +465,16 @@ def accelerations_and_multipliers(
 ) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]] | None:
     """a and lambda; the constraints exert the forces w^T lambda."""
     names = tuple(coordinates)
-    inertia = inverse(hessian(lagrangian, names))
+    inertia = inverse(euler_lagrange.hessian(lagrangian, names))
     if inertia is None:
         return None
-    own = tuple(-e for e in euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names)))
+    own = tuple(-e for e in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names)))
     free = _applied(inertia, tuple(map(ex.add, own, forces)) if forces else own)
     if not constraints:
         return free, ()
-    rows = tuple(tuple(collect(differentiate(w, ex.Velocity(name))) for name in names) for w in constraints)
+    rows = tuple(
+        tuple(collecting.collect(derivative.differentiate(w, ex.Velocity(name))) for name in names) for w in constraints
+    )
     lifted = tuple(_applied(inertia, row) for row in rows)
     gram = inverse(tuple(tuple(ex.dot(row, lift) for lift in lifted) for row in rows))
     if gram is None:
@@ -486,35 +485,35 @@ def accelerations_and_multipliers(
     return tuple(moved), multipliers
 
 
-def inverse(matrix: Matrix) -> Matrix | None:
+def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:
     """The inverse of a symmetric matrix, block by block; None where a block is larger than MOST_FULL_ROWS.
 
     InputError where it is singular everywhere.
     """
     span = range(len(matrix))
     found: list[list[ex.Expression]] = [[ex.ZERO for _ in span] for _ in span]
-    for block in components({i: [j for j in span if matrix[i][j] != ex.ZERO] for i in span}):
+    for block in graphs.components({i: [j for j in span if matrix[i][j] != ex.ZERO] for i in span}):
         if len(block) > MOST_FULL_ROWS:
             return None
         inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
         whole = determinant(inner)
         if whole == ex.ZERO:
-            raise InputError(DEGENERATE)
+            raise errors.InputError(DEGENERATE)
         for a, i in enumerate(block):
             for b, j in enumerate(block):
                 found[i][j] = _cofactor(inner, b, a) / whole
     return tuple(map(tuple, found))
 
 
-def determinant(matrix: Matrix) -> ex.Expression:
+def determinant(matrix: euler_lagrange.Matrix) -> ex.Expression:
     """The determinant by expansion along the first row; 1 for a matrix without rows."""
     if not matrix:
         return ex.ONE
     terms = [entry * _cofactor(matrix, 0, j) for j, entry in enumerate(matrix[0]) if entry != ex.ZERO]
-    return collect(ex.add(*terms))
+    return collecting.collect(ex.add(*terms))
 
 
-def _cofactor(matrix: Matrix, row: int, column: int) -> ex.Expression:
+def _cofactor(matrix: euler_lagrange.Matrix, row: int, column: int) -> ex.Expression:
     minor = tuple(
         tuple(entry for j, entry in enumerate(line) if j != column) for i, line in enumerate(matrix) if i != row
     )
@@ -524,9 +523,9 @@ def _cofactor(matrix: Matrix, row: int, column: int) -> ex.Expression:
 
 def _rate(expression: ex.Expression, names: tuple[str, ...]) -> ex.Expression:
     """The part of the derivative in time that holds no acceleration."""
-    along = (differentiate(expression, ex.Symbol(name)) * ex.Velocity(name) for name in names)
-    return collect(ex.add(*along, differentiate(expression, ex.TIME)))
+    along = (derivative.differentiate(expression, ex.Symbol(name)) * ex.Velocity(name) for name in names)
+    return collecting.collect(ex.add(*along, derivative.differentiate(expression, ex.TIME)))
 
 
-def _applied(matrix: Matrix, vector: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
+def _applied(matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
     return tuple(ex.dot(row, vector) for row in matrix)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.errors import InputError
+from inverse_service import errors
 from inverse_service.expressions import functions, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
@@ -139,7 +139,7 @@ class Formulas:
     def of(self, tree: ex.Expression | None, what: str) -> se.Formula:
         """The tree, translated; InputError where the problem does not have it."""
         if tree is None:
-            raise InputError(f"This method needs {what}, which the system of this scene does not have.")
+            raise errors.InputError(f"This method needs {what}, which the system of this scene does not have.")
         return se.translate(tree, self.table)
 
     @cached_property
@@ -158,7 +158,9 @@ class Formulas:
     @cached_property
     def accelerations(self) -> list[se.Formula]:
         if self.problem.accelerations is None:
-            raise InputError("This method needs the accelerations of the motion, which this scene does not have.")
+            raise errors.InputError(
+                "This method needs the accelerations of the motion, which this scene does not have."
+            )
         return [se.translate(tree, self.table) for tree in self.problem.accelerations]
 
     @cached_property
@@ -203,7 +205,7 @@ class Formulas:
             formula = se.translate(tree, self.table)
             row = [formula.diff(v) for v in self.symbols("v")]
             if any(entry.free_symbols & set(self.symbols("v")) for entry in row):
-                raise InputError(f"The constraint {printing.to_text(tree)} is not linear in the velocities.")
+                raise errors.InputError(f"The constraint {printing.to_text(tree)} is not linear in the velocities.")
             rows.append(row)
         return rows
 
@@ -339,7 +341,7 @@ def _linear(row: Sequence[se.Formula], velocities: Sequence[se.Formula]) -> se.F
 def _pivot(entries: Sequence[se.Formula]) -> int:
     present = [k for k, entry in enumerate(entries) if entry != se.ZERO]
     if not present:
-        raise InputError("The constraints are not independent: leave the redundant one out.")
+        raise errors.InputError("The constraints are not independent: leave the redundant one out.")
     constant = [k for k in present if not entries[k].free_symbols]
     return (constant or present)[-1]
 
@@ -353,7 +355,7 @@ def array_function(name: str, values: Any) -> Any:
     return 1 / array_function(below, values) if below else getattr(np, _NUMPY.get(name, name))(values)
 
 
-class NoValue(InputError):
+class NoValue(errors.InputError):
     """A formula holds a name that was given no value."""
 
     code = "no-value"

@@ -35,12 +35,10 @@ from typing import Any
 
 import numpy as np
 
+from inverse_service.expressions import collecting, derivative, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array, Trajectory
-from inverse_service.mechanics.euler_lagrange import hessian, momenta
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import derivation, motions
 from inverse_service.simulation import numeric_formulas as nf
 from inverse_service.simulation import scene_data as data
@@ -64,7 +62,7 @@ def greatest(values: Array) -> float | None:
 
 def energy(lagrangian: ex.Expression, coordinates: tuple[str, ...]) -> ex.Expression:
     """v L_v - L."""
-    pairs = zip(coordinates, momenta(lagrangian, coordinates), strict=True)
+    pairs = zip(coordinates, euler_lagrange.momenta(lagrangian, coordinates), strict=True)
     return ex.add(*(ex.Velocity(name) * p for name, p in pairs)) - lagrangian
 
 
@@ -112,9 +110,9 @@ def conserved_momenta(scene: data.Scene, problem: data.Problem) -> dict[int, str
     return {
         k: name
         for k, name in enumerate(scene.coordinates)
-        if differentiate(lagrangian, ex.Symbol(name)) == ex.ZERO
+        if derivative.differentiate(lagrangian, ex.Symbol(name)) == ex.ZERO
         and not (scene.forces and scene.forces[k] != ex.ZERO)
-        and all(differentiate(w, ex.Velocity(name)) == ex.ZERO for w in constrained)
+        and all(derivative.differentiate(w, ex.Velocity(name)) == ex.ZERO for w in constrained)
     }
 
 
@@ -124,7 +122,7 @@ def why_energy_varies(scene: data.Scene) -> str | None:
     if lagrangian is not None and ex.holds(lagrangian, ex.TIME):
         return WITH_TIME
     rest: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in scene.coordinates}
-    if any(collect(ex.substitute(w, rest)) != ex.ZERO for w in scene.constraints):
+    if any(collecting.collect(ex.substitute(w, rest)) != ex.ZERO for w in scene.constraints):
         return MOVING_CONSTRAINTS
     if any(event.acts for event in scene.events):
         return ACTED
@@ -165,7 +163,8 @@ def point_kinetic(
     assert lagrangian is not None
     table = nf.table_of(scene.coordinates, positions, velocities, values or scene.values, times)
     powers = [
-        v * nf.array_value(p, table) for v, p in zip(velocities.T, momenta(lagrangian, scene.coordinates), strict=True)
+        v * nf.array_value(p, table)
+        for v, p in zip(velocities.T, euler_lagrange.momenta(lagrangian, scene.coordinates), strict=True)
     ]
     return np.abs(sum(powers, np.zeros(len(positions)))) / 2
 
@@ -183,7 +182,7 @@ def end_of_energy(scene: data.Scene, positions: Array, velocities: Array, times:
     for wall in dict.fromkeys((*own, *scene.found.domain)):
         values = nf.array_value(wall, table)
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
-            return f"ends where {to_text(wall)} = 0, and the motion passes there"
+            return f"ends where {printing.to_text(wall)} = 0, and the motion passes there"
     apart = motions.distance_of_motion(scene.found.lagrangian, scene.coordinates, scene.accelerations or (), table)
     return "has another motion than the equations on a part of the way" if (apart > motions.NOTICED).any() else None
 
@@ -327,7 +326,7 @@ def _from_hamiltonian(
     table = nf.table_of(scene.coordinates, trajectory.positions, None, values, trajectory.times)
     names = [ex.Symbol(f"p_{name}") for name in scene.coordinates]
     table |= {name: trajectory.momenta[:, k] for k, name in enumerate(names)}
-    return np.column_stack([nf.array_value(differentiate(hamiltonian, name), table) for name in names])
+    return np.column_stack([nf.array_value(derivative.differentiate(hamiltonian, name), table) for name in names])
 
 
 def _from_lagrangian(
@@ -335,17 +334,19 @@ def _from_lagrangian(
 ) -> Array | None:
     assert trajectory.momenta is not None
     rates = [ex.Velocity(name) for name in scene.coordinates]
-    matrix = hessian(lagrangian, scene.coordinates)
+    matrix = euler_lagrange.hessian(lagrangian, scene.coordinates)
     if any(isinstance(node, ex.Velocity) for row in matrix for entry in row for node in ex.walk(entry)):
         return None
     rest = np.zeros_like(trajectory.positions)
     table = nf.table_of(scene.coordinates, trajectory.positions, rest, values, trajectory.times)
     mass = np.array([[nf.array_value(entry, table) for entry in row] for row in matrix]).transpose(2, 0, 1)
-    offsets = np.column_stack([nf.array_value(p, table) for p in momenta(lagrangian, scene.coordinates)])
+    offsets = np.column_stack([nf.array_value(p, table) for p in euler_lagrange.momenta(lagrangian, scene.coordinates)])
     free = _solved(mass, (trajectory.momenta - offsets)[:, :, None])
     if not scene.constraints:
         return np.asarray(free[:, :, 0])
-    rows = np.array([[nf.array_value(differentiate(w, rate), table) for rate in rates] for w in scene.constraints])
+    rows = np.array(
+        [[nf.array_value(derivative.differentiate(w, rate), table) for rate in rates] for w in scene.constraints]
+    )
     rows = rows.transpose(2, 0, 1)
     drifts = np.column_stack([nf.array_value(w, table) for w in scene.constraints])[:, :, None]
     lifted = _solved(mass, rows.transpose(0, 2, 1))
@@ -491,9 +492,11 @@ def _constraint_forces(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]
     columns = {f"lambda_{a}": nf.array_value(one, table) for a, one in enumerate(found[1], 1)}
     for name in scene.coordinates:
         pairs = zip(scene.constraints, columns.copy().items(), strict=False)
-        forces = [nf.array_value(differentiate(w, ex.Velocity(name)), table) * column for w, (key, column) in pairs]
+        forces = [
+            nf.array_value(derivative.differentiate(w, ex.Velocity(name)), table) * column for w, (key, column) in pairs
+        ]
         columns[f"force_{name}"] = sum(forces, np.zeros(len(run.trajectory.times)))
-    formulas = {f"lambda_{a}": to_text(one) for a, one in enumerate(found[1], 1)}
+    formulas = {f"lambda_{a}": printing.to_text(one) for a, one in enumerate(found[1], 1)}
     largest = {name: greatest(column) for name, column in columns.items()}
     return {"constraint_forces": {"formulas": formulas, "greatest": largest}}, columns
 
@@ -545,7 +548,7 @@ def _conserved(run: Observed, velocities: Array) -> tuple[dict[str, Any], dict[s
         drift = np.concatenate([piece - piece[0] for piece in pieces])
         size = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
         found[one.name] = {
-            "text": to_text(one.expression), "max_error": greatest(drift / size), "parts": len(pieces),
+            "text": printing.to_text(one.expression), "max_error": greatest(drift / size), "parts": len(pieces),
         }  # fmt: skip
         series[f"conserved_{k}"] = drift / size
     return ({"conserved": found} if found else {}), series

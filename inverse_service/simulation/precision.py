@@ -18,7 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from inverse_service.integrators.method_table import METHODS
+from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation import derivation, observing, running
 from inverse_service.simulation import scene_data as data
@@ -138,7 +138,7 @@ def measure(
     settings: list[Setting] = []
     seconds = SECONDS * repeats / len(methods)
     for requested in methods:
-        if METHODS[requested.method].own_steps:
+        if method_table.METHODS[requested.method].own_steps:
             settings += _refined(run, _tolerances(requested, length), truth, scale, seconds)
         elif steps:
             settings += [run(_blank(requested, length, count)) for count in _counts(length, steps)]
@@ -205,7 +205,7 @@ def _counts(length: float, steps: Sequence[float]) -> list[int]:
 
 
 def _tolerances(requested: data.Requested, length: float) -> Iterator[Setting]:
-    factor = 100.0 if METHODS[requested.method].scipy else 10.0
+    factor = 100.0 if method_table.METHODS[requested.method].scipy else 10.0
     tolerance = LOOSEST
     while tolerance > 0.9 * TIGHTEST:
         yield _blank(requested, length, CHECKS, tolerance)

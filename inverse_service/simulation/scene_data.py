@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
+from inverse_service.expressions import tree as ex
 from inverse_service.integrators.trajectory import Array
 
 
@@ -29,14 +29,14 @@ class Problem:
 
     coordinates: tuple[str, ...]
     parameters: tuple[str, ...] = ()
-    lagrangian: Expression | None = None
-    constraints: tuple[Expression, ...] = ()
-    free_lagrangian: Expression | None = None
-    free_hamiltonian: Expression | None = None
+    lagrangian: ex.Expression | None = None
+    constraints: tuple[ex.Expression, ...] = ()
+    free_lagrangian: ex.Expression | None = None
+    free_hamiltonian: ex.Expression | None = None
     free_constants: tuple[str, ...] = ()
-    accelerations: tuple[Expression, ...] | None = None
-    forces: tuple[Expression, ...] = ()
-    domain: tuple[Expression, ...] = ()
+    accelerations: tuple[ex.Expression, ...] | None = None
+    forces: tuple[ex.Expression, ...] = ()
+    domain: tuple[ex.Expression, ...] = ()
 
     @property
     def depends_on_time(self) -> bool:
@@ -49,15 +49,17 @@ class Problem:
             *self.forces,
             *self.domain,
         )
-        return any(node == TIME for tree in trees if tree is not None for node in walk(tree))
+        return any(node == ex.TIME for tree in trees if tree is not None for node in ex.walk(tree))
 
-    def with_used_parameters(self, observed: Sequence[Expression] = ()) -> Problem:
+    def with_used_parameters(self, observed: Sequence[ex.Expression] = ()) -> Problem:
         """The problem with the parameters that its formulas, or those `observed`, contain: no kernel loads another."""
         trees = [
             self.lagrangian, self.free_lagrangian, self.free_hamiltonian, *(self.accelerations or ()), *self.forces,
             *self.constraints, *self.domain, *observed,
         ]  # fmt: skip
-        used = {node.name for tree in trees if tree is not None for node in walk(tree) if isinstance(node, Symbol)}
+        used = {
+            node.name for tree in trees if tree is not None for node in ex.walk(tree) if isinstance(node, ex.Symbol)
+        }
         return replace(self, parameters=tuple(name for name in self.parameters if name in used))
 
 
@@ -122,7 +124,7 @@ class Observable:
     Lagrangian: q = (1 - alpha) q_k + alpha q_(k+1), v = (q_(k+1) - q_k)/h; at (q, v) for Runge-Kutta methods."""
 
     name: str
-    expression: Expression
+    expression: ex.Expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,14 +157,14 @@ class FreeLagrangian:
     L~ has the motion of the scene.
     """
 
-    lagrangian: Expression
-    hamiltonian: Expression | None
+    lagrangian: ex.Expression
+    hamiltonian: ex.Expression | None
     constants: Mapping[str, float]
     source: str
     start_momenta: Callable[[Array, Array, Mapping[str, float]], Array] | None = None
     forced: bool = False
     lost: str = ""
-    domain: tuple[Expression, ...] = ()
+    domain: tuple[ex.Expression, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,10 +197,10 @@ class Event:
     `sets`: there each Symbol(x) or Velocity(x) gets the value of its formula. With the `most`-th time the run ends.
     """
 
-    formula: Expression
+    formula: ex.Expression
     direction: int
     stops: bool
-    sets: tuple[tuple[Expression, Expression], ...] = ()
+    sets: tuple[tuple[ex.Expression, ex.Expression], ...] = ()
     most: int = 1
 
     @property
@@ -213,9 +215,9 @@ class Effect:
 
     name: str
     acts: bool
-    lagrangian: Expression
-    constraints: tuple[Expression, ...]
-    forces: tuple[Expression, ...]
+    lagrangian: ex.Expression
+    constraints: tuple[ex.Expression, ...]
+    forces: tuple[ex.Expression, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,9 +245,9 @@ class Scene:
     name: str
     coordinates: tuple[str, ...]
     values: Mapping[str, float]
-    lagrangian: Expression | None
-    constraints: tuple[Expression, ...]
-    accelerations: tuple[Expression, ...] | None
+    lagrangian: ex.Expression | None
+    constraints: tuple[ex.Expression, ...]
+    accelerations: tuple[ex.Expression, ...] | None
     effects: tuple[str, ...]
     positions: Array
     velocities: Array
@@ -254,7 +256,7 @@ class Scene:
     observe: tuple[str, ...]
     circle: tuple[int, int] | None
     notes: tuple[str, ...] = ()
-    forces: tuple[Expression, ...] = ()
+    forces: tuple[ex.Expression, ...] = ()
     own: tuple[Observable, ...] = ()
     events: tuple[Event, ...] = ()
     ensemble: Members | None = None

@@ -8,14 +8,11 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from inverse_service import bounds
-from inverse_service.certificate.checker import check_certificate
-from inverse_service.certificate.formulas import MAX_TEXT
-from inverse_service.deadline import OutOfTime, left, now, until
-from inverse_service.decision import cells, certify
-from inverse_service.decision.deciding import Decision, analyze, decide
+from inverse_service import bounds, deadline, errors
+from inverse_service.certificate import checker, formulas
+from inverse_service.decision import cells, certify, deciding
 from inverse_service.decision.solutions import Answer, Conditions, Solution, SolveOptions, Step
-from inverse_service.errors import IrreducibleAtoms
+from inverse_service.explanation import wording
 from inverse_service.explanation.positive import (
     as_given_steps,
     branch_steps,
@@ -26,37 +23,14 @@ from inverse_service.explanation.positive import (
     search_steps,
     series_steps,
 )
-from inverse_service.explanation.wording import printed_conditions, said, with_shared_letters
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.notation import multiplier_beside
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, holds, node_count, walk
-from inverse_service.field.real_point import are_positive
-from inverse_service.linear_pde.involution import MOST_UNKNOWNS, OUT_OF_TIME, Limits
-from inverse_service.mechanics.second_order_system import (
-    MOST_BRANCHES,
-    MOST_COUNTED,
-    SecondOrderSystem,
-    branches_of,
-    on_branch,
-)
+from inverse_service.expressions import collecting, notation, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import real_point
+from inverse_service.linear_pde import involution
+from inverse_service.mechanics import second_order_system
+from inverse_service.search import row_factors, terms, tidy
 from inverse_service.search.protocol import Found, SearchOutcome
-from inverse_service.search.row_factors import lagrangians_of_lines, with_written_masses
-from inverse_service.search.terms import TooManyTerms, reading_class
-from inverse_service.search.tidy import tidied, with_written_roots
-from inverse_service.solving.confirming import (
-    NOT_YET,
-    Progress,
-    Work,
-    check,
-    completed,
-    confirmed,
-    hand_over,
-    is_confirmed,
-    named,
-    tell,
-    telling,
-)
+from inverse_service.solving import confirming
 
 if TYPE_CHECKING:
     from inverse_service.mechanics.first_integrals import FirstIntegral
@@ -86,7 +60,7 @@ _QUICK, _FAIR = 1.9, 3.65
 
 
 def solve_branches(
-    system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
+    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: confirming.Progress | None = None
 ) -> tuple[tuple[Solution, ...], tuple[cells.Left, ...]]:
     """The answers on all cells of the system, and the cells without one.
 
@@ -94,26 +68,30 @@ def solve_branches(
     sides that the proof of an answer depends on is a cell of its own. Each has its share of the time. More than
     `MOST_BRANCHES` sets give one undetermined answer, except for one coordinate, of which so many are answered.
     """
-    branches = branches_of(system)
-    if len(branches) > MOST_BRANCHES and len(system.coordinates) > 1:  # of one, each cell has a Lagrangian
-        number = f"{len(branches)} or more" if len(branches) == MOST_COUNTED else str(len(branches))
+    branches = second_order_system.branches_of(system)
+    if (
+        len(branches) > second_order_system.MOST_BRANCHES and len(system.coordinates) > 1
+    ):  # of one, each cell has a Lagrangian
+        number = f"{len(branches)} or more" if len(branches) == second_order_system.MOST_COUNTED else str(len(branches))
         reason = (
             f"roots of squares and the like make {number} cases of signs, each with an answer of its own; "
-            f"at most {MOST_BRANCHES} are solved: write the formulas of one"
+            f"at most {second_order_system.MOST_BRANCHES} are solved: write the formulas of one"
         )
         return (_unreduced(system, options, None, reason),), ()
-    told, end, solutions = options.hand_over, now() + options.time_limit, list[Solution]()
+    told, end, solutions = options.hand_over, deadline.now() + options.time_limit, list[Solution]()
 
     def answer(
-        branch: SecondOrderSystem, waiting: Sequence[SecondOrderSystem]
-    ) -> tuple[Solution, Sequence[Expression]]:
+        branch: second_order_system.SecondOrderSystem, waiting: Sequence[second_order_system.SecondOrderSystem]
+    ) -> tuple[Solution, Sequence[ex.Expression]]:
         alone = not waiting and not solutions
-        share = (end - now()) / (1 + len(waiting))
+        share = (end - deadline.now()) / (1 + len(waiting))
         chosen = options if alone else replace(options, hand_over=None)
         found = solve(branch, replace(chosen, time_limit=max(0.1, share)), progress)
         solutions.append(found)
         if told is not None and not alone:
-            open_ones = tuple(cells.Left(tuple(map(collect, each.positive)), None, NOT_YET) for each in waiting)
+            open_ones = tuple(
+                cells.Left(tuple(map(collecting.collect, each.positive)), None, confirming.NOT_YET) for each in waiting
+            )
             known = tuple(solutions)
             told((), lambda: (known, open_ones))
         return found, sides_of(found)
@@ -131,35 +109,41 @@ def _other_part(solution: Solution, end: float) -> cells.Left | None:
             continue
         for seed in _OTHER_POINTS:
             point = cells.point_of(solution.system, seed)
-            if point is None or not are_positive(answer.sides, point) or now() > end:
+            if point is None or not real_point.are_positive(answer.sides, point) or deadline.now() > end:
                 continue
             moved = dict(answer.certificate) | {"near": certify.moved_to(answer.certificate["near"], point)}
-            if check_certificate(moved, time_limit=left(end, 1.0)).verdict != "valid":
+            if checker.check_certificate(moved, time_limit=deadline.left(end, 1.0)).verdict != "valid":
                 return cells.Left(sides_of(solution), point, "this part is not connected with the one answered")
     return None
 
 
-def sides_of(solution: Solution) -> tuple[Expression, ...]:
+def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
     """The trees that are positive on the cell of an answer, as far as its proofs depend on their signs."""
     answers = [one for one in (solution.autonomous, solution.with_time) if one is not None]
-    sides = [*map(collect, solution.system.positive), *(side for one in answers for side in one.sides)]
+    sides = [*map(collecting.collect, solution.system.positive), *(side for one in answers for side in one.sides)]
     return tuple(dict.fromkeys(sides))
 
 
-def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None) -> Solution:
+def solve(
+    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: confirming.Progress | None = None
+) -> Solution:
     """The answers on the first branch of the system; mathematics that cannot be settled is an outcome.
 
     Raises CertificateRefused where our own checker finds our certificate invalid: a fault of ours.
     """
-    with multiplier_beside({*system.coordinates, *system.parameters, *dict(system.functions)}):
+    with notation.multiplier_beside({*system.coordinates, *system.parameters, *dict(system.functions)}):
         return _solve(system, options, progress)
 
 
-def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
-    began = now()
-    system = branches_of(system)[0]
-    if max(len(to_text(tree)) for tree in system.accelerations) > MAX_TEXT:
-        reason = f"an acceleration, solved for, has more than {MAX_TEXT:,} characters, too many for a certificate"
+def _solve(
+    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: confirming.Progress | None
+) -> Solution:
+    began = deadline.now()
+    system = second_order_system.branches_of(system)[0]
+    if max(len(printing.to_text(tree)) for tree in system.accelerations) > formulas.MAX_TEXT:
+        reason = (
+            f"an acceleration, solved for, has more than {formulas.MAX_TEXT:,} characters, too many for a certificate"
+        )
         return _unreduced(system, options, None, reason)
     report = progress or (lambda _: None)
     printed, left_out = None, "the equations are not solved for the accelerations" if system.is_unsolved else ""
@@ -167,15 +151,15 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
         left_out = left_out or f"a system of more than {_MOST_COORDINATES} coordinates has them by the thousand"
     if options.conditions and not left_out:
         report("conditions")
-        printed, left_out = printed_conditions(system)
-    seconds = {"conditions": now() - began}
+        printed, left_out = wording.printed_conditions(system)
+    seconds = {"conditions": deadline.now() - began}
     try:
-        analysis = analyze(system)
-    except IrreducibleAtoms as problem:
+        analysis = deciding.analyze(system)
+    except errors.IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)
-    seconds["analysis"] = now() - began - seconds["conditions"]
-    work = Work(analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed)
-    hand_over(work, "conditions")
+    seconds["analysis"] = deadline.now() - began - seconds["conditions"]
+    work = confirming.Work(analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed)
+    confirming.hand_over(work, "conditions")
     autonomous, with_time = _placed(_explained(_answers(work), system), system)
     provenance: dict[str, Any] = {
         "seed": options.seed,
@@ -190,14 +174,14 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     return Solution(system, autonomous, with_time, printed, provenance, work.cut, kept)
 
 
-def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
+def _first_integrals(work: confirming.Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
     """What is constant along the motion: by the Lagrangian where there is one, by the equations alone where not."""
     system = work.analysis.system
     if not work.options.first_integrals or system.is_unsolved:
         return ()
     from inverse_service.mechanics.first_integrals import first_integrals, motion_of
 
-    began = now()
+    began = deadline.now()
     work.progress("first integrals")
     known = next((one.lagrangian for one in answers if one is not None and one.lagrangian is not None), None)
     positive = system.positive if known is None else known.positive
@@ -208,14 +192,16 @@ def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral
     return found
 
 
-def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:
-    answer = Answer("undetermined", reason=reason, positive=tuple(map(collect, system.positive)))
+def _unreduced(
+    system: second_order_system.SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str
+) -> Solution:
+    answer = Answer("undetermined", reason=reason, positive=tuple(map(collecting.collect, system.positive)))
     autonomous = None if system.depends_on_time or options.time_dependent is True else answer
     with_time = None if options.time_dependent is False and not system.depends_on_time else answer
     return Solution(system, autonomous, with_time, found, {"seed": options.seed})
 
 
-def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
+def _answers(work: confirming.Work) -> tuple[Answer | None, Answer | None]:
     """(L(q, v), L(t, q, v)); an autonomous Lagrangian answers the second question too."""
     wanted, depends = work.options.time_dependent, work.analysis.system.depends_on_time
     given = _as_given(work)
@@ -227,43 +213,48 @@ def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
     if wanted is False and not depends:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
-        plain = _is_complete(autonomous) and reading_class(_expression(autonomous)) < _RATIONAL
+        plain = _is_complete(autonomous) and terms.reading_class(_expression(autonomous)) < _RATIONAL
         with_time = autonomous if plain else _with_time_instead(work, autonomous)
         same = _without_time(work, with_time) if with_time is not autonomous else None
         return (same, same) if same is not None else (autonomous, with_time)
     return autonomous, _answer(work, with_time=True)
 
 
-def _as_given(work: Work) -> Answer | None:
+def _as_given(work: confirming.Work) -> Answer | None:
     """The answer by factors for each equation as written, without t where there is one; needs no decision."""
     system, table = work.analysis.system, work.analysis.real_point
-    began = now()
+    began = deadline.now()
     work.progress("the equations as given")
-    written = tuple(on_branch(equation, system) for equation in work.options.given)
+    written = tuple(second_order_system.on_branch(equation, system) for equation in work.options.given)
     without_time = work.options.time_dependent is False and not system.depends_on_time
-    best: Expression | None = None
+    best: ex.Expression | None = None
     for signs in (False, True):
-        for tree in () if best is not None else lagrangians_of_lines(system, written, table, signs):
-            if (best is not None and holds(tree, TIME)) or (holds(tree, TIME) and without_time):
+        for tree in () if best is not None else row_factors.lagrangians_of_lines(system, written, table, signs):
+            if (best is not None and ex.holds(tree, ex.TIME)) or (ex.holds(tree, ex.TIME) and without_time):
                 continue
             best = next(
-                (f for f in dict.fromkeys((tidied(tree, system), tree)) if is_confirmed(work, f, holds(f, TIME))), best
+                (
+                    f
+                    for f in dict.fromkeys((tidy.tidied(tree, system), tree))
+                    if confirming.is_confirmed(work, f, ex.holds(f, ex.TIME))
+                ),
+                best,
             )
-            if best is not None and not holds(best, TIME):
+            if best is not None and not ex.holds(best, ex.TIME):
                 break
     work.add_seconds("search", began)
     if best is None:
         return None
-    with_time = holds(best, TIME)
+    with_time = ex.holds(best, ex.TIME)
     short = not (system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES)
-    short = short and sum(map(node_count, system.accelerations)) <= bounds.TERMS
+    short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
     found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(), decision)
     others = _with_other_matrices(work, with_time) if short else None
-    return completed(work, replace(found, checked="valid"), others, with_time)
+    return confirming.completed(work, replace(found, checked="valid"), others, with_time)
 
 
-def _with_other_matrices(work: Work, with_time: bool) -> Found | None:
+def _with_other_matrices(work: confirming.Work, with_time: bool) -> Found | None:
     """Lagrangians for which another constant matrix stands in the multiplier of the one that is known."""
     if len(work.analysis.system.coordinates) == 1:
         return None
@@ -271,27 +262,27 @@ def _with_other_matrices(work: Work, with_time: bool) -> Found | None:
     from inverse_service.search.material import gather
 
     try:
-        with until(now() + _SEARCH_SHARE * work.left()):
+        with deadline.until(deadline.now() + _SEARCH_SHARE * work.left()):
             trees = tuple(scalar_multiplier.propose(gather(work.analysis, with_time), work.options.seed))
-    except (TooManyTerms, OutOfTime):
+    except (terms.TooManyTerms, deadline.OutOfTime):
         return None
-    return Found(tuple(tidied(tree, work.analysis.system) for tree in trees), AS_GIVEN, ()) if trees else None
+    return Found(tuple(tidy.tidied(tree, work.analysis.system) for tree in trees), AS_GIVEN, ()) if trees else None
 
 
 def _holds_time(answer: Answer) -> bool:
-    return answer.lagrangian is not None and TIME in walk(answer.lagrangian.expression)
+    return answer.lagrangian is not None and ex.TIME in ex.walk(answer.lagrangian.expression)
 
 
 def _explained(
-    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
+    answers: tuple[Answer | None, Answer | None], system: second_order_system.SecondOrderSystem
 ) -> tuple[Answer | None, Answer | None]:
     """Both with a word on letters that have two meanings; one answer to both questions stays one."""
-    autonomous, with_time = (answer and with_shared_letters(answer, system) for answer in answers)
+    autonomous, with_time = (answer and wording.with_shared_letters(answer, system) for answer in answers)
     return autonomous, autonomous if answers[0] is answers[1] else with_time
 
 
 def _placed(
-    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
+    answers: tuple[Answer | None, Answer | None], system: second_order_system.SecondOrderSystem
 ) -> tuple[Answer | None, Answer | None]:
     """Both with a word on the set on which they hold; one answer to both questions stays one."""
 
@@ -310,7 +301,7 @@ def _is_complete(answer: Answer) -> bool:
     return answer.lagrangian is not None and answer.hamiltonian is not None and not answer.hamiltonian.implicit
 
 
-def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
+def _with_time_instead(work: confirming.Work, autonomous: Answer) -> Answer:
     """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
     from inverse_service.search.factors import is_free_of_divergence
 
@@ -323,7 +314,7 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     answer = _by_lagrangian(work, decision, _highest(autonomous))
     if answer is None or (autonomous.lagrangian is not None and not _is_complete(answer)):
         return autonomous
-    nicer = not complete or reading_class(_expression(answer)) < reading_class(_expression(autonomous))
+    nicer = not complete or terms.reading_class(_expression(answer)) < terms.reading_class(_expression(autonomous))
     return answer if nicer else autonomous
 
 
@@ -335,64 +326,68 @@ def _highest(autonomous: Answer) -> float:
     return _QUICK if _is_complete(autonomous) else math.inf if one else _FAIR
 
 
-def _expression(answer: Answer) -> Expression:
+def _expression(answer: Answer) -> ex.Expression:
     assert answer.lagrangian is not None
     return answer.lagrangian.expression
 
 
-def _without_time(work: Work, answer: Answer) -> Answer | None:
+def _without_time(work: confirming.Work, answer: Answer) -> Answer | None:
     """The answer to the question for L(q, v), where a search for L(t, q, v) found one that holds no t."""
     if answer.lagrangian is None or _holds_time(answer) or work.autonomous is None:
         return None
     found = _proposed(work, work.autonomous, answer.lagrangian.expression)
-    if check(work, found.certificate or {}).verdict != "valid":
+    if confirming.check(work, found.certificate or {}).verdict != "valid":
         return None
-    return completed(work, replace(found, checked="valid"), None, with_time=False)
+    return confirming.completed(work, replace(found, checked="valid"), None, with_time=False)
 
 
-def _answer(work: Work, with_time: bool) -> Answer:
+def _answer(work: confirming.Work, with_time: bool) -> Answer:
     decision = _decide(work, with_time)
     work.autonomous = work.autonomous if with_time else decision
     if decision.verdict == "undetermined":
         return Answer("undetermined", reason=decision.reason)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
-    return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
+    return _by_lagrangian(work, decision) or confirming.confirmed(work, _by_existence(work, decision))
 
 
-def _decide(work: Work, with_time: bool, unknowns: int = MOST_UNKNOWNS) -> Decision:
+def _decide(work: confirming.Work, with_time: bool, unknowns: int = involution.MOST_UNKNOWNS) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
-        return Decision("undetermined", with_time, 0, _UNSOLVED)
+        return deciding.Decision("undetermined", with_time, 0, _UNSOLVED)
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
     is_first = not with_time and work.options.time_dependent is None  # the other question has its share, too
-    limits = Limits(deadline=now() + (_SHARE_OF_FIRST if is_first else 1.0) * work.left(), unknowns=unknowns)
-    decision = decide(work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis)
+    limits = involution.Limits(
+        deadline=deadline.now() + (_SHARE_OF_FIRST if is_first else 1.0) * work.left(), unknowns=unknowns
+    )
+    decision = deciding.decide(
+        work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis
+    )
     work.seconds[stage] = decision.seconds
     work.points.extend(decision.points)
-    if decision.reason.startswith(OUT_OF_TIME):
-        work.cut[named("existence", with_time)] = decision.reason
+    if decision.reason.startswith(involution.OUT_OF_TIME):
+        work.cut[confirming.named("existence", with_time)] = decision.reason
     return decision
 
 
-def _negative(work: Work, decision: Decision) -> Answer:
+def _negative(work: confirming.Work, decision: deciding.Decision) -> Answer:
     """The proof that the checker confirms, and then what it says in sentences."""
     certificate = certify.of_decision(work.analysis, decision)
-    answer = confirmed(work, Answer("not_variational", certificate=certificate))
+    answer = confirming.confirmed(work, Answer("not_variational", certificate=certificate))
     if answer.verdict == "undetermined":
         return answer
-    tell(work, answer, decision.with_time)
-    began = now()
+    confirming.tell(work, answer, decision.with_time)
+    began = deadline.now()
     work.progress("explanation")
     try:
         steps = _reasons(work, decision.with_time)
-    except IrreducibleAtoms as problem:
-        steps = (said(f"The conditions could not be written out: {problem.detail}.".replace("`", "")),)
+    except errors.IrreducibleAtoms as problem:
+        steps = (wording.said(f"The conditions could not be written out: {problem.detail}.".replace("`", "")),)
     work.add_seconds("explanation", began)
     return replace(answer, explanation=steps)
 
 
-def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
+def _reasons(work: confirming.Work, with_time: bool) -> tuple[Step, ...]:
     """Why there is no Lagrangian; algebraic conditions exclude it with t as without, and are argued once."""
     from inverse_service.explanation.hierarchy import smallest_sufficient_set
     from inverse_service.explanation.negative import explain_negative
@@ -406,7 +401,7 @@ def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
     return steps
 
 
-def _by_existence(work: Work, decision: Decision) -> Answer:
+def _by_existence(work: confirming.Work, decision: deciding.Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
     series = series_steps(work.analysis, decision, work.options.series_order)
     steps, known = (not_found(decision.space), *series), existence_steps(decision)
@@ -415,52 +410,52 @@ def _by_existence(work: Work, decision: Decision) -> Answer:
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 
-def _by_lagrangian(work: Work, decision: Decision, highest: float = math.inf) -> Answer | None:
+def _by_lagrangian(work: confirming.Work, decision: deciding.Decision, highest: float = math.inf) -> Answer | None:
     """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found up to that cost."""
     work.outcome = _searched(work, decision, highest)
     if work.outcome.found is None:
         return None
     found = work.outcome.found
     answer = replace(_proposed(work, decision, _as_written(work, decision, found.lagrangians[0])), checked="valid")
-    return completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time)
+    return confirming.completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time)
 
 
-def _as_written(work: Work, decision: Decision, tree: Expression) -> Expression:
+def _as_written(work: confirming.Work, decision: deciding.Decision, tree: ex.Expression) -> ex.Expression:
     """The confirmed Lagrangian, or its multiple with the masses and roots of the equations as written, if confirmed."""
     system = work.analysis.system
-    given = tuple(on_branch(equation, system) for equation in work.options.given)
-    multiple = with_written_masses(tree, system, given)
-    form = tree if multiple is None else tidied(multiple, system)
-    with suppress(TooManyTerms):
-        form = with_written_roots(form, system, work.analysis.real_point or {}) or form
-    return form if form != tree and is_confirmed(work, form, decision.with_time) else tree
+    given = tuple(second_order_system.on_branch(equation, system) for equation in work.options.given)
+    multiple = row_factors.with_written_masses(tree, system, given)
+    form = tree if multiple is None else tidy.tidied(multiple, system)
+    with suppress(terms.TooManyTerms):
+        form = tidy.with_written_roots(form, system, work.analysis.real_point or {}) or form
+    return form if form != tree and confirming.is_confirmed(work, form, decision.with_time) else tree
 
 
-def _proposed(work: Work, decision: Decision, tree: Expression) -> Answer:
+def _proposed(work: confirming.Work, decision: deciding.Decision, tree: ex.Expression) -> Answer:
     assert work.outcome is not None
     assert work.outcome.found is not None
     how = search_steps(work.outcome)
     return of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
 
 
-def _searched(work: Work, decision: Decision, highest: float) -> SearchOutcome:
+def _searched(work: confirming.Work, decision: deciding.Decision, highest: float) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
     from inverse_service.search.ladder import search
 
-    began, checked = now(), work.seconds.get("check", 0.0)
-    limit = now() + _SEARCH_SHARE * work.left()
-    with until(limit):
+    began, checked = deadline.now(), work.seconds.get("check", 0.0)
+    limit = deadline.now() + _SEARCH_SHARE * work.left()
+    with deadline.until(limit):
         outcome = search(
             work.analysis,
             decision.with_time,
             work.options.seed,
             math.inf,
-            telling(work, decision),
+            confirming.telling(work, decision),
             work.options.ansatz,
-            lambda tree: is_confirmed(work, tree, decision.with_time),
+            lambda tree: confirming.is_confirmed(work, tree, decision.with_time),
             highest,
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
-    if outcome.found is None and now() >= limit:
-        work.cut[named("lagrangian", decision.with_time)] = "The time for the search was over."
+    if outcome.found is None and deadline.now() >= limit:
+        work.cut[confirming.named("lagrangian", decision.with_time)] = "The time for the search was over."
     return outcome

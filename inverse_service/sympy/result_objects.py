@@ -21,8 +21,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.errors import InputError, missing_extra
-from inverse_service.reading.reader import has_acceleration
+from inverse_service import errors
+from inverse_service.reading import reader
 
 if TYPE_CHECKING:
     import numpy as np
@@ -258,7 +258,7 @@ class Answer(dict[str, Any]):
 
     @property
     def _is_unsolved(self) -> bool:
-        return any(map(has_acceleration, self._texts.values()))
+        return any(map(reader.has_acceleration, self._texts.values()))
 
 
 class Result(Answer):
@@ -465,7 +465,7 @@ def _frame(rows: list[dict[str, Any]]) -> Any:
     try:
         pandas = importlib.import_module("pandas")
     except ImportError:
-        raise InputError("This needs pandas: run `pip install pandas`, or use `table(results)`.") from None
+        raise errors.InputError("This needs pandas: run `pip install pandas`, or use `table(results)`.") from None
     return pandas.DataFrame(rows)
 
 
@@ -479,11 +479,11 @@ def answers_to_many(
     lines = [
         json.dumps({**reading[0], "id": place}, default=str)
         for place, reading in enumerate(readings)
-        if not isinstance(reading, InputError)
+        if not isinstance(reading, errors.InputError)
     ]
     answers = {each["id"]: each for each in _answered(lines, workers, output, time_limit)}
     for place, reading in enumerate(readings):
-        if isinstance(reading, InputError):
+        if isinstance(reading, errors.InputError):
             problem = of_input_error(reading)
             yield {"id": place, **problem, "error": problem}
         elif str(answers[place].get("format", "")).startswith("inverse-service/"):
@@ -492,12 +492,12 @@ def answers_to_many(
             yield answers[place]
 
 
-def _asked(system: Any) -> tuple[dict[str, Any], Any] | InputError:
+def _asked(system: Any) -> tuple[dict[str, Any], Any] | errors.InputError:
     from inverse_service.sympy import asked
 
     try:
         return asked(system)
-    except InputError as error:
+    except errors.InputError as error:
         return error
 
 
@@ -511,7 +511,7 @@ def _answered(lines: list[str], workers: int, output: Path | None, time_limit: f
         done = subprocess.run(command, capture_output=True, text=True, check=False) if lines else None
         found = [json.loads(line) for line in target.read_text("utf-8").splitlines()] if target.exists() else []
     if done is not None and len(found) < len(lines):
-        raise InputError(done.stderr.strip()[-500:] or "The systems could not be answered.")
+        raise errors.InputError(done.stderr.strip()[-500:] or "The systems could not be answered.")
     return found
 
 
@@ -531,7 +531,7 @@ def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
     from inverse_service.service.documents.text_page import branches_of, common_verdict, conditions_of, first_answer
 
     if not isinstance(result, Mapping):
-        raise InputError("A table needs results.")
+        raise errors.InputError("A table needs results.")
     row = {key: result.get(key) for key in COLUMNS}
     for key in ("verdict", "verdict_with_time"):
         row[key] = common_verdict(branches_of(result), key)
@@ -554,7 +554,7 @@ def draw_motion(
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise missing_extra(error) or error from None
+        raise errors.missing_extra(error) or error from None
     names = list(result._table.coordinates)
     states = motion(result, start, parameters, time)
     if axes is None:
@@ -576,13 +576,13 @@ def motion(
 
     n, known = len(result._table.coordinates), list(result._table.parameters)
     if unknown := [name for name in parameters if name not in known]:
-        raise InputError(f"{unknown[0]} is not a parameter of the system: it has {', '.join(known) or 'none'}.")
+        raise errors.InputError(f"{unknown[0]} is not a parameter of the system: it has {', '.join(known) or 'none'}.")
     if result._table.functions:
-        raise InputError("A motion needs a formula for each arbitrary function: give it by 'where'.")
+        raise errors.InputError("A motion needs a formula for each arbitrary function: give it by 'where'.")
     usual = [*(START * (1 + k / 3) for k in range(n)), *[0.0] * n]
     state = np.array(usual if start is None else start, dtype=float)
     if state.shape != (2 * n,):
-        raise InputError(f"A start has {2 * n} numbers: the positions, then the velocities.")
+        raise errors.InputError(f"A start has {2 * n} numbers: the positions, then the velocities.")
     values, force, step = (
         [float(parameters.get(name, 1)) for name in known],
         result.lambdify("accelerations"),
@@ -616,7 +616,7 @@ def as_image(result: Result) -> str | None:
         return None
     try:
         axes = draw_motion(result, None, {}, 20.0, None)
-    except (InputError, ValueError):
+    except (errors.InputError, ValueError):
         return None
     stream = io.BytesIO()
     figure = axes.get_figure(root=True)

@@ -10,19 +10,10 @@ from typing import Any
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
-from inverse_service import __version__
-from inverse_service.errors import InputError
+from inverse_service import __version__, errors
 from inverse_service.settings import Settings
-from inverse_service.web import (
-    problems,
-    routes,
-    routes_atlas,
-    routes_batches,
-    routes_jobs,
-)
+from inverse_service.web import middleware, openapi, problems, routes, routes_atlas, routes_batches, routes_jobs
 from inverse_service.web.engine import Engine
-from inverse_service.web.middleware import HeadAsGet, Measured, SecurityHeaders, StopWhenLeft
-from inverse_service.web.openapi import described
 from inverse_service.web.pages import routing
 
 TITLE = "inverse-service"
@@ -39,10 +30,10 @@ def create_application(settings: Settings) -> FastAPI:
     app = FastAPI(title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None)
     app.state.engine = Engine(settings)
     problems.install(app, routing.page_of_refusal)
-    app.add_middleware(StopWhenLeft)
-    app.add_middleware(HeadAsGet)
-    app.add_middleware(SecurityHeaders, hosts=settings.hosts)
-    app.add_middleware(Measured, counters=app.state.engine.counters)
+    app.add_middleware(middleware.StopWhenLeft)
+    app.add_middleware(middleware.HeadAsGet)
+    app.add_middleware(middleware.SecurityHeaders, hosts=settings.hosts)
+    app.add_middleware(middleware.Measured, counters=app.state.engine.counters)
     if settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,
@@ -55,7 +46,7 @@ def create_application(settings: Settings) -> FastAPI:
     for part in (routes.router, routes_jobs.router, routes_batches.router, routes_atlas.router, routes.open_router):
         app.include_router(part)
     app.include_router(routing.router, include_in_schema=False)
-    app.openapi = lambda: described(app)  # type: ignore[method-assign]
+    app.openapi = lambda: openapi.described(app)  # type: ignore[method-assign]
     if os.environ.get(ENDPOINT):
         trace(app)
     return app
@@ -70,7 +61,7 @@ def trace(app: FastAPI, exporter: Any = None) -> Any:
         from opentelemetry.sdk.trace import TracerProvider
         from opentelemetry.sdk.trace.export import BatchSpanProcessor
     except ImportError:
-        raise InputError(f"{ENDPOINT} is set, which needs: pip install 'inverse-service[telemetry]'.") from None
+        raise errors.InputError(f"{ENDPOINT} is set, which needs: pip install 'inverse-service[telemetry]'.") from None
     provider = TracerProvider(resource=Resource.create({"service.name": TITLE, "service.version": __version__}))
     provider.add_span_processor(BatchSpanProcessor(exporter or OTLPSpanExporter()))
     FastAPIInstrumentor.instrument_app(

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 from starlette.requests import ClientDisconnect, Request
 
-from inverse_service.errors import InputError
-from inverse_service.service.jobs.model import JobOptions, read_time_limit
-from inverse_service.web.clients import client_of
+from inverse_service import errors
+from inverse_service.service.jobs import model
+from inverse_service.web import clients
 from inverse_service.web.problems import Refusal
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ async def body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
     if request.headers.get("content-encoding", "identity").lower() != "identity":
         raise Refusal(415, "content-type", "A body is taken as it is; send it without 'Content-Encoding'.")
     engine: Engine = request.app.state.engine
-    with engine.bytes.account(client_of(request)) as account:
+    with engine.bytes.account(clients.client_of(request)) as account:
         parts = []
         try:
             async for part in request.stream():
@@ -115,14 +115,14 @@ def batch_key_of(request: Request) -> str:
     return given or (uuid.uuid4().hex if wants_fresh(request) else "")
 
 
-def time_limit_of(request: Request, server: JobOptions) -> float | None:
+def time_limit_of(request: Request, server: model.JobOptions) -> float | None:
     """What the query `time_limit` asks for, which goes before the document's; None where it says nothing."""
     text = request.query_params.get("time_limit")
     if text is None:
         return None
     try:
-        return read_time_limit(_number(text), server.time_limit)
-    except InputError as error:
+        return model.read_time_limit(_number(text), server.time_limit)
+    except errors.InputError as error:
         raise Refusal(422, "limit", error.detail) from None
 
 

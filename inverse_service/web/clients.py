@@ -23,10 +23,10 @@ from pathlib import Path
 
 from starlette.requests import Request
 
-from inverse_service.errors import InputError
+from inverse_service import errors
 from inverse_service.service.jobs.model import Viewer
 from inverse_service.settings import Settings, hash_of_key, read_key
-from inverse_service.web.middleware import host_of, name_of
+from inverse_service.web import middleware
 from inverse_service.web.problems import Refusal
 
 log = logging.getLogger(__name__)
@@ -84,7 +84,7 @@ class Keys:
             try:
                 self._keys = self._fixed + self._of_file()
                 log.info("keys read again", extra={"keys": len(self._keys)})
-            except InputError as error:
+            except errors.InputError as error:
                 log.error("the keys stay as they were: %s", error.detail)
 
     def _marked(self) -> tuple[int, int, int] | None:
@@ -102,7 +102,9 @@ class Keys:
             with self._file.open("rb") as stream:
                 lines = stream.read(LARGEST_FILE).decode().splitlines()
         except (OSError, ValueError) as error:
-            raise InputError(f"{PLACE} cannot be read: {getattr(error, 'strerror', None) or 'not UTF-8'}.") from None
+            raise errors.InputError(
+                f"{PLACE} cannot be read: {getattr(error, 'strerror', None) or 'not UTF-8'}."
+            ) from None
         return tuple(_key(number, line) for number, line in enumerate(lines, 1) if line.partition("#")[0].strip())
 
 
@@ -112,8 +114,8 @@ def _key(number: int, line: str) -> Key:
     try:
         client, digest = read_key(text)
         return Key(client, digest, datetime.date.fromisoformat(day.strip()) if day.strip() else None)
-    except (ValueError, InputError):
-        raise InputError(
+    except (ValueError, errors.InputError):
+        raise errors.InputError(
             f"{PLACE} is wrong in line {number}; a line is 'alice:HASH' or 'alice:HASH 2030-12-31'."
         ) from None
 
@@ -171,7 +173,7 @@ def is_of_own_page(request: Request) -> bool:
     site, origin = request.headers.get("sec-fetch-site"), request.headers.get("origin")
     if site is not None or origin is None:
         return site is None or site in OWN_PAGES
-    return name_of(origin.rpartition("//")[2]) == host_of(request.scope)
+    return middleware.name_of(origin.rpartition("//")[2]) == middleware.host_of(request.scope)
 
 
 def key_of_cookie(request: Request) -> str:

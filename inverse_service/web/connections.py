@@ -19,8 +19,7 @@ import h11
 from starlette.responses import Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from inverse_service.web.clients import place_of
-from inverse_service.web.middleware import headers_too_large, not_http, too_many_connections
+from inverse_service.web import clients, middleware
 
 # The first request line and its headers have so long; the next ones as long as a silent connection is kept; s.
 HEADERS, KEEP_ALIVE = 10.0, 30.0
@@ -108,9 +107,9 @@ class Connection(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self.address = place_of(self.client[0]) if self.client else ""
+        self.address = clients.place_of(self.client[0]) if self.client else ""
         if not self._all.admit(self):
-            self._write(too_many_connections())
+            self._write(middleware.too_many_connections())
             transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -135,7 +134,7 @@ class Connection(H11Protocol):
         if self.cycle is not None:
             self.cycle.disconnected = True
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-            self._write(headers_too_large() if is_large else not_http())
+            self._write(middleware.headers_too_large() if is_large else middleware.not_http())
             self.transport.write_eof()
         self.loop.call_later(LINGER, self.transport.close)
 

@@ -11,34 +11,16 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar
 
-from inverse_service import __version__
-from inverse_service.errors import DocumentRefused
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.finishing import LIMITS
+from inverse_service import __version__, errors
+from inverse_service.service.jobs import finishing, model, opening, statements, tasks, workers
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import (
-    NO_BOUND,
-    Bounds,
-    Job,
-    JobOptions,
-    JobRequest,
-    StoreUnavailable,
-    Viewer,
-    until_tomorrow,
-)
-from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
-from inverse_service.service.jobs.statements import Batch, BatchLine, batch_id
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.upkeep import Cleaner
-from inverse_service.service.jobs.workers import Executor, Workers, preload
 from inverse_service.settings import Settings
-from inverse_service.web import pages
-from inverse_service.web.asking import LARGEST_FACTOR, Hub, until_set
-from inverse_service.web.clients import QUICK_PROCESSES, QUICK_SHARE, ByteBudget, Keys, Places
+from inverse_service.web import asking, clients, pages, problems
 from inverse_service.web.known import KnownAnswers
-from inverse_service.web.problems import Refusal, rate_limit
 
 log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
@@ -67,23 +49,25 @@ class Engine:
     """
 
     supervisor: Supervisor
-    hub: Hub
+    hub: asking.Hub
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.keys = Keys(settings)
+        self.keys = clients.Keys(settings)
         self.started = time.time()
         self.counters = Counters()
         self.known = KnownAnswers()
-        self._working: Executor = _executor(settings)
-        self._quick = Workers(QUICK_PROCESSES, settings.memory_limit, QUICK_SHARE)
+        self._working: workers.Executor = _executor(settings)
+        self._quick = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
         self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
         self._cleaner: Cleaner | None = None
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
         self._lag: asyncio.Task[None] | None = None
-        self.places = Places(settings.waiting)
-        self.bytes = ByteBudget(2 * LARGEST_FACTOR * settings.max_body, LARGEST_FACTOR * settings.max_body)
+        self.places = clients.Places(settings.waiting)
+        self.bytes = clients.ByteBudget(
+            2 * asking.LARGEST_FACTOR * settings.max_body, asking.LARGEST_FACTOR * settings.max_body
+        )
         # Those of the server that runs this application, where it counts them.
         self.connections: Sized = ()
         self.is_open = False
@@ -92,16 +76,16 @@ class Engine:
     def open(self) -> None:
         """Open the store, and the cluster where there is one; raises InputError where one cannot be used."""
         if self._store is None:
-            self._store = open_store(self.settings.database)
+            self._store = opening.open_store(self.settings.database)
             if self.settings.cluster is not None:
                 self._working.start()
 
     def start(self) -> None:
         """Start processes and threads; call on the loop and thread that live as long as the service."""
         self.open()
-        self.hub = Hub()
+        self.hub = asking.Hub()
         for module in pages.TASKS:
-            preload(module)
+            workers.preload(module)
         self._working.start()
         self._quick.start()
         bound = self.settings.client_running
@@ -148,15 +132,15 @@ class Engine:
         return self._quick.first.done()
 
     @property
-    def server_options(self) -> JobOptions:
+    def server_options(self) -> model.JobOptions:
         """The bounds of this server, which are what a job gets that says nothing."""
-        return JobOptions(self.settings.time_limit, self.settings.memory_limit)
+        return model.JobOptions(self.settings.time_limit, self.settings.memory_limit)
 
     @property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> model.Bounds:
         """How many open jobs there may be, and what a client may use in a day."""
         settings = self.settings
-        return Bounds(settings.queue, settings.client_queue, settings.client_daily_seconds or NO_BOUND)
+        return model.Bounds(settings.queue, settings.client_queue, settings.client_daily_seconds or model.NO_BOUND)
 
     async def in_thread(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
         """Run something that waits for the disk."""
@@ -169,19 +153,19 @@ class Engine:
         try:
             return await asyncio.wait_for(self.in_thread(function, *arguments, **named), STORE_PATIENCE)
         except TimeoutError:
-            raise StoreUnavailable("The database does not answer in time.") from None
+            raise model.StoreUnavailable("The database does not answer in time.") from None
         finally:
             self.counters.observe("inverse_service_store_seconds", "Reads and changes.", time.monotonic() - began)
 
-    async def job(self, id: str, viewer: Viewer) -> Job | None:
+    async def job(self, id: str, viewer: model.Viewer) -> model.Job | None:
         """A job as this viewer may see it, without its answer, which may be large; None also for another client's."""
         return viewer.seen(await self.read(self.store.job, id, False, viewer.name))
 
-    async def batch(self, id: str, viewer: Viewer) -> Batch | None:
+    async def batch(self, id: str, viewer: model.Viewer) -> statements.Batch | None:
         """A batch as this viewer may see it; None also for another client's."""
         return viewer.seen(await self.read(self.store.batch, id))
 
-    async def submit(self, request: JobRequest, viewer: Viewer) -> Job:
+    async def submit(self, request: model.JobRequest, viewer: model.Viewer) -> model.Job:
         """The stored job of a question; an answered one without a look at a worker."""
         job, is_known = await self.read(self._submit, viewer.own(request))
         if is_known:
@@ -198,21 +182,21 @@ class Engine:
         if not quota:
             return {}
         used = await self.read(self.store.used_today, client)
-        return rate_limit(quota, quota - used, until_tomorrow())
+        return problems.rate_limit(quota, quota - used, model.until_tomorrow())
 
     @property
     def look_again(self) -> float:
         """After so many seconds who waits for a job looks by himself: another front end tells this one nothing."""
         return KEEP_ALIVE if self.store.exclusive else LOOK_AGAIN
 
-    def _submit(self, request: JobRequest) -> tuple[Job, bool]:
+    def _submit(self, request: model.JobRequest) -> tuple[model.Job, bool]:
         found = self.store.job(request.id, with_body=False)
         if found is not None and found.is_final and not found.is_to_be_asked(request.fresh, time.time()):
             return found, True
         is_known = found is not None and found.is_open
         return self.store.submit([request], self.bounds)[0], is_known
 
-    async def wait(self, job: Job, viewer: Viewer, seconds: float) -> Job:
+    async def wait(self, job: model.Job, viewer: model.Viewer, seconds: float) -> model.Job:
         """The job when it is final, or as it is after so many seconds."""
         end = time.monotonic() + seconds
         with self.hub.waiting(job.id) as changed:
@@ -222,9 +206,9 @@ class Engine:
                 left = end - time.monotonic()
                 if job.is_final or left <= 0 or self.hub.closing:
                     return job
-                await until_set(changed, min(left, self.look_again))
+                await asking.until_set(changed, min(left, self.look_again))
 
-    async def dismiss(self, id: str, viewer: Viewer) -> Job | None:
+    async def dismiss(self, id: str, viewer: model.Viewer) -> model.Job | None:
         """Cancel a job for a client; its process is killed where nobody else waits for it."""
         if await self.job(id, viewer) is None:
             return None
@@ -233,18 +217,22 @@ class Engine:
             self.supervisor.cancel(id)
         return job
 
-    async def create_batch(self, kind: str, viewer: Viewer, lines: Sequence[BatchLine], key: str) -> Batch:
+    async def create_batch(
+        self, kind: str, viewer: model.Viewer, lines: Sequence[statements.BatchLine], key: str
+    ) -> statements.Batch:
         """The stored batch of these lines; one with cancelled lines is left as it is and a new one made."""
         return await self.read(self._create_batch, kind, viewer, lines, key)
 
-    def _create_batch(self, kind: str, viewer: Viewer, lines: Sequence[BatchLine], key: str) -> Batch:
+    def _create_batch(
+        self, kind: str, viewer: model.Viewer, lines: Sequence[statements.BatchLine], key: str
+    ) -> statements.Batch:
         client, lines = viewer.name, [viewer.own_line(line) for line in lines]
-        if key and not self.store.claim_key(client, key, batch_id(kind, client, lines, key, 0)):
+        if key and not self.store.claim_key(client, key, statements.batch_id(kind, client, lines, key, 0)):
             detail = "This Idempotency-Key came with other lines before; send these with a new one."
-            raise Refusal(422, "idempotency-key", detail)
-        latest: Batch | None = None
+            raise problems.Refusal(422, "idempotency-key", detail)
+        latest: statements.Batch | None = None
         for generation in itertools.count():
-            id = batch_id(kind, client, lines, key, generation)
+            id = statements.batch_id(kind, client, lines, key, generation)
             found = self.store.batch(id)
             if found is None:
                 break
@@ -253,7 +241,7 @@ class Engine:
             return latest
         return self.store.create_batch(id, kind, client, lines, self.bounds)
 
-    async def dismiss_batch(self, id: str, viewer: Viewer) -> int:
+    async def dismiss_batch(self, id: str, viewer: model.Viewer) -> int:
         """Cancel what is still open in a batch; how many jobs stopped."""
         if await self.batch(id, viewer) is None:
             return 0
@@ -267,8 +255,10 @@ class Engine:
     ) -> T:
         """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at a limit."""
         outcome = await self.run_quick(client, task, body, *more, seconds=seconds)
-        if outcome.status in LIMITS:
-            raise Refusal(422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller.")
+        if outcome.status in finishing.LIMITS:
+            raise problems.Refusal(
+                422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller."
+            )
         found: T = value_of(outcome)
         return found
 
@@ -282,8 +272,8 @@ class Engine:
     ) -> T:
         """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a limit."""
         outcome = await self.run_quick(client, task, *arguments, seconds=seconds)
-        if outcome.status in LIMITS:
-            raise Refusal(503, "busy", late)
+        if outcome.status in finishing.LIMITS:
+            raise problems.Refusal(503, "busy", late)
         found: T = value_of(outcome)
         return found
 
@@ -299,7 +289,7 @@ class Engine:
         if outcome.status == "deadline":
             call = Call(tasks.check_body_task, (body,), self.settings.time_limit, client=client)
             outcome = await self._run(self._working, call)
-        if outcome.status in LIMITS:
+        if outcome.status in finishing.LIMITS:
             return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
         found: dict[str, Any] = value_of(outcome)
         return found
@@ -308,10 +298,10 @@ class Engine:
         """Raise DocumentRefused where a document cannot be read, so that nobody has to wait for that answer."""
         try:
             outcome = await self.run_quick(client, tasks.look_ahead_task, document, seconds=QUICK_DEADLINE)
-        except Refusal:  # too many wait: the job will tell
+        except problems.Refusal:  # too many wait: the job will tell
             return
         if outcome.status == "refused":
-            raise DocumentRefused(outcome.places)
+            raise errors.DocumentRefused(outcome.places)
 
     async def faults(self) -> list[str]:
         """Why the service is not ready; empty where it is."""
@@ -348,7 +338,7 @@ class Engine:
         waiting = counts.get("accepted", 0) + counts.get("running", 0)
         return ["The queue of jobs is full."] if waiting >= self.settings.queue else []
 
-    async def _run(self, executor: Executor, call: Call) -> Outcome:
+    async def _run(self, executor: workers.Executor, call: Call) -> Outcome:
         """The outcome of a call that is withdrawn where nobody waits for it any more."""
         with self.places.take(call.client):
             running = executor.submit(call)
@@ -374,10 +364,10 @@ class Engine:
             self.counters.observe("inverse_service_loop_lag_seconds", "How late the event loop was.", late)
 
 
-def _executor(settings: Settings) -> Executor:
+def _executor(settings: Settings) -> workers.Executor:
     """The pool of this machine, or a cluster where the settings name one."""
     if settings.cluster is None:
-        return Workers(settings.workers, settings.memory_limit)
+        return workers.Workers(settings.workers, settings.memory_limit)
     from inverse_service.service.jobs.opening import open_cluster
 
     return open_cluster(settings.cluster, settings.memory_limit)

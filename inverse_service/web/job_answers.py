@@ -15,14 +15,13 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from inverse_service.service.documents.answers import as_bytes, problem_document
+from inverse_service.service.jobs import opening
 from inverse_service.service.jobs.batch import answer_line, line_head
 from inverse_service.service.jobs.model import Job, StoreUnavailable
-from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.statements import Batch, BatchAnswer
+from inverse_service.web import clients, problems
 from inverse_service.web.asking import Preference
-from inverse_service.web.clients import client_of
 from inverse_service.web.engine import Engine
-from inverse_service.web.problems import MEDIA_TYPE
 
 PART = 256 * 1024
 # Answers of a batch that come with their lines: at most so large, and so many at once.
@@ -107,7 +106,7 @@ async def result_response(
             return headers, await written_response(request, job, engine, written, headers | applied)
         return headers, await stored_response(engine, job.id, headers | applied)
     body = await problem_of(job, engine)
-    return None, Response(body, json.loads(body)["status"], headers | applied, MEDIA_TYPE)
+    return None, Response(body, json.loads(body)["status"], headers | applied, problems.MEDIA_TYPE)
 
 
 def applied_of(preference: Preference) -> dict[str, str]:
@@ -251,13 +250,13 @@ async def written_response(
     """A solved job in this form; raises Refusal where writing it takes too long."""
     form, place = MEDIA_TYPES[media_type], f"{str(request.base_url).rstrip('/')}/results/{job.id}"
     about = (engine.store.address, job.id, form, place)
-    text = await engine.made(client_of(request), written_task, *about)
+    text = await engine.made(clients.client_of(request), written_task, *about)
     return Response(text, 200, dict(headers), media_type)
 
 
 def written_task(store: str, id: str, form: str, address: str) -> str:
     """A stored result as text, LaTeX or a SymPy program; SymPy is imported in workers only."""
-    result = json.loads(stored_answer(store, id)[1])
+    result = json.loads(opening.stored_answer(store, id)[1])
     if form == "sympy":
         from inverse_service.sympy import from_result
 

@@ -15,9 +15,9 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from inverse_service.service.documents.answers import as_bytes, problem_document
+from inverse_service.service.documents import answers
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.web.journal import REQUEST
+from inverse_service.web import journal
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class Measured(Middleware):
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         began, answer = time.monotonic(), _Answer()
         identifier = identifier_of(scope)
-        token = REQUEST.set(identifier)
+        token = journal.REQUEST.set(identifier)
 
         async def send_measured(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -75,7 +75,7 @@ class Measured(Middleware):
             # Also where the application raised: what is outside of this one answers with 500 then.
             self._count(scope, answer.status, answer.seconds or time.monotonic() - began)
             _note(scope, answer.status, time.monotonic() - began)
-            REQUEST.reset(token)
+            journal.REQUEST.reset(token)
 
     def _count(self, scope: Scope, status: int, seconds: float) -> None:
         route = getattr(scope.get("route"), "path", "none")
@@ -200,7 +200,7 @@ def too_many_connections() -> Response:
 
 def _refused(status: int, kind: str, detail: str, more: Mapping[str, str] = {}) -> Response:
     """Ends the connection too: what follows on it may be meant as a part of this request."""
-    content = as_bytes(problem_document(status, kind, detail))
+    content = answers.as_bytes(answers.problem_document(status, kind, detail))
     headers = HEADERS | {"Connection": "close"} | dict(more)
     return Response(content, status, headers=headers, media_type="application/problem+json")
 

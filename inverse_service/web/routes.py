@@ -14,88 +14,80 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 
 from api_schemas import base
-from api_schemas.base import CatalogueEntry, CatalogueList, CheckAnswer, LimitsAnswer
-from inverse_service import __version__, catalogue
-from inverse_service.errors import InputError
+from inverse_service import __version__, catalogue, errors
 from inverse_service.expressions.refusals import LIMITS
-from inverse_service.service.jobs.batch import MAX_LINE_BYTES
+from inverse_service.service.jobs import batch, model, tasks, workers
 from inverse_service.service.jobs.metrics import gauge
-from inverse_service.service.jobs.model import STATUSES, engine_version
-from inverse_service.service.jobs.tasks import parse_task
-from inverse_service.service.jobs.workers import MOST_CROWDED
-from inverse_service.web.asking import DEFAULT_WAIT, FACTORS, MAX_WAIT, json_body_of
-from inverse_service.web.clients import client_of, require_client
+from inverse_service.web import asking, clients, openapi, routes_jobs
 from inverse_service.web.engine import Engine
-from inverse_service.web.openapi import BAD_BODY, CHECKED, PARSED, SYSTEM_BODY, refusals
 from inverse_service.web.problems import Refusal
-from inverse_service.web.routes_jobs import engine_of
 
-CHECK_BODY = {"requestBody": {"required": True, "content": {"application/json": {"schema": CHECKED}}}}
-router = APIRouter(dependencies=[Depends(require_client)])
+CHECK_BODY = {"requestBody": {"required": True, "content": {"application/json": {"schema": openapi.CHECKED}}}}
+router = APIRouter(dependencies=[Depends(clients.require_client)])
 open_router = APIRouter()
 
 
 @router.post(
     "/v1/parse",
-    responses={200: PARSED, **BAD_BODY},
-    openapi_extra=SYSTEM_BODY,
+    responses={200: openapi.PARSED, **openapi.BAD_BODY},
+    openapi_extra=openapi.SYSTEM_BODY,
 )
 async def parse(request: Request) -> Response:
     """What was understood of a System document: text, LaTeX and MathML of each acceleration."""
-    engine = engine_of(request)
-    async with json_body_of(request, engine.settings.max_body) as body:
-        found = await engine.read_body(client_of(request), parse_task, body)
+    engine = routes_jobs.engine_of(request)
+    async with asking.json_body_of(request, engine.settings.max_body) as body:
+        found = await engine.read_body(clients.client_of(request), tasks.parse_task, body)
     return Response(found, media_type="application/json")
 
 
-@router.post("/v1/check", responses={200: {"model": CheckAnswer}, **BAD_BODY}, openapi_extra=CHECK_BODY)
+@router.post("/v1/check", responses={200: {"model": base.CheckAnswer}, **openapi.BAD_BODY}, openapi_extra=CHECK_BODY)
 async def check(request: Request) -> Response:
     """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
 
     The system of a result is compared with the document that it carries, or with the one given with it.
     {"system": …, "lagrangian": "…"} asks whether a Lagrangian of yours has these equations: verdict and residual.
     """
-    engine = engine_of(request)
-    async with json_body_of(request, FACTORS["check"] * engine.settings.max_body) as body:
-        return JSONResponse(await engine.check(client_of(request), body))
+    engine = routes_jobs.engine_of(request)
+    async with asking.json_body_of(request, asking.FACTORS["check"] * engine.settings.max_body) as body:
+        return JSONResponse(await engine.check(clients.client_of(request), body))
 
 
-@router.get("/v1/catalogue", response_model=CatalogueList)
+@router.get("/v1/catalogue", response_model=base.CatalogueList)
 async def list_catalogue() -> Response:
     """The names and titles of all systems of the catalogue."""
     entries = [catalogue.entry(name) for name in catalogue.names()]
     return JSONResponse({"systems": [{key: e.get(key, "") for key in ("name", "title", "group")} for e in entries]})
 
 
-@router.get("/v1/catalogue/{name}", responses={200: {"model": CatalogueEntry}, **refusals(404)})
+@router.get("/v1/catalogue/{name}", responses={200: {"model": base.CatalogueEntry}, **openapi.refusals(404)})
 async def catalogue_entry(name: str) -> Response:
     """One system of the catalogue: its document and what is known about it."""
     try:
         entry = catalogue.entry(name)
-    except InputError:
+    except errors.InputError:
         raise Refusal(
             404, "not-found", "The catalogue has no system of this name; GET /v1/catalogue lists them."
         ) from None
-    entry = {key: entry[key] for key in CatalogueEntry.model_fields if key in entry}
+    entry = {key: entry[key] for key in base.CatalogueEntry.model_fields if key in entry}
     return JSONResponse(entry)
 
 
-@router.get("/v1/limits", response_model=LimitsAnswer)
+@router.get("/v1/limits", response_model=base.LimitsAnswer)
 async def limits(request: Request) -> Response:
     """Every limit that a refusal can name."""
-    settings = engine_of(request).settings
+    settings = routes_jobs.engine_of(request).settings
     document = {name.lower(): value for name, value in vars(base).items() if name.startswith("MAX_")}
     service = {
         "time_limit_seconds": settings.time_limit,
-        "time_limit_on_a_busy_machine_seconds": MOST_CROWDED * settings.time_limit,
+        "time_limit_on_a_busy_machine_seconds": workers.MOST_CROWDED * settings.time_limit,
         "memory_limit_mib": settings.memory_limit,
         "max_body_bytes": settings.max_body,
-        "max_result_bytes": FACTORS["check"] * settings.max_body,
-        "max_batch_bytes": FACTORS["batch"] * settings.max_body,
+        "max_result_bytes": asking.FACTORS["check"] * settings.max_body,
+        "max_batch_bytes": asking.FACTORS["batch"] * settings.max_body,
         "max_batch_lines": settings.max_lines,
-        "max_line_bytes": MAX_LINE_BYTES,
-        "default_wait_seconds": DEFAULT_WAIT,
-        "max_wait_seconds": MAX_WAIT,
+        "max_line_bytes": batch.MAX_LINE_BYTES,
+        "default_wait_seconds": asking.DEFAULT_WAIT,
+        "max_wait_seconds": asking.MAX_WAIT,
         "open_jobs": settings.queue,
         "open_jobs_of_a_client": settings.client_queue,
         "running_jobs_of_a_client": settings.client_running or settings.workers,
@@ -139,7 +131,7 @@ async def livez() -> dict[str, str]:
     return {"status": "alive"}
 
 
-@open_router.get("/readyz", responses=refusals(503))
+@open_router.get("/readyz", responses=openapi.refusals(503))
 async def readyz(request: Request) -> dict[str, str]:
     """The store answers, jobs are looked after, a worker process answers, the queue has room."""
     engine: Engine = request.app.state.engine
@@ -152,11 +144,11 @@ async def readyz(request: Request) -> dict[str, str]:
 @open_router.get("/metrics", response_class=PlainTextResponse)
 async def metrics(request: Request) -> Response:
     """Counters and gauges in the text format of Prometheus."""
-    engine = engine_of(request)
+    engine = routes_jobs.engine_of(request)
     counts = await engine.read(engine.store.counts)
     oldest, size = await engine.read(engine.store.oldest), await engine.read(engine.store.size)
     age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
-    by_status: dict[tuple[str, ...], float] = {(status,): float(counts.get(status, 0)) for status in STATUSES}
+    by_status: dict[tuple[str, ...], float] = {(status,): float(counts.get(status, 0)) for status in model.STATUSES}
     found = [
         gauge("inverse_service_jobs", "Stored jobs by status.", by_status, ("status",)),
         gauge("inverse_service_queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
@@ -175,7 +167,9 @@ def _of_the_process(engine: Engine) -> list[Metric]:
     own = resource.getrusage(resource.RUSAGE_SELF)
     text = "Processor time of the web process; that of its workers is counted with jobs and quick tasks."
     return [
-        gauge("inverse_service_info", "What runs.", {(engine_version(), __version__): 1.0}, ("engine", "version")),
+        gauge(
+            "inverse_service_info", "What runs.", {(model.engine_version(), __version__): 1.0}, ("engine", "version")
+        ),
         gauge("inverse_service_uptime_seconds", "Since the start.", time.time() - engine.started),
         CounterMetricFamily("inverse_service_process_cpu_seconds", text, own.ru_utime + own.ru_stime),
         gauge(

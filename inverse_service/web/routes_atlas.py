@@ -11,18 +11,15 @@ from pydantic import BaseModel, Field
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
+from inverse_service import errors
 from inverse_service.catalogue import atlas
-from inverse_service.errors import InputError
-from inverse_service.service.documents.alike import form_of
-from inverse_service.service.jobs.model import split_options
-from inverse_service.service.jobs.tasks import understand_task
-from inverse_service.web.clients import client_of, require_client
+from inverse_service.service.documents import alike
+from inverse_service.service.jobs import model, tasks
+from inverse_service.web import clients, job_answers, openapi
 from inverse_service.web.engine import Engine
-from inverse_service.web.job_answers import is_known
-from inverse_service.web.openapi import refusals
 from inverse_service.web.problems import Refusal
 
-router = APIRouter(dependencies=[Depends(require_client)])
+router = APIRouter(dependencies=[Depends(clients.require_client)])
 SHOWN = ("name", "title", "source", "tags", "equations", "verdict", "badge")
 LICENSE = "MIT"
 CITE = "The inverse-service atlas: systems of equations of motion with their Lagrangians, computed and checked."
@@ -71,7 +68,7 @@ class AtlasEntry(AtlasLine):
 
 def form_task(equations: str) -> str:
     """The form of typed equations; InputError where they cannot be read."""
-    return form_of(understand_task(split_options({"equations": equations, "parameters": "guess"})[0]))
+    return alike.form_of(tasks.understand_task(model.split_options({"equations": equations, "parameters": "guess"})[0]))
 
 
 async def found_by(request: Request, words: str, tag: str, equations: str) -> list[dict[str, Any]]:
@@ -80,13 +77,13 @@ async def found_by(request: Request, words: str, tag: str, equations: str) -> li
     if equations.strip():
         engine: Engine = request.app.state.engine
         try:
-            form = await engine.made(client_of(request), form_task, equations[:4_000], late=LATE)
-        except InputError as error:
+            form = await engine.made(clients.client_of(request), form_task, equations[:4_000], late=LATE)
+        except errors.InputError as error:
             raise Refusal(422, "bad-input", str(error)) from None
     return atlas.search(words[:200], tag[:80], form)
 
 
-@router.get("/v1/atlas", response_model=AtlasList, responses=refusals(422))
+@router.get("/v1/atlas", response_model=AtlasList, responses=openapi.refusals(422))
 async def search(
     request: Request,
     q: Annotated[str, Query(description="words of name, title, source, tags or equations")] = "",
@@ -111,7 +108,7 @@ async def whole(request: Request) -> Response:
         "Content-Disposition": 'attachment; filename="atlas.ndjson"',
         "X-License": LICENSE,
     }
-    if is_known(request, headers["ETag"]):
+    if job_answers.is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     return Response(data, headers=headers, media_type="application/x-ndjson")
 
@@ -122,7 +119,7 @@ def _whole() -> tuple[bytes, str]:
     return data, hashlib.sha256(data).hexdigest()[:16]
 
 
-@router.get("/v1/atlas/{name}", responses={200: {"model": AtlasEntry}, **refusals(404)})
+@router.get("/v1/atlas/{name}", responses={200: {"model": AtlasEntry}, **openapi.refusals(404)})
 async def entry(name: str) -> Response:
     """One system: its document, its answers, L, H and where they hold."""
     found = atlas.entries().get(name)

@@ -13,27 +13,14 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Job as JobDocument
 from api_schemas.job import JobList
-from inverse_service.errors import Place
-from inverse_service.service.jobs.event_log import last_event
-from inverse_service.service.jobs.model import Event, Job, StoreUnavailable, Viewer
-from inverse_service.service.jobs.tasks import AskingTerms, ask_task
-from inverse_service.web import openapi
-from inverse_service.web.asking import FACTORS, json_body_of, preference_of, time_limit_of, until_set, wants_fresh
-from inverse_service.web.clients import client_of, require_client, viewer_of
+from inverse_service import errors
+from inverse_service.service.jobs import event_log, model, tasks
+from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import KEEP_ALIVE, LOOK_AGAIN, Engine
-from inverse_service.web.job_answers import (
-    JSON,
-    applied_of,
-    job_fields,
-    job_response,
-    media_type_of,
-    result_response,
-    whole_job,
-)
 from inverse_service.web.known import digest
 from inverse_service.web.problems import Refusal
 
-router = APIRouter(dependencies=[Depends(require_client)])
+router = APIRouter(dependencies=[Depends(clients.require_client)])
 STILL_THERE = b": still there\n\n"
 
 
@@ -61,22 +48,22 @@ async def solve(request: Request) -> Response:
 async def ask(request: Request, kind: str) -> Response:
     """The common way of all questions: store the job, wait a little, answer."""
     engine = engine_of(request)
-    preference = preference_of(request)
-    client, server, viewer = client_of(request), engine.server_options, viewer_of(request)
-    terms = AskingTerms(kind, server, time_limit_of(request, server), client, wants_fresh(request))
-    media_type, whose = media_type_of(request) or "", "" if viewer.sees_all else viewer.name
-    async with json_body_of(request, FACTORS[kind] * engine.settings.max_body) as body:
+    preference = asking.preference_of(request)
+    client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
+    terms = tasks.AskingTerms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
+    media_type, whose = job_answers.media_type_of(request) or "", "" if viewer.sees_all else viewer.name
+    async with asking.json_body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
         key = digest(kind, whose, media_type, str(terms.time_limit), body)
         if not terms.fresh and (known := engine.known.get(key)) is not None:
             engine.count_known(kind)
-            return Response(known.body, 200, known.headers | applied_of(preference), JSON)
-        question = await engine.read_body(client, ask_task, body, terms)
+            return Response(known.body, 200, known.headers | job_answers.applied_of(preference), job_answers.JSON)
+        question = await engine.read_body(client, tasks.ask_task, body, terms)
     job = await engine.submit(question, viewer)
     if job.is_open and preference.wait > 0:
         job = await engine.wait(job, viewer, preference.wait)
     elif job.is_open and kind == "solve":
         await engine.look_ahead(client, question.document)
-    headers, answer = await result_response(request, job, engine, applied_of(preference))
+    headers, answer = await job_answers.result_response(request, job, engine, job_answers.applied_of(preference))
     if headers and job.expires is None and not media_type and not isinstance(answer, StreamingResponse):
         engine.known.keep(key, job.id, headers, bytes(answer.body))
     answer.headers.update(await engine.rate_limit(client))
@@ -93,15 +80,15 @@ async def list_jobs(
 ) -> Response:
     """Jobs, newest first, without their results; `next` is the cursor of the next page."""
     engine = engine_of(request)
-    client = viewer_of(request).listed
+    client = clients.viewer_of(request).listed
     try:
         jobs, following = await engine.read(
             engine.store.jobs, status=status, kind=kind, client=client, cursor=cursor, limit=limit
         )
     except ValueError:
         detail = "The cursor is not one that this list gave, or its job is forgotten; begin without one."
-        raise Refusal(422, "bad-input", detail, (Place(detail, "/cursor"),)) from None
-    fields = await engine.read(lambda: [job_fields(job, engine) for job in jobs])
+        raise Refusal(422, "bad-input", detail, (errors.Place(detail, "/cursor"),)) from None
+    fields = await engine.read(lambda: [job_answers.job_fields(job, engine) for job in jobs])
     return JSONResponse({"jobs": fields, "next": following})
 
 
@@ -118,7 +105,7 @@ async def list_jobs(
 async def job(request: Request, id: str) -> Response:
     """A job: 202 while it is open, 200 with an ETag when it is done, 304 on If-None-Match."""
     engine = engine_of(request)
-    return await job_response(request, _known(await engine.job(id, viewer_of(request))), engine)
+    return await job_answers.job_response(request, _known(await engine.job(id, clients.viewer_of(request))), engine)
 
 
 @router.delete(
@@ -130,8 +117,8 @@ async def dismiss(request: Request, id: str) -> Response:
     It is dismissed for you. The work stops when nobody else waits for it; what was finished of it is its result.
     """
     engine = engine_of(request)
-    found = _known(await engine.dismiss(id, viewer_of(request)))
-    return await whole_job(found, engine, {})
+    found = _known(await engine.dismiss(id, clients.viewer_of(request)))
+    return await job_answers.whole_job(found, engine, {})
 
 
 @router.get(
@@ -151,7 +138,7 @@ async def events(request: Request, id: str) -> Response:
     finished. The values merged in their order are the result.
     """
     engine = engine_of(request)
-    viewer = viewer_of(request)
+    viewer = clients.viewer_of(request)
     _known(await engine.job(id, viewer))
     text = request.headers.get("last-event-id", request.query_params.get("last_event_id", "0"))
     after = int(text) if text.isascii() and text.isdigit() and len(text) < 16 else 0
@@ -159,7 +146,7 @@ async def events(request: Request, id: str) -> Response:
     return StreamingResponse(_stream(engine, id, viewer, after), headers=headers, media_type="text/event-stream")
 
 
-async def _stream(engine: Engine, id: str, viewer: Viewer, after: int) -> AsyncIterator[bytes]:
+async def _stream(engine: Engine, id: str, viewer: model.Viewer, after: int) -> AsyncIterator[bytes]:
     yield b"retry: 1000\n\n"
     # Where only this process changes the store, each change wakes the stream; it looks by itself to say that it lives.
     with engine.hub.waiting(id) as changed:
@@ -169,7 +156,7 @@ async def _stream(engine: Engine, id: str, viewer: Viewer, after: int) -> AsyncI
             try:
                 found = await engine.job(id, viewer)
                 new = await engine.read(engine.store.events, id, after)
-            except StoreUnavailable:  # the stream goes on when it is back
+            except model.StoreUnavailable:  # the stream goes on when it is back
                 yield STILL_THERE
                 await asyncio.sleep(LOOK_AGAIN)
                 continue
@@ -177,19 +164,19 @@ async def _stream(engine: Engine, id: str, viewer: Viewer, after: int) -> AsyncI
                 yield written(event)
                 after = event.number
             if found is None or found.is_final:
-                last = None if found is None else last_event(found)
+                last = None if found is None else event_log.last_event(found)
                 if last is not None and last.number > after:
                     yield written(last)
                 return
             silent = 0.0 if new else silent
-            if not await until_set(changed, engine.look_again):
+            if not await asking.until_set(changed, engine.look_again):
                 silent += engine.look_again
             if silent >= KEEP_ALIVE:
                 silent = 0.0
                 yield STILL_THERE
 
 
-def written(event: Event) -> bytes:
+def written(event: model.Event) -> bytes:
     """An event in the WHATWG format."""
     return f"id: {event.number}\nevent: {event.kind}\ndata: {json.dumps(dict(event.data))}\n\n".encode()
 
@@ -207,7 +194,7 @@ def engine_of(request: Request) -> Engine:
     return engine
 
 
-def _known(found: Job | None) -> Job:
+def _known(found: model.Job | None) -> model.Job:
     if found is None:
         raise Refusal(404, "not-found", "There is no job of this id; it may have been forgotten. Ask again.")
     return found

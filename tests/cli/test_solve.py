@@ -177,9 +177,9 @@ def test_a_bad_setting_is_exit_2(call: Any, tmp_path: Path, monkeypatch: pytest.
 def test_a_fault_of_the_program_is_exit_3_and_no_traceback(
     call: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from inverse_service.service.documents import documents
+    from inverse_service.solving import solving
 
-    monkeypatch.setattr(documents, "solve_branches", lambda *arguments: 1 // 0)
+    monkeypatch.setattr(solving, "solve_branches", lambda *arguments: 1 // 0)
     found = call("solve", written(tmp_path, OSCILLATOR))
     assert (found.code, found.err.count("\n")) == (3, 1)
     assert "fault of the program" in found.err

@@ -15,8 +15,8 @@ from functools import lru_cache
 
 import symengine
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.functions import RECIPROCALS
+from inverse_service import errors
+from inverse_service.expressions import functions
 from inverse_service.kernels.codegen.symengine_trees import Formula
 
 _SINE = (
@@ -391,7 +391,9 @@ class Emitter:
         try:
             return self.writer.number(float(formula))
         except (RuntimeError, TypeError, ValueError) as error:
-            raise InputError("A formula of the simulation has no real value (a root or logarithm below 0).") from error
+            raise errors.InputError(
+                "A formula of the simulation has no real value (a root or logarithm below 0)."
+            ) from error
 
     def _sum(self, terms: Sequence[Formula]) -> str:
         plus = [term for term in terms if not _is_negative(term)]
@@ -458,11 +460,11 @@ class Emitter:
         }
         if name in special:
             return special[name]()
-        if name in RECIPROCALS and name != "cot":
-            return self._reciprocal(self._function(RECIPROCALS[name], argument))
+        if name in functions.RECIPROCALS and name != "cot":
+            return self._reciprocal(self._function(functions.RECIPROCALS[name], argument))
         if name in _LIBRARY:
             return self.writer.call(name, self._value(argument))
-        raise InputError(f"A simulation cannot compute the function {name}.")
+        raise errors.InputError(f"A simulation cannot compute the function {name}.")
 
     def _sine_cosine(self, argument: Formula) -> tuple[str, str]:
         known = self._pairs.get(argument)

@@ -11,7 +11,7 @@ from typing import Any
 
 import symengine
 
-from inverse_service.errors import InputError
+from inverse_service import errors
 from inverse_service.expressions import tree as ex
 
 Formula = Any  # symengine has no types
@@ -64,17 +64,21 @@ def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Fo
         case ex.Apply(function, argument):
             return _finite(_applied(function, translate(argument, table)))
         case ex.Arbitrary(name, _, _):
-            raise InputError(f"The function {name} has no formula: a simulation needs one, such as {name} = x^2.")
+            raise errors.InputError(
+                f"The function {name} has no formula: a simulation needs one, such as {name} = x^2."
+            )
         case ex.Symbol(name):
-            raise InputError(f"{name} is neither a coordinate nor a parameter with a value of this simulation.")
+            raise errors.InputError(f"{name} is neither a coordinate nor a parameter with a value of this simulation.")
         case _:
-            raise InputError("A simulation takes formulas of positions and velocities, without accelerations.")
+            raise errors.InputError("A simulation takes formulas of positions and velocities, without accelerations.")
 
 
 def _finite(formula: Formula) -> Formula:
     """The formula; InputError where it is infinite whatever the values, as 1/sin(0) and log(0) are."""
     if formula in _INFINITE:
-        raise InputError("A formula of this system divides by 0 (or takes the logarithm of it) whatever the values.")
+        raise errors.InputError(
+            "A formula of this system divides by 0 (or takes the logarithm of it) whatever the values."
+        )
     return formula
 
 

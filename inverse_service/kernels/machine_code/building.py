@@ -16,8 +16,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from inverse_service.kernels.machine_code.kernels import ELEMENTS, Kind, Kinds, array_of
-from inverse_service.kernels.machine_code.loading import ENTRY, Unstorable, target_machine, used
+from inverse_service.kernels.machine_code import kernels, loading
 
 _NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}
 _ANSWERS = {types.none: "none", types.int64: "int64", types.uint64: "uint64", types.boolean: "bool"}
@@ -32,7 +31,7 @@ def for_numba(value: Any) -> Any:
 def dispatcher(work: Callable[..., Any]) -> Any:
     """numba's function that compiles `work` for what it is called with."""
     function = cast(FunctionType, work)
-    space = {**function.__globals__, **{name: for_numba(value) for name, value in used(work).items()}}
+    space = {**function.__globals__, **{name: for_numba(value) for name, value in loading.used(work).items()}}
     alike = FunctionType(function.__code__, space, function.__name__, function.__defaults__)
     alike.__module__, alike.__qualname__ = function.__module__, function.__qualname__
     # Modules are divided by primes only: no path for a division by zero.
@@ -43,46 +42,48 @@ def made_intrinsic(definition: Callable[..., Any]) -> Any:
     return intrinsic(definition)
 
 
-def object_code(compiler: Any, kinds: Kinds) -> tuple[bytes, str]:
+def object_code(compiler: Any, kinds: kernels.Kinds) -> tuple[bytes, str]:
     """The kernel for these kinds and what it answers; raises Unstorable where it needs more than itself."""
     module, answer = module_of(compiler, kinds)
-    machine = target_machine(level=3)
-    reduce(module, machine, ENTRY)
+    machine = loading.target_machine(level=3)
+    reduce(module, machine, loading.ENTRY)
     return bytes(machine.emit_object(module)), answer
 
 
-def module_of(compiler: Any, kinds: Kinds, name: str = ENTRY) -> tuple[Any, str]:
+def module_of(compiler: Any, kinds: kernels.Kinds, name: str = loading.ENTRY) -> tuple[Any, str]:
     """The kernel as a module of LLVM with one function of this name to enter, and what it answers."""
     signature = tuple(map(_type, kinds))
     compiler.compile(signature)  # refuses a kernel that writes what is to be read only
     answer = _ANSWERS.get(compiler.overloads[signature].signature.return_type)
     if answer is None:
-        raise Unstorable("the kernel gives neither nothing nor one number")
+        raise loading.Unstorable("the kernel gives neither nothing nor one number")
     function = _flat(compiler, kinds, answer)
     module = llvm.parse_assembly(function.inspect_llvm())
     module.get_function(function.native_name).name = name
     return module, answer
 
 
-def _type(kind: Kind) -> Any:
+def _type(kind: kernels.Kind) -> Any:
     if not isinstance(kind, str):
         return types.BaseTuple.from_types(tuple(map(_type, kind[1])), kind[0])  # type: ignore[no-untyped-call]
-    array = array_of(kind)
+    array = kernels.array_of(kind)
     if not array.dimensions:
         return _NUMBERS[kind]
     return types.Array(getattr(types, array.element), array.dimensions, "C", readonly=array.constant)
 
 
-def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
+def _flat(compiler: Any, kinds: kernels.Kinds, answer: str) -> Any:
     """The kernel as a C function of the address of its words."""
     space: dict[str, Any] = {"work": compiler, "array": carray, "constant": _constant(), "integer": types.int64}
-    space |= {name: _pointer_to(getattr(types, name)) for name in ELEMENTS}
+    space |= {name: _pointer_to(getattr(types, name)) for name in kernels.ELEMENTS}
     places = count()
 
-    def argument(kind: Kind) -> str:
+    def argument(kind: kernels.Kind) -> str:
         if isinstance(kind, str):
             place = next(places)
-            return _argument(kind, place, [f"integer(words[{next(places)}])" for _ in range(array_of(kind).dimensions)])
+            return _argument(
+                kind, place, [f"integer(words[{next(places)}])" for _ in range(kernels.array_of(kind).dimensions)]
+            )
         name = f"S{len(space)}"
         space[name] = kind[0]
         return f"{name}({', '.join(map(argument, kind[1]))})"
@@ -97,7 +98,7 @@ def _flat(compiler: Any, kinds: Kinds, answer: str) -> Any:
 
 def _argument(kind: str, place: int, lengths: list[str]) -> str:
     """What stands in the words, made the argument."""
-    word, array = f"words[{place}]", array_of(kind)
+    word, array = f"words[{place}]", kernels.array_of(kind)
     if lengths:
         made = f"array({array.element}({word}), ({', '.join(lengths)},))"
         return f"constant({made})" if array.constant else made
@@ -140,4 +141,4 @@ def reduce(module: Any, machine: Any, name: str) -> None:
     needed = [*module.functions, *module.global_variables]
     missing = [one.name for one in needed if one.is_declaration and not one.name.startswith("llvm.")]
     if missing:
-        raise Unstorable(f"the kernel needs {', '.join(missing)}")
+        raise loading.Unstorable(f"the kernel needs {', '.join(missing)}")

@@ -18,8 +18,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from inverse_service.kernels.machine_code.kernels import Entry, Kinds, told
-from inverse_service.kernels.machine_code.shipped import ANSWERS
+from inverse_service.kernels.machine_code import kernels, shipped
 
 ENTRY = "entry"
 # Code lives as long as the process.
@@ -62,7 +61,7 @@ def engine_of(code: bytes) -> Any:
     return engine
 
 
-def load(code: bytes, answer: str) -> Entry:
+def load(code: bytes, answer: str) -> kernels.Entry:
     """The kernel in the object file as a function of the words of its arguments (`kinds_of`)."""
     engine = engine_of(code)
     address = engine.get_function_address(ENTRY)
@@ -70,7 +69,7 @@ def load(code: bytes, answer: str) -> Entry:
         raise OSError("the object file has no entry")
     _kept.append(engine)
     result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
-    function, finished = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(address), ANSWERS[answer]
+    function, finished = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(address), shipped.ANSWERS[answer]
 
     def entry(words: list[int]) -> Any:
         block = array("Q", words)
@@ -101,10 +100,10 @@ def _names(code: CodeType) -> Iterator[str]:
             yield from _names(part)
 
 
-def kernel_digest(work: Callable[..., Any], kinds: Kinds) -> str:
+def kernel_digest(work: Callable[..., Any], kinds: kernels.Kinds) -> str:
     """SHA-256 of the kernel for arguments of these kinds; raises Unstorable."""
     digest = hashlib.sha256(_makers())
-    for part in (repr(told(kinds)), *_described(work)):
+    for part in (repr(kernels.told(kinds)), *_described(work)):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()
 

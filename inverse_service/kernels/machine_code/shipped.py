@@ -19,7 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from inverse_service.kernels.machine_code.kernels import Entry, Kinds, told
+from inverse_service.kernels.machine_code import kernels
 
 FOLDER = Path(__file__).parent / "compiled"
 # Names of processors for LLVM with the flags of /proc/cpuinfo that they need, best first. Elimination takes half the
@@ -36,9 +36,9 @@ def is_available() -> bool:
     return bool(library(FOLDER))
 
 
-def entry(name: str, kinds: Kinds) -> Entry | None:
+def entry(name: str, kinds: kernels.Kinds) -> kernels.Entry | None:
     """The kernel of this name for arguments of these kinds, None where the library has none."""
-    found = library(FOLDER).get((name, json.dumps(told(kinds))))
+    found = library(FOLDER).get((name, json.dumps(kernels.told(kinds))))
     if found is None:
         return None
     function, finished = found

@@ -17,30 +17,16 @@ from fractions import Fraction
 from itertools import combinations
 
 from inverse_service import bounds
-from inverse_service.expressions.collecting import expand
-from inverse_service.expressions.collecting_trees import Monomial, Term, monomial_tree, terms_tree
-from inverse_service.expressions.tree import (
-    HALF,
-    ONE,
-    ZERO,
-    Apply,
-    Expression,
-    Symbol,
-    Velocity,
-    dot,
-    is_exponential,
-    number,
-    substitute,
-)
-from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, degrees
+from inverse_service.expressions import collecting, collecting_trees
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics.legendre import blocks, short_forms
 from inverse_service.mechanics.legendre.quadratic import Inverse, form_matrix, invert, quadratic_form
-from inverse_service.mechanics.legendre.short_forms import simplified, velocities_in
 
-Form = tuple[Expression, ...]
-Table = dict[Expression, Expression]
+Form = tuple[ex.Expression, ...]
+Table = dict[ex.Expression, ex.Expression]
 
 
-def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
+def linear_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
     """The branches after a change to the linear forms under functions and powers, completed by velocities."""
     found = _forms(block) if len(block.names) > 1 else ()
     units = _units(block.names)
@@ -53,37 +39,37 @@ def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
 
 
 def after_change(
-    block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver, written: Table | None = None
-) -> Iterator[Branch]:
+    block: blocks.Block, forms: Sequence[Form], inverse: Inverse, solve: blocks.Solver, written: Table | None = None
+) -> Iterator[blocks.Branch]:
     """The branches with the forms in the place of velocities; `written` replaces forms that stand there as they are."""
-    velocities = [Velocity(name) for name in block.names]
+    velocities = [ex.Velocity(name) for name in block.names]
     symbols = [block.momenta[name] for name in block.names]
-    rates = _table(velocities, [dot(row, velocities) for row in inverse.entries])
-    changed = substitute(block.function, rates | (written or {}))
+    rates = _table(velocities, [ex.dot(row, velocities) for row in inverse.entries])
+    changed = ex.substitute(block.function, rates | (written or {}))
     columns = zip(*inverse.entries, strict=True)
-    momenta = _table(symbols, [simplified(dot(column, symbols)) for column in columns])
-    new = _table(velocities, [dot(row, velocities) for row in forms])
+    momenta = _table(symbols, [short_forms.simplified(ex.dot(column, symbols)) for column in columns])
+    new = _table(velocities, [ex.dot(row, velocities) for row in forms])
     for branch in solve(changed, block.names, block.momenta):
-        found = [substitute(tree, momenta) for tree in branch.velocities]
-        yield Branch(
-            tuple(simplified(dot(row, found)) for row in inverse.entries),
-            substitute(branch.hamiltonian, momenta),
-            tuple(substitute(condition, {**new, **momenta}) for condition in branch.conditions),
+        found = [ex.substitute(tree, momenta) for tree in branch.velocities]
+        yield blocks.Branch(
+            tuple(short_forms.simplified(ex.dot(row, found)) for row in inverse.entries),
+            ex.substitute(branch.hamiltonian, momenta),
+            tuple(ex.substitute(condition, {**new, **momenta}) for condition in branch.conditions),
         )
 
 
-def _table(keys: Sequence[Symbol | Velocity], values: Sequence[Expression]) -> Table:
+def _table(keys: Sequence[ex.Symbol | ex.Velocity], values: Sequence[ex.Expression]) -> Table:
     return dict(zip(keys, values, strict=True))
 
 
 def _units(names: Sequence[str]) -> tuple[Form, ...]:
-    return tuple(tuple(number(int(a == b)) for b in names) for a in names)
+    return tuple(tuple(ex.number(int(a == b)) for b in names) for a in names)
 
 
-def _forms(block: Block) -> tuple[Form, ...]:
+def _forms(block: blocks.Block) -> tuple[Form, ...]:
     """The linear forms on which functions and powers depend; none where there are too many, or others."""
     found: dict[Form, None] = {}
-    for monomial, _ in expand(block.function):
+    for monomial, _ in collecting.expand(block.function):
         forms = _forms_of(monomial, block.names)
         if forms is None:
             return ()
@@ -91,17 +77,17 @@ def _forms(block: Block) -> tuple[Form, ...]:
     return tuple(found) if len(found) <= len(block.names) else ()
 
 
-def _forms_of(monomial: Monomial, names: Sequence[str]) -> list[Form] | None:
+def _forms_of(monomial: collecting_trees.Monomial, names: Sequence[str]) -> list[Form] | None:
     """The linear forms in the atoms of a term, bare velocities not counted; None where one is not linear."""
-    exponent: dict[str, Expression] = {}
+    exponent: dict[str, ex.Expression] = {}
     forms: list[Form | None] = []
     for base, power in monomial:
-        if isinstance(base, Velocity) or not velocities_in(base, names):
+        if isinstance(base, ex.Velocity) or not short_forms.velocities_in(base, names):
             continue
         part = _inside(base, names)
-        if is_exponential(base) and part:
+        if ex.is_exponential(base) and part:
             for name, value in part.items():
-                exponent[name] = exponent.get(name, ZERO) + power * value
+                exponent[name] = exponent.get(name, ex.ZERO) + power * value
         else:
             forms.append(_monic(part, names))
     if exponent:
@@ -109,30 +95,32 @@ def _forms_of(monomial: Monomial, names: Sequence[str]) -> list[Form] | None:
     return None if None in forms else [form for form in forms if form]
 
 
-def _inside(base: Expression, names: Sequence[str]) -> Mapping[str, Expression] | None:
-    return linear_coefficients(expand(base.argument if isinstance(base, Apply) else base), names)
+def _inside(base: ex.Expression, names: Sequence[str]) -> Mapping[str, ex.Expression] | None:
+    return linear_coefficients(collecting.expand(base.argument if isinstance(base, ex.Apply) else base), names)
 
 
-def _monic(coefficients: Mapping[str, Expression] | None, names: Sequence[str]) -> Form | None:
+def _monic(coefficients: Mapping[str, ex.Expression] | None, names: Sequence[str]) -> Form | None:
     if not coefficients:
         return None
     first = next(coefficients[name] for name in names if name in coefficients)
-    return tuple(simplified(coefficients.get(name, ZERO) / first) for name in names)
+    return tuple(short_forms.simplified(coefficients.get(name, ex.ZERO) / first) for name in names)
 
 
-def linear_coefficients(terms: Iterable[Term], names: Sequence[str]) -> Mapping[str, Expression] | None:
+def linear_coefficients(
+    terms: Iterable[collecting_trees.Term], names: Sequence[str]
+) -> Mapping[str, ex.Expression] | None:
     """The coefficients of the velocities in terms that are linear in them (free terms allowed), else None."""
-    found: dict[str, Expression] = {}
+    found: dict[str, ex.Expression] = {}
     for monomial, value in terms:
-        inside = velocities_in(monomial_tree(monomial), names)
+        inside = short_forms.velocities_in(collecting_trees.monomial_tree(monomial), names)
         if not inside:
             continue
         name = next(iter(inside))
-        rest = tuple(pair for pair in monomial if pair != (Velocity(name), Fraction(1)))
-        if len(rest) != len(monomial) - 1 or velocities_in(monomial_tree(rest), names):
+        rest = tuple(pair for pair in monomial if pair != (ex.Velocity(name), Fraction(1)))
+        if len(rest) != len(monomial) - 1 or short_forms.velocities_in(collecting_trees.monomial_tree(rest), names):
             return None
-        term = value * (monomial_tree(rest) if rest else ONE)
-        found[name] = found.get(name, ZERO) + term
+        term = value * (collecting_trees.monomial_tree(rest) if rest else ex.ONE)
+        found[name] = found.get(name, ex.ZERO) + term
     return found
 
 
@@ -140,12 +128,12 @@ def linear_coefficients(terms: Iterable[Term], names: Sequence[str]) -> Mapping[
 class _Parts:
     """rest + linear[i] w_i + w^T G w/2, with G^-1."""
 
-    rest: Expression
-    linear: tuple[Expression, ...]
+    rest: ex.Expression
+    linear: tuple[ex.Expression, ...]
     inverse: Inverse
 
 
-def routh_branches(block: Block, solve: Solver) -> Iterator[Branch]:
+def routh_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
     """The branches for the largest sets of velocities that can be eliminated so."""
     for ignored in _choices(block):
         parts = _parts(block, ignored)
@@ -153,15 +141,15 @@ def routh_branches(block: Block, solve: Solver) -> Iterator[Branch]:
             continue
         left = [name for name in block.names if name not in ignored]
         shifted = _shifted([block.momenta[name] for name in ignored], parts)
-        form = substitute(quadratic_form(parts.inverse, [block.momenta[name] for name in ignored]), shifted)
-        function = simplified(parts.rest - HALF * form)
+        form = ex.substitute(quadratic_form(parts.inverse, [block.momenta[name] for name in ignored]), shifted)
+        function = short_forms.simplified(parts.rest - ex.HALF * form)
         for inner in solve(function, left, block.momenta):
             yield _joined(block, ignored, left, parts, inner)
 
 
-def _choices(block: Block) -> Iterator[tuple[str, ...]]:
+def _choices(block: blocks.Block) -> Iterator[tuple[str, ...]]:
     """Sets of velocities in which every term has degree 2 at most, not all, the largest first."""
-    tables = [(degrees(monomial, [name]), name) for name in block.names for monomial, _ in _terms(block)]
+    tables = [(blocks.degrees(monomial, [name]), name) for name in block.names for monomial, _ in _terms(block)]
     unfit = {name for found, name in tables if found is None or found.get(name, 0) not in (0, 1, 2)}
     fit = [name for name in block.names if name not in unfit]
     count = 0
@@ -172,17 +160,17 @@ def _choices(block: Block) -> Iterator[tuple[str, ...]]:
                 yield chosen
 
 
-def _terms(block: Block) -> tuple[Term, ...]:
-    return expand(block.function)
+def _terms(block: blocks.Block) -> tuple[collecting_trees.Term, ...]:
+    return collecting.expand(block.function)
 
 
-def _degree(monomial: Monomial, names: Sequence[str]) -> Fraction:
-    found = degrees(monomial, names) or {}
+def _degree(monomial: collecting_trees.Monomial, names: Sequence[str]) -> Fraction:
+    found = blocks.degrees(monomial, names) or {}
     return sum(found.values(), Fraction(0))
 
 
-def _parts(block: Block, ignored: Sequence[str]) -> _Parts | None:
-    groups: tuple[list[Term], list[Term], list[Term]] = ([], [], [])
+def _parts(block: blocks.Block, ignored: Sequence[str]) -> _Parts | None:
+    groups: tuple[list[collecting_trees.Term], list[collecting_trees.Term], list[collecting_trees.Term]] = ([], [], [])
     for monomial, value in _terms(block):
         groups[int(_degree(monomial, ignored))].append((monomial, value))
     rest, linear, quadratic = groups
@@ -191,19 +179,21 @@ def _parts(block: Block, ignored: Sequence[str]) -> _Parts | None:
     slopes = linear_coefficients(linear, ignored)
     if inverse is None or slopes is None:
         return None
-    return _Parts(terms_tree(rest), tuple(slopes.get(name, ZERO) for name in ignored), inverse)
+    return _Parts(collecting_trees.terms_tree(rest), tuple(slopes.get(name, ex.ZERO) for name in ignored), inverse)
 
 
-def _shifted(momenta: Sequence[Symbol], parts: _Parts) -> dict[Expression, Expression]:
-    return {p: p - a for p, a in zip(momenta, parts.linear, strict=True) if a != ZERO}
+def _shifted(momenta: Sequence[ex.Symbol], parts: _Parts) -> dict[ex.Expression, ex.Expression]:
+    return {p: p - a for p, a in zip(momenta, parts.linear, strict=True) if a != ex.ZERO}
 
 
-def _joined(block: Block, ignored: Sequence[str], left: Sequence[str], parts: _Parts, inner: Branch) -> Branch:
+def _joined(
+    block: blocks.Block, ignored: Sequence[str], left: Sequence[str], parts: _Parts, inner: blocks.Branch
+) -> blocks.Branch:
     shifted = [block.momenta[name] - a for name, a in zip(ignored, parts.linear, strict=True)]
     velocities = dict(zip(left, inner.velocities, strict=True))
     for name, row in zip(ignored, parts.inverse.entries, strict=True):
-        velocities[name] = simplified(dot(row, shifted))
-    return Branch(
+        velocities[name] = short_forms.simplified(ex.dot(row, shifted))
+    return blocks.Branch(
         tuple(velocities[name] for name in block.names),
         inner.hamiltonian,
         inner.conditions,

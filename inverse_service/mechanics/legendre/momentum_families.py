@@ -9,10 +9,9 @@ from itertools import islice, product
 
 from inverse_service import bounds
 from inverse_service.deadline import now
-from inverse_service.expressions.collecting import expand
-from inverse_service.expressions.tree import Expression, Symbol, add, substitute
-from inverse_service.mechanics.legendre.blocks import Block, Branch, resolved, split
-from inverse_service.mechanics.legendre.quadratic import form_matrix, quadratic_branches
+from inverse_service.expressions import collecting
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics.legendre import blocks, quadratic
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +26,10 @@ class Reach:
         return self.depth <= 0 or now() > self.deadline
 
 
-def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
+def block_branches(block: blocks.Block, reach: Reach) -> Iterator[blocks.Branch]:
     """Candidates for one block without linear terms; none of them is checked here."""
-    yield from quadratic_branches(block)
-    if form_matrix(expand(block.function), block.names) is not None:
+    yield from quadratic.quadratic_branches(block)
+    if quadratic.form_matrix(collecting.expand(block.function), block.names) is not None:
         return
     # Most Lagrangians are quadratic: what solves the others is loaded for them.
     from inverse_service.mechanics.legendre.homogeneous import homogeneous_branches
@@ -54,24 +53,26 @@ def block_branches(block: Block, reach: Reach) -> Iterator[Branch]:
         yield from elimination_branches(block)
 
 
-def solve(function: Expression, names: Sequence[str], momenta: Mapping[str, Symbol], reach: Reach) -> Iterator[Branch]:
+def solve(
+    function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol], reach: Reach
+) -> Iterator[blocks.Branch]:
     """Candidates for any function of the velocities: products of those of its blocks."""
-    parts = split(function, names, momenta)
+    parts = blocks.split(function, names, momenta)
     found = [_up_to_certain(block, reach) for block in parts.blocks]
     table = momentum_shifts(parts.linear, momenta)
     for choice in islice(product(*found), bounds.CANDIDATES):
         rates = {
-            name: substitute(tree, table)
+            name: ex.substitute(tree, table)
             for block, branch in zip(parts.blocks, choice, strict=True)
-            for name, tree in zip(block.names, resolved(branch.velocities, block.names), strict=True)
+            for name, tree in zip(block.names, blocks.resolved(branch.velocities, block.names), strict=True)
         }
-        energies = [substitute(branch.hamiltonian, table) for branch in choice]
-        conditions = tuple(substitute(condition, table) for branch in choice for condition in branch.conditions)
+        energies = [ex.substitute(branch.hamiltonian, table) for branch in choice]
+        conditions = tuple(ex.substitute(condition, table) for branch in choice for condition in branch.conditions)
         velocities = tuple(rates[name] for name in names)
-        yield Branch(velocities, add(*energies, -parts.free), conditions)
+        yield blocks.Branch(velocities, ex.add(*energies, -parts.free), conditions)
 
 
-def _up_to_certain(block: Block, reach: Reach) -> list[Branch]:
+def _up_to_certain(block: blocks.Block, reach: Reach) -> list[blocks.Branch]:
     """The candidates up to the first that claims to hold everywhere."""
     found = []
     for branch in islice(block_branches(block, reach), bounds.CANDIDATES):
@@ -81,6 +82,8 @@ def _up_to_certain(block: Block, reach: Reach) -> list[Branch]:
     return found
 
 
-def momentum_shifts(linear: Mapping[str, Expression], momenta: Mapping[str, Symbol]) -> dict[Expression, Expression]:
+def momentum_shifts(
+    linear: Mapping[str, ex.Expression], momenta: Mapping[str, ex.Symbol]
+) -> dict[ex.Expression, ex.Expression]:
     """p -> p - A for the terms A v of a Lagrangian."""
     return {momenta[name]: momenta[name] - a for name, a in linear.items()}

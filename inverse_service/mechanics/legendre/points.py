@@ -11,22 +11,8 @@ from typing import Any
 from mpmath import mp, mpf
 
 from inverse_service import bounds
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.evaluation import NoRealValue, Real, evaluate_once
-from inverse_service.expressions.tree import (
-    PI,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    distinct_nodes,
-    walk,
-)
+from inverse_service.expressions import collecting, evaluation
+from inverse_service.expressions import tree as ex
 
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
 _MOST_POINTS, _FEWER_POINTS = 20, 8
@@ -36,18 +22,18 @@ _FEWEST_POINTS = 3
 _SEED = 18_340_115
 _WIDTHS = ("1", "1", "3", "0.4", "6", "0.1")
 
-Point = dict[Expression, Any]
+Point = dict[ex.Expression, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
     """v(p) and H(p) for L(v); `momenta` gives each momentum symbol as a function of v."""
 
-    lagrangian: Expression
+    lagrangian: ex.Expression
     names: tuple[str, ...]
-    momenta: Mapping[Symbol, Expression]
-    velocities: tuple[Expression, ...]
-    hamiltonian: Expression
+    momenta: Mapping[ex.Symbol, ex.Expression]
+    velocities: tuple[ex.Expression, ...]
+    hamiltonian: ex.Expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +41,10 @@ class Judgment:
     """At how many points a claim holds; where it does not hold everywhere, on which conditions it does."""
 
     holding: int
-    conditions: tuple[Expression, ...]
+    conditions: tuple[ex.Expression, ...]
 
 
-def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = ()) -> list[Point]:
+def sample_points(trees: Sequence[ex.Expression], positive: Sequence[ex.Expression] = ()) -> list[Point]:
     """Up to 20 points (8 of many names) at which every tree is real, up to six of them with all names positive.
 
     All trees of `positive` are so at each of them.
@@ -91,52 +77,54 @@ def sample_points(trees: Sequence[Expression], positive: Sequence[Expression] = 
     return found
 
 
-def _leaves(trees: Sequence[Expression]) -> tuple[list[Expression], dict[Expression, Expression]]:
+def _leaves(trees: Sequence[ex.Expression]) -> tuple[list[ex.Expression], dict[ex.Expression, ex.Expression]]:
     """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn too."""
-    nodes = dict.fromkeys(distinct_nodes(trees))
-    if any(isinstance(node, Arbitrary) for node in nodes):  # calls that only collecting brings to light
-        nodes |= dict.fromkeys(distinct_nodes(map(collect, trees)))
-    calls: dict[Expression, Expression] = {node: collect(node) for node in nodes if isinstance(node, Arbitrary)}
-    drawn = [node for node in nodes if isinstance(node, Symbol | Velocity) and node != PI]
+    nodes = dict.fromkeys(ex.distinct_nodes(trees))
+    if any(isinstance(node, ex.Arbitrary) for node in nodes):  # calls that only collecting brings to light
+        nodes |= dict.fromkeys(ex.distinct_nodes(map(collecting.collect, trees)))
+    calls: dict[ex.Expression, ex.Expression] = {
+        node: collecting.collect(node) for node in nodes if isinstance(node, ex.Arbitrary)
+    }
+    drawn = [node for node in nodes if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI]
     return [*drawn, *dict.fromkeys(calls.values())], calls
 
 
-def _draw(source: random.Random, width: Real, least: Real, positive: bool) -> Real:
+def _draw(source: random.Random, width: evaluation.Real, least: evaluation.Real, positive: bool) -> evaluation.Real:
     size = width * (mpf(source.randrange(1, 10**18)) / 10**18 + least)
     return size if positive or source.random() < 0.5 else -size
 
 
-def _draw_between(source: random.Random, low: Fraction, high: Fraction) -> Real:
+def _draw_between(source: random.Random, low: Fraction, high: Fraction) -> evaluation.Real:
     part = Fraction(source.randrange(1, 10**18), 10**18)
     inside = low + (high - low) * part
     return mpf(inside.numerator) / inside.denominator
 
 
-def _boxes(positive: Sequence[Expression]) -> dict[Expression, tuple[Fraction, Fraction]]:
+def _boxes(positive: Sequence[ex.Expression]) -> dict[ex.Expression, tuple[Fraction, Fraction]]:
     """(a, b) of each name of which u - a > 0 and b - u > 0 are among the conditions."""
-    low: dict[Expression, Fraction] = {}
-    high: dict[Expression, Fraction] = {}
+    low: dict[ex.Expression, Fraction] = {}
+    high: dict[ex.Expression, Fraction] = {}
     for condition in positive:
         match condition:
-            case Sum((Symbol() | Velocity() as leaf, Number(c))):
+            case ex.Sum((ex.Symbol() | ex.Velocity() as leaf, ex.Number(c))):
                 low[leaf] = max(-c, low.get(leaf, -c))
-            case Sum((Product((Number(k), Symbol() | Velocity() as leaf)), Number(c))) if k == -1:
+            case ex.Sum((ex.Product((ex.Number(k), ex.Symbol() | ex.Velocity() as leaf)), ex.Number(c))) if k == -1:
                 high[leaf] = min(c, high.get(leaf, c))
     return {leaf: (low[leaf], high[leaf]) for leaf in low if leaf in high and low[leaf] < high[leaf]}
 
 
-def value(tree: Expression, point: Point) -> Real | None:
+def value(tree: ex.Expression, point: Point) -> evaluation.Real | None:
     """The value in the working precision, None where there is none; the point keeps it, with those of its parts."""
     try:
-        return evaluate_once(tree, point)
-    except NoRealValue:
+        return evaluation.evaluate_once(tree, point)
+    except evaluation.NoRealValue:
         return None
 
 
-def judge(claim: Claim, conditions: Sequence[Expression], points: Sequence[Point]) -> Judgment | None:
+def judge(claim: Claim, conditions: Sequence[ex.Expression], points: Sequence[Point]) -> Judgment | None:
     """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
-    nodes = distinct_nodes((*claim.velocities, claim.hamiltonian))
-    calls = [node for node in nodes if isinstance(node, Arbitrary)]
+    nodes = ex.distinct_nodes((*claim.velocities, claim.hamiltonian))
+    calls = [node for node in nodes if isinstance(node, ex.Arbitrary)]
     with mp.workdps(bounds.DIGITS):
         known = [_with_momenta(claim, point, calls) for point in points]
         holds = [point is not None and (_holds(claim, point) or _holds_closer(claim, point, calls)) for point in known]
@@ -157,22 +145,24 @@ def _is_right(holds: Sequence[bool], signs: Sequence[Sequence[bool]], needed: Se
     return len(inside) >= _FEWEST_POINTS and all(inside)
 
 
-def _is_positive(condition: Expression, point: Point) -> bool:
+def _is_positive(condition: ex.Expression, point: Point) -> bool:
     number = value(condition, point)
     return number is not None and bool(number > 0)
 
 
-def _with_momenta(claim: Claim, point: Point, calls: Sequence[Arbitrary]) -> Point | None:
-    momenta: dict[Expression, Real] = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
+def _with_momenta(claim: Claim, point: Point, calls: Sequence[ex.Arbitrary]) -> Point | None:
+    momenta: dict[ex.Expression, evaluation.Real] = {
+        symbol: value(tree, point) for symbol, tree in claim.momenta.items()
+    }
     if any(p is None for p in momenta.values()):
         return None
     return _with_equal_calls(calls, {**point, **momenta})
 
 
-def _with_equal_calls(calls: Sequence[Arbitrary], point: Point) -> Point:
+def _with_equal_calls(calls: Sequence[ex.Arbitrary], point: Point) -> Point:
     """The point with those calls valued whose arguments have the values of those of a call that is drawn."""
     fresh = [call for call in calls if call not in point]
-    drawn = [call for call in point if isinstance(call, Arbitrary)] if fresh else []
+    drawn = [call for call in point if isinstance(call, ex.Arbitrary)] if fresh else []
     for call in fresh:
         same = [other for other in drawn if (other.name, other.orders) == (call.name, call.orders)]
         equal = next((other for other in same if _are_equal(other.arguments, call.arguments, point)), None)
@@ -181,19 +171,19 @@ def _with_equal_calls(calls: Sequence[Arbitrary], point: Point) -> Point:
     return point
 
 
-def _are_equal(left: Sequence[Expression], right: Sequence[Expression], point: Point) -> bool:
+def _are_equal(left: Sequence[ex.Expression], right: Sequence[ex.Expression], point: Point) -> bool:
     """Whether the values agree to 40 digits, each pair."""
     pairs = [(value(a, point), value(b, point)) for a, b in zip(left, right, strict=True)]
     near = mpf(10) ** -bounds.AGREEING
     return all(a is not None and b is not None and abs(a - b) <= near * (1 + abs(a)) for a, b in pairs)
 
 
-def _holds_closer(claim: Claim, point: Point, calls: Sequence[Arbitrary]) -> bool:
+def _holds_closer(claim: Claim, point: Point, calls: Sequence[ex.Arbitrary]) -> bool:
     """The same with more digits, where digits seem to have been lost in differences of large numbers."""
     if not _holds(claim, point, _ROUGH_DIGITS):
         return False
     with mp.workdps(_MOST_DIGITS):
-        leaves = [leaf for leaf in point if isinstance(leaf, Symbol | Velocity | Arbitrary)]
+        leaves = [leaf for leaf in point if isinstance(leaf, ex.Symbol | ex.Velocity | ex.Arbitrary)]
         fresh: Point = {leaf: point[leaf] for leaf in leaves}
         closer = _with_momenta(claim, fresh, calls)
         return closer is not None and _holds(claim, closer)
@@ -204,7 +194,7 @@ def _holds(claim: Claim, point: Point, digits: int = bounds.AGREEING) -> bool:
     lagrangian = value(claim.lagrangian, point)
     if lagrangian is None:
         return False
-    rates = [point[Velocity(name)] for name in claim.names]
+    rates = [point[ex.Velocity(name)] for name in claim.names]
     works = [point[symbol] * v for symbol, v in zip(claim.momenta, rates, strict=True)]
     expected = [*rates, mp.fsum([*works, -lagrangian])]
     found = [value(tree, point) for tree in (*claim.velocities, claim.hamiltonian)]
@@ -216,8 +206,11 @@ def _holds(claim: Claim, point: Point, digits: int = bounds.AGREEING) -> bool:
 
 
 def signs_of_momenta(
-    claim: Claim, shifts: Mapping[Expression, Expression], positive: Sequence[Expression], points: Sequence[Point]
-) -> tuple[Expression, ...]:
+    claim: Claim,
+    shifts: Mapping[ex.Expression, ex.Expression],
+    positive: Sequence[ex.Expression],
+    points: Sequence[Point],
+) -> tuple[ex.Expression, ...]:
     """s (p - A) > 0, s = 1 or -1, for momenta p that have this sign where L is defined, if H has values beyond it.
 
     x' = 4 p^2/9 of p = 3 sqrt(x')/2 has values for p < 0 as well, which belong to another motion.
@@ -236,48 +229,48 @@ def signs_of_momenta(
         )
 
 
-def _is_polynomial_in_velocities(tree: Expression) -> bool:
+def _is_polynomial_in_velocities(tree: ex.Expression) -> bool:
     """Whether no function and no power but integral ones holds velocities: all values of these are allowed."""
-    for node in distinct_nodes((tree,)):
+    for node in ex.distinct_nodes((tree,)):
         match node:
-            case Power(_, Number(exponent)) if exponent > 0 and exponent.denominator == 1:
+            case ex.Power(_, ex.Number(exponent)) if exponent > 0 and exponent.denominator == 1:
                 continue
-            case Power() | Apply() | Arbitrary() if _holds_velocities(node):
+            case ex.Power() | ex.Apply() | ex.Arbitrary() if _holds_velocities(node):
                 return False
     return True
 
 
-def _is_affine(tree: Expression) -> bool:
+def _is_affine(tree: ex.Expression) -> bool:
     """Whether a polynomial in the velocities is of degree 1, so that it takes all values."""
-    for node in distinct_nodes((tree,)):
-        factors = node.factors if isinstance(node, Product) else (node, node) if isinstance(node, Power) else ()
+    for node in ex.distinct_nodes((tree,)):
+        factors = node.factors if isinstance(node, ex.Product) else (node, node) if isinstance(node, ex.Power) else ()
         if sum(map(_holds_velocities, factors)) > 1:
             return False
     return _holds_velocities(tree)
 
 
-def _holds_velocities(tree: Expression) -> bool:
-    return any(isinstance(node, Velocity) for node in walk(tree))
+def _holds_velocities(tree: ex.Expression) -> bool:
+    return any(isinstance(node, ex.Velocity) for node in ex.walk(tree))
 
 
-def _sign_at(tree: Expression, points: Sequence[Point]) -> int:
+def _sign_at(tree: ex.Expression, points: Sequence[Point]) -> int:
     """1 or -1 where it has this sign at all points, else 0."""
     signs = {int(mp.sign(number)) if (number := value(tree, point)) is not None else 0 for point in points}
     return signs.pop() if len(signs) == 1 else 0
 
 
 def _leaves_the_image(
-    claim: Claim, symbol: Symbol, tree: Expression, positive: Sequence[Expression], points: Sequence[Point]
+    claim: Claim, symbol: ex.Symbol, tree: ex.Expression, positive: Sequence[ex.Expression], points: Sequence[Point]
 ) -> bool:
     """Whether H and v(p) have values with the other sign of p - A, and p(v(p)) is never p where L is defined."""
     wrong, near = False, mpf(10) ** -bounds.AGREEING
     for point in points:
-        mirrored: Point = {leaf: point[leaf] for leaf in point if isinstance(leaf, Symbol | Arbitrary)}
+        mirrored: Point = {leaf: point[leaf] for leaf in point if isinstance(leaf, ex.Symbol | ex.Arbitrary)}
         mirrored[symbol] -= 2 * point[tree]
         rates = [value(rate, dict(mirrored)) for rate in claim.velocities]
         if None in rates or value(claim.hamiltonian, dict(mirrored)) is None:
             continue
-        there: Point = {**mirrored, **dict(zip(map(Velocity, claim.names), rates, strict=True))}
+        there: Point = {**mirrored, **dict(zip(map(ex.Velocity, claim.names), rates, strict=True))}
         found = [(value(p, there), mirrored[name]) for name, p in claim.momenta.items()]
         is_image = all(a is not None and abs(a - b) <= near * (1 + abs(b)) for a, b in found)
         if is_image and all(_is_positive(condition, there) for condition in positive):
@@ -286,14 +279,14 @@ def _leaves_the_image(
     return wrong
 
 
-def vanishes_at(tree: Expression, points: Sequence[Point]) -> bool:
+def vanishes_at(tree: ex.Expression, points: Sequence[Point]) -> bool:
     """Whether the tree is 0 to 40 digits at every point at which it is real (one at least)."""
     with mp.workdps(bounds.DIGITS):
         values = [number for number in (value(tree, point) for point in points) if number is not None]
         return bool(values) and all(abs(number) <= mpf(10) ** -bounds.AGREEING for number in values)
 
 
-def is_singular(matrix: Sequence[Sequence[Expression]], points: Sequence[Point]) -> bool:
+def is_singular(matrix: Sequence[Sequence[ex.Expression]], points: Sequence[Point]) -> bool:
     """Whether the determinant vanishes at every point at which the entries are real (one at least)."""
     verdicts = []
     with mp.workdps(bounds.DIGITS):
@@ -306,7 +299,7 @@ def is_singular(matrix: Sequence[Sequence[Expression]], points: Sequence[Point])
     return bool(verdicts)
 
 
-def _vanishes(rows: list[list[Real]]) -> bool:
+def _vanishes(rows: list[list[evaluation.Real]]) -> bool:
     """|det| against the product of the lengths of the rows (Hadamard)."""
     bound = mp.fprod(mp.norm(row) for row in rows)
     return bool(bound == 0 or abs(mp.det(mp.matrix(rows))) <= mpf(10) ** -bounds.AGREEING * bound)

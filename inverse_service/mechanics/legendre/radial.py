@@ -17,25 +17,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 
-from inverse_service.expressions.collecting import expand
-from inverse_service.expressions.collecting_trees import Term, monomial_tree, terms_tree
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    HALF,
-    ZERO,
-    Expression,
-    Number,
-    Power,
-    Sum,
-    Symbol,
-    Velocity,
-    add,
-    dot,
-    number,
-    square_root,
-    substitute,
-)
-from inverse_service.mechanics.legendre.blocks import Block, Branch, Solver, degrees, without
+from inverse_service.expressions import collecting, collecting_trees, derivative
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics import quadratic_forms
+from inverse_service.mechanics.legendre import blocks, short_forms
 from inverse_service.mechanics.legendre.linear import linear_coefficients
 from inverse_service.mechanics.legendre.quadratic import (
     Inverse,
@@ -44,24 +29,22 @@ from inverse_service.mechanics.legendre.quadratic import (
     invert,
     quadratic_form,
 )
-from inverse_service.mechanics.legendre.short_forms import shortest, simplified, velocities_in
-from inverse_service.mechanics.quadratic_forms import power_of_form
 
 # A space is in no name that a user can declare.
-_S, _W, _PI_W = Symbol("S of v"), Velocity("w of v"), Symbol("momentum of w")
+_S, _W, _PI_W = ex.Symbol("S of v"), ex.Velocity("w of v"), ex.Symbol("momentum of w")
 
 
 @dataclass(frozen=True, slots=True)
 class _Radial:
     """L = function(_S) with _S = u^T matrix u/2 and u_i = v_i + shift_i."""
 
-    function: Expression
+    function: ex.Expression
     matrix: Matrix
     inverse: Inverse
-    shift: tuple[Expression, ...]
+    shift: tuple[ex.Expression, ...]
 
 
-def radial_branches(block: Block, solve: Solver) -> Iterator[Branch]:
+def radial_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
     """The branches of a block that depends on one quadratic form of its velocities."""
     for form in _candidates(block):
         radial = _recognized(block, form)
@@ -71,50 +54,50 @@ def radial_branches(block: Block, solve: Solver) -> Iterator[Branch]:
             return
 
 
-def _candidates(block: Block) -> Iterator[Expression]:
+def _candidates(block: blocks.Block) -> Iterator[ex.Expression]:
     """Trees quadratic in the velocities: what stands under powers, and the part of degree 2."""
-    power = power_of_form(block.function)
+    power = quadratic_forms.power_of_form(block.function)
     if power is not None:
         yield power[0]
-    terms = expand(block.function)
+    terms = collecting.expand(block.function)
     second = []
-    seen: set[Expression] = set()
+    seen: set[ex.Expression] = set()
     for monomial, value in terms:
-        found = degrees(monomial, block.names)
+        found = blocks.degrees(monomial, block.names)
         if found is not None and sum(found.values()) == 2:
             second.append((monomial, value))
         for base, _ in monomial:
-            if isinstance(base, Sum) and base not in seen and velocities_in(base, block.names):
+            if isinstance(base, ex.Sum) and base not in seen and short_forms.velocities_in(base, block.names):
                 seen.add(base)
                 yield base
     if second and len(second) < len(terms):
-        yield terms_tree(second)
+        yield collecting_trees.terms_tree(second)
 
 
-def _recognized(block: Block, form: Expression) -> _Radial | None:
+def _recognized(block: blocks.Block, form: ex.Expression) -> _Radial | None:
     """The block as a function of the quadratic form's quadratic part about its center."""
     parts = _quadratic_parts(form, block.names)
     inverse = invert(parts[0]) if parts else None
     if parts is None or inverse is None:
         return None
     matrix, slopes = parts
-    shift = tuple(simplified(dot(row, slopes)) for row in inverse.entries)
+    shift = tuple(short_forms.simplified(ex.dot(row, slopes)) for row in inverse.entries)
     centered = _centered(block, shift)
     along = _along_a_ray(centered, block.names, matrix)
     if along is None:
         return None
-    whole = HALF * _form_of_velocities(matrix, block.names)
-    if expand(substitute(along, {_S: whole})) != expand(centered):
+    whole = ex.HALF * _form_of_velocities(matrix, block.names)
+    if collecting.expand(ex.substitute(along, {_S: whole})) != collecting.expand(centered):
         return None
     return _Radial(along, matrix, inverse, shift)
 
 
-def _quadratic_parts(form: Expression, names: Sequence[str]) -> tuple[Matrix, list[Expression]] | None:
+def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[Matrix, list[ex.Expression]] | None:
     """(G, b) of c + b v + v^T G v/2."""
-    quadratic: list[Term] = []
-    linear: list[Term] = []
-    for monomial, value in expand(form):
-        found = degrees(monomial, names)
+    quadratic: list[collecting_trees.Term] = []
+    linear: list[collecting_trees.Term] = []
+    for monomial, value in collecting.expand(form):
+        found = blocks.degrees(monomial, names)
         if found is None or sum(found.values()) not in (0, 1, 2):
             return None
         if sum(found.values()):
@@ -123,85 +106,87 @@ def _quadratic_parts(form: Expression, names: Sequence[str]) -> tuple[Matrix, li
     slopes = linear_coefficients(linear, names)
     if matrix is None or slopes is None:
         return None
-    return matrix, [slopes.get(name, ZERO) for name in names]
+    return matrix, [slopes.get(name, ex.ZERO) for name in names]
 
 
-def _centered(block: Block, shift: Sequence[Expression]) -> Expression:
+def _centered(block: blocks.Block, shift: Sequence[ex.Expression]) -> ex.Expression:
     """The function of u, written with the velocities of v."""
     pairs = zip(block.names, shift, strict=True)
-    table: dict[Expression, Expression] = {Velocity(n): Velocity(n) - h for n, h in pairs}
-    return substitute(block.function, table)
+    table: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) - h for n, h in pairs}
+    return ex.substitute(block.function, table)
 
 
-def _along_a_ray(function: Expression, names: Sequence[str], matrix: Matrix) -> Expression | None:
+def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: Matrix) -> ex.Expression | None:
     """The function of S on the ray through e_i, or e_i + e_j, on which S is not zero; None where v is left."""
     for i, j in product(range(len(names)), repeat=2):
-        entry = matrix[i][i] if i == j else 2 * matrix[i][j] if i < j else ZERO
-        if entry == ZERO or (i != j and matrix[i][i] != ZERO):
+        entry = matrix[i][i] if i == j else 2 * matrix[i][j] if i < j else ex.ZERO
+        if entry == ex.ZERO or (i != j and matrix[i][i] != ex.ZERO):
             continue
-        length = square_root(2 * _S / entry)
-        table: dict[Expression, Expression] = {
-            Velocity(name): length if place in (i, j) else ZERO for place, name in enumerate(names)
+        length = ex.square_root(2 * _S / entry)
+        table: dict[ex.Expression, ex.Expression] = {
+            ex.Velocity(name): length if place in (i, j) else ex.ZERO for place, name in enumerate(names)
         }
-        return simplified(substitute(function, table))
+        return short_forms.simplified(ex.substitute(function, table))
     return None
 
 
-def _form_of_velocities(matrix: Matrix, names: Sequence[str]) -> Expression:
+def _form_of_velocities(matrix: Matrix, names: Sequence[str]) -> ex.Expression:
     pairs = product(enumerate(names), repeat=2)
-    return add(*(matrix[i][j] * Velocity(a) * Velocity(b) for (i, a), (j, b) in pairs))
+    return ex.add(*(matrix[i][j] * ex.Velocity(a) * ex.Velocity(b) for (i, a), (j, b) in pairs))
 
 
-def _root_parts(function: Expression) -> tuple[Expression, Expression, Expression] | None:
+def _root_parts(function: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
     """(k, b, s) of k sqrt(b + s S), else None."""
-    terms = expand(function)
+    terms = collecting.expand(function)
     if len(terms) != 1:
         return None
     monomial, value = terms[0]
-    roots = [base for base, exponent in monomial if exponent == HALF.value and _holds_s(base)]
+    roots = [base for base, exponent in monomial if exponent == ex.HALF.value and _holds_s(base)]
     rest = tuple(pair for pair in monomial if pair[0] not in roots)
-    if len(roots) != 1 or _holds_s(monomial_tree(rest)):
+    if len(roots) != 1 or _holds_s(collecting_trees.monomial_tree(rest)):
         return None
-    slope = differentiate(roots[0], _S)
-    start = substitute(roots[0], {_S: ZERO})
-    if _holds_s(slope) or start == ZERO:
+    slope = derivative.differentiate(roots[0], _S)
+    start = ex.substitute(roots[0], {_S: ex.ZERO})
+    if _holds_s(slope) or start == ex.ZERO:
         return None
-    return value * monomial_tree(rest), start, simplified(slope)
+    return value * collecting_trees.monomial_tree(rest), start, short_forms.simplified(slope)
 
 
-def _holds_s(tree: Expression) -> bool:
-    return differentiate(tree, _S) != ZERO
+def _holds_s(tree: ex.Expression) -> bool:
+    return derivative.differentiate(tree, _S) != ex.ZERO
 
 
-def _of_root(block: Block, radial: _Radial, k: Expression, b: Expression, s: Expression) -> Iterator[Branch]:
+def _of_root(
+    block: blocks.Block, radial: _Radial, k: ex.Expression, b: ex.Expression, s: ex.Expression
+) -> Iterator[blocks.Branch]:
     """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
     momenta = [block.momenta[name] for name in block.names]
     form = quadratic_form(radial.inverse, momenta)
-    square = simplified(b * (k**2 - 2 * form / s))
-    lead = simplified(k * b)
+    square = short_forms.simplified(b * (k**2 - 2 * form / s))
+    lead = short_forms.simplified(k * b)
     for sign in (1, -1):
-        energy = sign * square_root(square)
-        scale = simplified(-2 * b / s)
-        rates = [scale * dot(row, momenta) * energy**-1 for row in radial.inverse.entries]
+        energy = sign * ex.square_root(square)
+        scale = short_forms.simplified(-2 * b / s)
+        rates = [scale * ex.dot(row, momenta) * energy**-1 for row in radial.inverse.entries]
         condition = -sign * lead
-        if not (isinstance(condition, Number) and condition.value < 0):
+        if not (isinstance(condition, ex.Number) and condition.value < 0):
             yield _shifted(radial, rates, energy, momenta, (condition,))
 
 
 def _shifted(
     radial: _Radial,
-    rates: Sequence[Expression],
-    energy: Expression,
-    momenta: Sequence[Symbol],
-    conditions: tuple[Expression, ...],
-) -> Branch:
-    velocities = tuple(simplified(u - h) for u, h in zip(rates, radial.shift, strict=True))
-    drift = dot(momenta, radial.shift)
+    rates: Sequence[ex.Expression],
+    energy: ex.Expression,
+    momenta: Sequence[ex.Symbol],
+    conditions: tuple[ex.Expression, ...],
+) -> blocks.Branch:
+    velocities = tuple(short_forms.simplified(u - h) for u, h in zip(rates, radial.shift, strict=True))
+    drift = ex.dot(momenta, radial.shift)
     plain = energy - drift
-    return Branch(velocities, shortest([plain, simplified(plain)]), conditions)
+    return blocks.Branch(velocities, short_forms.shortest([plain, short_forms.simplified(plain)]), conditions)
 
 
-def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]:
+def _of_length(block: blocks.Block, radial: _Radial, solve: blocks.Solver) -> Iterator[blocks.Branch]:
     """Any other F, through w = sqrt(2 e S), for both signs e of S and d of F'."""
     if len(block.names) == 1:
         return
@@ -209,23 +194,23 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]
     form = quadratic_form(radial.inverse, momenta)
     center = dict(zip(block.names, radial.shift, strict=True))
     whole = _form_of_velocities(radial.matrix, block.names)
-    place: dict[Expression, Expression] = {Velocity(n): Velocity(n) + h for n, h in center.items()}
+    place: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) + h for n, h in center.items()}
     for e, d in product((1, -1), repeat=2):
-        length = square_root(simplified(e * form))
-        squared = Fraction(e, 2) * Power(_W, number(2))
-        for inner in solve(substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
-            known: dict[Expression, Expression] = {_PI_W: e * d * length}
-            w, energy = (substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
-            rates = [d * w * length**-1 * dot(row, momenta) for row in radial.inverse.entries]
-            size = square_root(e * whole)
-            slope = substitute(differentiate(radial.function, _S), {_S: HALF * whole})
-            conditions = [*(substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
+        length = ex.square_root(short_forms.simplified(e * form))
+        squared = Fraction(e, 2) * ex.Power(_W, ex.number(2))
+        for inner in solve(ex.substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
+            known: dict[ex.Expression, ex.Expression] = {_PI_W: e * d * length}
+            w, energy = (ex.substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
+            rates = [d * w * length**-1 * ex.dot(row, momenta) for row in radial.inverse.entries]
+            size = ex.square_root(e * whole)
+            slope = ex.substitute(derivative.differentiate(radial.function, _S), {_S: ex.HALF * whole})
+            conditions = [*(ex.substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
             conditions.append(e * whole)
-            placed = tuple(simplified(substitute(condition, place)) for condition in conditions)
+            placed = tuple(short_forms.simplified(ex.substitute(condition, place)) for condition in conditions)
             yield _shifted(radial, rates, energy, momenta, placed)
 
 
-def ratio_branches(block: Block, solve: Solver) -> Iterator[Branch]:
+def ratio_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
     """The branches for each velocity that can play the part of v_k."""
     for pivot in block.names if len(block.names) > 1 else ():
         parts = _parts(block, pivot)
@@ -238,34 +223,36 @@ def ratio_branches(block: Block, solve: Solver) -> Iterator[Branch]:
                 yield _joined(block, pivot, inner, outer)
 
 
-def _parts(block: Block, pivot: str) -> tuple[Expression, Expression] | None:
+def _parts(block: blocks.Block, pivot: str) -> tuple[ex.Expression, ex.Expression] | None:
     """(g, phi(u)), u_j being written as the velocity of w_j; None where the block is not of the form."""
-    rate = Velocity(pivot)
+    rate = ex.Velocity(pivot)
     others = [name for name in block.names if name != pivot]
-    table: dict[Expression, Expression] = {Velocity(name): rate * Velocity(name) for name in others}
-    alone: list[Term] = []
-    homogeneous: list[Term] = []
-    for monomial, value in expand(substitute(block.function, table)):
-        rest = without(monomial, [pivot])
-        if not velocities_in(monomial_tree(monomial), others):
+    table: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): rate * ex.Velocity(name) for name in others}
+    alone: list[collecting_trees.Term] = []
+    homogeneous: list[collecting_trees.Term] = []
+    for monomial, value in collecting.expand(ex.substitute(block.function, table)):
+        rest = blocks.without(monomial, [pivot])
+        if not short_forms.velocities_in(collecting_trees.monomial_tree(monomial), others):
             alone.append((monomial, value))
-        elif (rate, Fraction(1)) in monomial and not velocities_in(monomial_tree(rest), [pivot]):
+        elif (rate, Fraction(1)) in monomial and not short_forms.velocities_in(
+            collecting_trees.monomial_tree(rest), [pivot]
+        ):
             homogeneous.append((rest, value))
         else:
             return None
     if not alone or not homogeneous:
         return None
-    return terms_tree(alone), terms_tree(homogeneous)
+    return collecting_trees.terms_tree(alone), collecting_trees.terms_tree(homogeneous)
 
 
-def _joined(block: Block, pivot: str, inner: Branch, outer: Branch) -> Branch:
+def _joined(block: blocks.Block, pivot: str, inner: blocks.Branch, outer: blocks.Branch) -> blocks.Branch:
     others = [name for name in block.names if name != pivot]
     momentum = block.momenta[pivot]
-    shifted: dict[Expression, Expression] = {momentum: momentum + inner.hamiltonian}
-    velocities = {name: rate * Velocity(pivot) for name, rate in zip(others, inner.velocities, strict=True)}
-    velocities[pivot] = substitute(outer.velocities[0], shifted)
-    ratios: dict[Expression, Expression] = {Velocity(n): Velocity(n) / Velocity(pivot) for n in others}
-    conditions = [substitute(condition, ratios) for condition in inner.conditions]
-    conditions += [substitute(condition, shifted) for condition in outer.conditions]
+    shifted: dict[ex.Expression, ex.Expression] = {momentum: momentum + inner.hamiltonian}
+    velocities = {name: rate * ex.Velocity(pivot) for name, rate in zip(others, inner.velocities, strict=True)}
+    velocities[pivot] = ex.substitute(outer.velocities[0], shifted)
+    ratios: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) / ex.Velocity(pivot) for n in others}
+    conditions = [ex.substitute(condition, ratios) for condition in inner.conditions]
+    conditions += [ex.substitute(condition, shifted) for condition in outer.conditions]
     rates = tuple(velocities[name] for name in block.names)
-    return Branch(rates, substitute(outer.hamiltonian, shifted), tuple(conditions))
+    return blocks.Branch(rates, ex.substitute(outer.hamiltonian, shifted), tuple(conditions))

@@ -11,28 +11,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 
-from inverse_service import bounds
-from inverse_service.deadline import now
-from inverse_service.errors import InputError
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.collecting_trees import merge_powers, minus_inside
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    ZERO,
-    Arbitrary,
-    Expression,
-    Symbol,
-    Velocity,
-    add,
-    negated,
-    node_count,
-    substitute,
-    walk,
-)
-from inverse_service.field.real_point import own_requirements
-from inverse_service.mechanics.euler_lagrange import gradient, hessian, momenta
+from inverse_service import bounds, deadline, errors
+from inverse_service.expressions import collecting, collecting_trees, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import real_point
+from inverse_service.mechanics import euler_lagrange, quadratic_forms, writing
+from inverse_service.mechanics.legendre import momentum_families, short_forms
 from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
-from inverse_service.mechanics.legendre.momentum_families import Reach, block_branches, momentum_shifts
 from inverse_service.mechanics.legendre.points import (
     Claim,
     Judgment,
@@ -43,21 +28,6 @@ from inverse_service.mechanics.legendre.points import (
     signs_of_momenta,
     vanishes_at,
 )
-from inverse_service.mechanics.legendre.short_forms import (
-    cancelled,
-    exponentials_above,
-    inside,
-    related,
-    roots_apart,
-    shortest,
-    sign_part,
-    simplified,
-    squares_together,
-    velocities_in,
-    without_cancelling,
-)
-from inverse_service.mechanics.quadratic_forms import shortest_form
-from inverse_service.mechanics.writing import joined
 
 _MANY, _FEW = 16, 4
 TIME_LIMIT = 3.0
@@ -74,20 +44,24 @@ class LegendreTransform:
     those included that hold at all points it was checked at.
     """
 
-    lagrangian: Expression
-    symbols: tuple[Symbol, ...]
-    hamiltonian: Expression
-    momenta: tuple[Expression, ...]
-    velocities: tuple[Expression, ...] | None
+    lagrangian: ex.Expression
+    symbols: tuple[ex.Symbol, ...]
+    hamiltonian: ex.Expression
+    momenta: tuple[ex.Expression, ...]
+    velocities: tuple[ex.Expression, ...] | None
     implicit: bool
     note: str = ""
-    chained: tuple[Expression, ...] = ()
-    conditions: tuple[Expression, ...] = ()
+    chained: tuple[ex.Expression, ...] = ()
+    conditions: tuple[ex.Expression, ...] = ()
 
     @property
-    def positive(self) -> tuple[Expression, ...]:
+    def positive(self) -> tuple[ex.Expression, ...]:
         """What is > 0, over (t, q, v, p), where H belongs to L: the conditions and what the formula of H needs."""
-        return () if self.implicit else tuple(dict.fromkeys((*self.conditions, *own_requirements([self.hamiltonian]))))
+        return (
+            ()
+            if self.implicit
+            else tuple(dict.fromkeys((*self.conditions, *real_point.own_requirements([self.hamiltonian]))))
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +73,10 @@ class _Chosen:
 
 
 def legendre(
-    lagrangian: Expression,
+    lagrangian: ex.Expression,
     coordinates: Sequence[str],
     time_limit: float = TIME_LIMIT,
-    positive: Sequence[Expression] = (),
+    positive: Sequence[ex.Expression] = (),
 ) -> LegendreTransform:
     """The Legendre transform of L(t, q, v) where all trees of `positive` are > 0.
 
@@ -110,18 +84,23 @@ def legendre(
     after `time_limit` seconds
     of processor time.
     """
-    reach = Reach(deadline=now() + time_limit)
+    reach = momentum_families.Reach(deadline=deadline.now() + time_limit)
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
-    slopes = gradient(lagrangian, map(Velocity, names))  # u log u has log u + 1 for a slope, if it is not expanded
-    given = [slopes.get(Velocity(name), ZERO) for name in names]
-    functions = tuple(shortest([inside(related(simplified(slope))), slope]) for slope in given)
+    slopes = euler_lagrange.gradient(
+        lagrangian, map(ex.Velocity, names)
+    )  # u log u has log u + 1 for a slope, if it is not expanded
+    given = [slopes.get(ex.Velocity(name), ex.ZERO) for name in names]
+    functions = tuple(
+        short_forms.shortest([short_forms.inside(short_forms.related(short_forms.simplified(slope))), slope])
+        for slope in given
+    )
     parts = split(lagrangian, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
     points = sample_points([lagrangian, *functions], positive)
     if not points:
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
-    if any(is_singular(hessian(block.function, block.names), points) for block in parts.blocks):
+    if any(is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks):
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
     few = points[-_FEW:] if len(parts.blocks) > _MANY else []
@@ -132,48 +111,48 @@ def legendre(
     branches = [chosen for chosen in found.values() if chosen]
     closed = _closed(implicit, names, parts, branches)
     table = _shifts(implicit, names, parts)
-    conditions = [substitute(condition, table) for chosen in branches for condition in chosen.judgment.conditions]
+    conditions = [ex.substitute(condition, table) for chosen in branches for condition in chosen.judgment.conditions]
     if judge(claim_of(closed, names), conditions, points) is None:
         return _noted(implicit, _implicit(_no_closed_form(list(found))))
     # Each block needs its own; few points would not show that of one in the presence of another.
-    every = [substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
+    every = [ex.substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
     every += signs_of_momenta(claim_of(closed, names), table, positive, points)
     return replace(on_branch(closed, tuple(dict.fromkeys(conditions)), names), conditions=tuple(every))
 
 
-def momentum_symbols(lagrangian: Expression, names: Sequence[str]) -> tuple[tuple[Symbol, ...], str]:
+def momentum_symbols(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[tuple[ex.Symbol, ...], str]:
     """p_x for each coordinate x, and a note; where that name is taken, momentum_x, momentum_x_2, …"""
-    taken = {node.name for node in walk(lagrangian) if isinstance(node, Symbol | Arbitrary)} | set(names)
+    taken = {node.name for node in ex.walk(lagrangian) if isinstance(node, ex.Symbol | ex.Arbitrary)} | set(names)
     symbols, notes = [], []
     for name in names:
         choices = [f"p_{name}", f"momentum_{name}", *(f"momentum_{name}_{k}" for k in range(2, len(taken) + 3))]
         chosen = next(choice for choice in choices if choice not in taken)
         taken.add(chosen)
-        symbols.append(Symbol(chosen))
+        symbols.append(ex.Symbol(chosen))
         if chosen != choices[0]:
             notes.append(f"The momentum of {name} is called {chosen}, because {choices[0]} is in use.")
     return tuple(symbols), " ".join(notes)
 
 
-def _energy(parts: Parts) -> Expression:
+def _energy(parts: Parts) -> ex.Expression:
     """sum v dL/dv - L block by block, in the velocities; linear terms drop out."""
     terms = [-parts.free]
     for block in parts.blocks:
-        slopes = gradient(block.function, map(Velocity, block.names))
+        slopes = euler_lagrange.gradient(block.function, map(ex.Velocity, block.names))
         works = [rate * slope for rate, slope in slopes.items()]
-        terms.append(inside(related(simplified(add(*works) - block.function))))
-    return add(*terms[1:], terms[0])
+        terms.append(short_forms.inside(short_forms.related(short_forms.simplified(ex.add(*works) - block.function))))
+    return ex.add(*terms[1:], terms[0])
 
 
 def _of_blocks(
     blocks: Sequence[Block], best: Callable[[Block], _Chosen | None]
 ) -> dict[tuple[str, ...], _Chosen | None]:
     """That of each block; those of one velocity that are the same function of theirs share one."""
-    known: dict[Expression, tuple[Block, _Chosen | None]] = {}
+    known: dict[ex.Expression, tuple[Block, _Chosen | None]] = {}
     found: dict[tuple[str, ...], _Chosen | None] = {}
     for block in blocks:
-        single = Velocity(block.names[0]) if len(block.names) == 1 else None
-        key = substitute(block.function, {single: _ANY}) if single else block.function
+        single = ex.Velocity(block.names[0]) if len(block.names) == 1 else None
+        key = ex.substitute(block.function, {single: _ANY}) if single else block.function
         if single is None or key not in known:
             known[key] = block, best(block)
         first, chosen = known[key]
@@ -181,7 +160,7 @@ def _of_blocks(
     return found
 
 
-_ANY = Velocity("the velocity of a block")
+_ANY = ex.Velocity("the velocity of a block")
 
 
 def _renamed(chosen: _Chosen, first: Block, block: Block) -> _Chosen:
@@ -189,10 +168,13 @@ def _renamed(chosen: _Chosen, first: Block, block: Block) -> _Chosen:
     if first is block:
         return chosen
     (old,), (new,) = first.names, block.names
-    table: dict[Expression, Expression] = {Velocity(old): Velocity(new), first.momenta[old]: block.momenta[new]}
+    table: dict[ex.Expression, ex.Expression] = {
+        ex.Velocity(old): ex.Velocity(new),
+        first.momenta[old]: block.momenta[new],
+    }
 
-    def renamed(trees: Iterable[Expression]) -> tuple[Expression, ...]:
-        return tuple(substitute(tree, table) for tree in trees)
+    def renamed(trees: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
+        return tuple(ex.substitute(tree, table) for tree in trees)
 
     branch, judgment = chosen.branch, chosen.judgment
     (energy,) = renamed([branch.hamiltonian])
@@ -200,12 +182,14 @@ def _renamed(chosen: _Chosen, first: Block, block: Block) -> _Chosen:
     return _Chosen(moved, replace(judgment, conditions=renamed(judgment.conditions)))
 
 
-def _best(block: Block, points: Sequence[Point], reach: Reach, few: Sequence[Point]) -> _Chosen | None:
+def _best(
+    block: Block, points: Sequence[Point], reach: momentum_families.Reach, few: Sequence[Point]
+) -> _Chosen | None:
     """The branch that holds at most points, the shortest among those."""
-    functions = momenta(block.function, block.names)
+    functions = euler_lagrange.momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
     best: _Chosen | None = None
-    for branch in _with_variants(islice(block_branches(block, reach), bounds.CANDIDATES)):
+    for branch in _with_variants(islice(momentum_families.block_branches(block, reach), bounds.CANDIDATES)):
         velocities = resolved(branch.velocities, block.names)
         claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
         quick = judge(claim, (), few) if few and not branch.conditions else None
@@ -222,21 +206,21 @@ def _best(block: Block, points: Sequence[Point], reach: Reach, few: Sequence[Poi
 def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
     """Each branch after shorter forms of it that hold on parts of its domain only; all are checked."""
     for branch in branches:
-        forms: list[Callable[[Expression], Expression]] = [
-            roots_apart,
-            squares_together,
-            partial(cancelled, 1),
-            partial(cancelled, -1),
+        forms: list[Callable[[ex.Expression], ex.Expression]] = [
+            short_forms.roots_apart,
+            short_forms.squares_together,
+            partial(short_forms.cancelled, 1),
+            partial(short_forms.cancelled, -1),
         ]
         for form in forms:
             other = Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
-            if node_count(other.hamiltonian) < node_count(branch.hamiltonian):
+            if ex.node_count(other.hamiltonian) < ex.node_count(branch.hamiltonian):
                 yield other
         yield branch
 
 
 def _rank(branch: Branch, judgment: Judgment) -> tuple[int, int]:
-    return judgment.holding, -node_count(branch.hamiltonian)
+    return judgment.holding, -ex.node_count(branch.hamiltonian)
 
 
 def _closed(
@@ -244,33 +228,42 @@ def _closed(
 ) -> LegendreTransform:
     """The blocks put together, each momentum less its linear term A_i."""
     table = _shifts(implicit, names, parts)
-    rates: dict[str, Expression] = {}
+    rates: dict[str, ex.Expression] = {}
     for block, found in zip(parts.blocks, chosen, strict=True):
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
-    energies = [minus_inside(exponentials_above(_placed(found.branch.hamiltonian, table))) for found in chosen]
-    whole = joined(without_cancelling(inside(_collected_if_shorter(add(*energies, negated(parts.free))))))
+    energies = [
+        collecting_trees.minus_inside(short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)))
+        for found in chosen
+    ]
+    whole = writing.joined(
+        short_forms.without_cancelling(
+            short_forms.inside(_collected_if_shorter(ex.add(*energies, ex.negated(parts.free))))
+        )
+    )
     return replace(
         implicit,
-        hamiltonian=shortest_form(whole, implicit.symbols),
-        velocities=tuple(joined(merge_powers(velocity)) for velocity in resolved(chained, names)),
+        hamiltonian=quadratic_forms.shortest_form(whole, implicit.symbols),
+        velocities=tuple(
+            writing.joined(collecting_trees.merge_powers(velocity)) for velocity in resolved(chained, names)
+        ),
         implicit=False,
         chained=chained,
     )
 
 
-def _shifts(implicit: LegendreTransform, names: Sequence[str], parts: Parts) -> dict[Expression, Expression]:
-    return momentum_shifts(parts.linear, dict(zip(names, implicit.symbols, strict=True)))
+def _shifts(implicit: LegendreTransform, names: Sequence[str], parts: Parts) -> dict[ex.Expression, ex.Expression]:
+    return momentum_families.momentum_shifts(parts.linear, dict(zip(names, implicit.symbols, strict=True)))
 
 
-def _placed(tree: Expression, table: dict[Expression, Expression]) -> Expression:
+def _placed(tree: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> ex.Expression:
     """The tree with p - A for p; collected where that is shorter."""
-    placed = substitute(tree, table)
-    return placed if placed == tree else shortest([placed, simplified(placed)])
+    placed = ex.substitute(tree, table)
+    return placed if placed == tree else short_forms.shortest([placed, short_forms.simplified(placed)])
 
 
-def _collected_if_shorter(tree: Expression) -> Expression:
-    return shortest([tree, collect(tree)])
+def _collected_if_shorter(tree: ex.Expression) -> ex.Expression:
+    return short_forms.shortest([tree, collecting.collect(tree)])
 
 
 def claim_of(closed: LegendreTransform, names: tuple[str, ...]) -> Claim:
@@ -290,26 +283,32 @@ def _implicit(reason: str) -> str:
     return f"{reason} H is given in the velocities, with the momenta as functions of them."
 
 
-def on_branch(closed: LegendreTransform, conditions: tuple[Expression, ...], names: Sequence[str]) -> LegendreTransform:
+def on_branch(
+    closed: LegendreTransform, conditions: tuple[ex.Expression, ...], names: Sequence[str]
+) -> LegendreTransform:
     """The transform with these conditions, and a note that says so."""
     return _noted(replace(closed, conditions=conditions), _branch_note(conditions, names))
 
 
-def _branch_note(conditions: Sequence[Expression], names: Sequence[str]) -> str:
+def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> str:
     if not conditions:
         return ""
-    named = " and ".join(dict.fromkeys(f"{to_text(sign_part(condition))} > 0" for condition in conditions))
-    if not any(velocities_in(condition, names) for condition in conditions):
+    named = " and ".join(
+        dict.fromkeys(f"{printing.to_text(short_forms.sign_part(condition))} > 0" for condition in conditions)
+    )
+    if not any(short_forms.velocities_in(condition, names) for condition in conditions):
         return f"H is written for {named}."
     return f"p = dL/dv has more than one inverse; this H belongs to the branch on which {named}."
 
 
-def _degenerate(implicit: LegendreTransform, parts: Parts, names: Sequence[str], points: Sequence[Point]) -> InputError:
+def _degenerate(
+    implicit: LegendreTransform, parts: Parts, names: Sequence[str], points: Sequence[Point]
+) -> errors.InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
-    lost = [name for name in names if not any(velocities_in(p, [name]) for p in implicit.momenta)]
+    lost = [name for name in names if not any(short_forms.velocities_in(p, [name]) for p in implicit.momenta)]
     if lost:
         detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
     elif vanishes_at(implicit.hamiltonian + parts.free, points):
         detail += " (up to a potential L is homogeneous of degree 1 in the velocities)"
-    return InputError(f"{detail}: give one whose momenta determine the velocities.")
+    return errors.InputError(f"{detail}: give one whose momenta determine the velocities.")

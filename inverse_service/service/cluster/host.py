@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from multiprocessing.connection import Connection
 from typing import Any
 
-from inverse_service.service.cluster.remote import DONE, REPORT, Cancel, Order
+from inverse_service.service.cluster import remote
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.workers import Running, Workers
 
@@ -41,19 +41,19 @@ class Host:
         finally:
             self._workers.stop()
 
-    def _perform(self, message: Order | Cancel) -> None:
-        if isinstance(message, Cancel):
+    def _perform(self, message: remote.Order | remote.Cancel) -> None:
+        if isinstance(message, remote.Cancel):
             if (running := self._under_way.get(message.key)) is not None:
                 running.cancel()
             return
         key = message.key
-        running = self._workers.submit(message.call, lambda value: self._send(REPORT, key, value))
+        running = self._workers.submit(message.call, lambda value: self._send(remote.REPORT, key, value))
         self._under_way[key] = running
         running.outcome.add_done_callback(lambda done: self._end(key, done))
 
     def _end(self, key: str, done: Future[Outcome]) -> None:
         self._under_way.pop(key, None)
-        self._send(DONE, key, done.result())
+        self._send(remote.DONE, key, done.result())
 
     def _send(self, kind: str, key: str, value: Any) -> None:
         with self._sending, contextlib.suppress(OSError):

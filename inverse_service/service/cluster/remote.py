@@ -19,9 +19,8 @@ from importlib.metadata import PackageNotFoundError, version
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
-from inverse_service.service.jobs.model import engine_version
+from inverse_service.service.jobs import model, workers
 from inverse_service.service.jobs.outcome import Call, Outcome
-from inverse_service.service.jobs.workers import MOST_CROWDED
 
 # A cold machine loads the engine and its kernels first; the deadline itself is the host's.
 GRACE = 60.0
@@ -42,7 +41,7 @@ class Fingerprint:
 def fingerprint() -> Fingerprint:
     """That of this process."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
-    return Fingerprint(engine_version(), python, _version("distributed"), _version("python-flint"))
+    return Fingerprint(model.engine_version(), python, _version("distributed"), _version("python-flint"))
 
 
 def difference(ours: Fingerprint, theirs: Fingerprint) -> str:
@@ -109,7 +108,7 @@ class HostProcess:
             if not self._send(order):
                 self._give_up()
         try:
-            return answer.result(MOST_CROWDED * order.call.deadline + GRACE)
+            return answer.result(workers.MOST_CROWDED * order.call.deadline + GRACE)
         except WaitedTooLong:
             self.stop()
             return Outcome("crash", detail="the host of the worker processes kept silent past the deadline")

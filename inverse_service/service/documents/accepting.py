@@ -11,17 +11,14 @@ from pydantic_core import ErrorDetails
 
 from api_schemas.base import Document
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
-from inverse_service.errors import DocumentRefused, LimitError, Place
-from inverse_service.expressions.tree import Acceleration, Expression, node_count, walk
-from inverse_service.field.reduction import sign_cases
-from inverse_service.mechanics.reading import GivenEquations, read_given, read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, unsolved_system
-from inverse_service.reading.document_names import Declared, parameter_values, with_values
+from inverse_service import errors
+from inverse_service.expressions import tree as ex
+from inverse_service.field import reduction
+from inverse_service.mechanics import reading, second_order_system
+from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import placed_at, read_formula, without_accelerations
-from inverse_service.search.row_factors import lagrangian_as_given
-from inverse_service.service.documents.plain_data import escape
-from inverse_service.service.documents.preparing import near_key
+from inverse_service.search import row_factors
+from inverse_service.service.documents import plain_data, preparing
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
@@ -90,9 +87,9 @@ def to_schema(document: Any) -> SystemDocument:
     return validated(document, SystemDocument)
 
 
-def to_system(schema: SystemDocument) -> SecondOrderSystem:
+def to_system(schema: SystemDocument) -> second_order_system.SecondOrderSystem:
     """The system that a document describes; raises InputError with pointer and column."""
-    return read_system(
+    return reading.read_system(
         coordinates=schema.coordinates,
         equations=schema.equations,
         parameters=schema.parameters,
@@ -102,7 +99,7 @@ def to_system(schema: SystemDocument) -> SecondOrderSystem:
     )
 
 
-def to_solvable(schema: SystemDocument) -> SecondOrderSystem:
+def to_solvable(schema: SystemDocument) -> second_order_system.SecondOrderSystem:
     """The system of a document to be solved; its equations as given where these are Euler-Lagrange equations already.
 
     That is where the accelerations, solved for, are too long to be written, or fill pages. InputError as `to_system`.
@@ -112,39 +109,46 @@ def to_solvable(schema: SystemDocument) -> SecondOrderSystem:
     system = None
     try:
         system = to_system(schema)
-        if sum(map(node_count, system.accelerations)) <= _MOST_NODES:
+        if sum(map(ex.node_count, system.accelerations)) <= _MOST_NODES:
             return system
-    except LimitError:
+    except errors.LimitError:
         pass
     given = to_given(schema)
-    found = unsolved_system(given.names, given.residuals, schema.name)
+    found = second_order_system.unsolved_system(given.names, given.residuals, schema.name)
     own = zip(found.coordinates, found.given, strict=True)
-    plain = all(Acceleration(name) in walk(f) for name, f in own) and not next(sign_cases(given.residuals)).roots
-    if plain and lagrangian_as_given(found, given.residuals) is not None:
+    plain = (
+        all(ex.Acceleration(name) in ex.walk(f) for name, f in own)
+        and not next(reduction.sign_cases(given.residuals)).roots
+    )
+    if plain and row_factors.lagrangian_as_given(found, given.residuals) is not None:
         return found
     return system or to_system(schema)
 
 
-def to_given(schema: SystemDocument) -> GivenEquations:
+def to_given(schema: SystemDocument) -> reading.GivenEquations:
     """The equations of the document as they stand, left side minus right side; raises InputError as `to_system`."""
-    return read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
+    return reading.read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
 
 
-def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[Expression, ...]:
+def to_ansatz(schema: Asking, system: second_order_system.SecondOrderSystem) -> tuple[ex.Expression, ...]:
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
-    named = Declared(parameters=schema.parameters).named_parameters()
+    named = document_names.Declared(parameters=schema.parameters).named_parameters()
     names = replace(system.names, parameters=tuple(dict.fromkeys((*system.parameters, *named))))
     places = {f"/ansatz/{place}": text for place, text in enumerate(schema.ansatz)}
     terms = ((formula_about(text, names, schema, pointer), pointer) for pointer, text in places.items())
-    return tuple(without_accelerations(term, "a term of a Lagrangian", pointer) for term, pointer in terms)
+    return tuple(reader.without_accelerations(term, "a term of a Lagrangian", pointer) for term, pointer in terms)
 
 
-def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer: str) -> Expression:
+def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer: str) -> ex.Expression:
     """A formula about the system of a document, whose parameters with values are put in; InputError with pointer."""
-    values = {} if schema is None else parameter_values(Declared(parameters=schema.parameters).named_parameters())
+    values = (
+        {}
+        if schema is None
+        else document_names.parameter_values(document_names.Declared(parameters=schema.parameters).named_parameters())
+    )
     known = replace(names, parameters=(*names.parameters, *values))
-    with placed_at(pointer):
-        return with_values(read_formula(text, known), values)
+    with reader.placed_at(pointer):
+        return document_names.with_values(reader.read_formula(text, known), values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,15 +170,15 @@ def validated(document: Any, schema: type[Read], wording: Wording | None = None)
         return schema.model_validate(document)
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)
-        found.sort(key=lambda fault: fault["type"] != "extra_forbidden" or not near_key(str(fault["loc"][0])))
+        found.sort(key=lambda fault: fault["type"] != "extra_forbidden" or not preparing.near_key(str(fault["loc"][0])))
         found = found[:MAX_PLACES]
-        raise DocumentRefused(tuple(_place(fault, wording or _of_systems(schema)) for fault in found)) from None
+        raise errors.DocumentRefused(tuple(_place(fault, wording or _of_systems(schema)) for fault in found)) from None
 
 
-def _place(fault: ErrorDetails, wording: Wording) -> Place:
+def _place(fault: ErrorDetails, wording: Wording) -> errors.Place:
     """The fault in a sentence, which never holds a value of the input."""
     kind, steps = fault["type"], wording.keys(fault["loc"])
-    where = f"'{'/'.join(escape(step) for step in steps)}'" if steps else wording.whole
+    where = f"'{'/'.join(plain_data.escape(step) for step in steps)}'" if steps else wording.whole
     code, expected = "bad-input", f"it must be {_expected(steps, wording.expected)}."
     if kind == "missing":
         sentence = f"The key {where} is missing; {expected}"
@@ -187,14 +191,14 @@ def _place(fault: ErrorDetails, wording: Wording) -> Place:
         sentence = f"{where} must not be empty; {expected}"
     else:
         sentence = f"{where} has the wrong type or value; {expected}"
-    return Place(sentence, "".join(f"/{escape(step)}" for step in steps), None, code)
+    return errors.Place(sentence, "".join(f"/{plain_data.escape(step)}" for step in steps), None, code)
 
 
 def _of_systems(schema: type[Document]) -> Wording:
     def unknown(steps: Steps, where: str) -> str:
         if steps[0] in BESIDE and "constraints" in schema.model_fields:
             return BESIDE[str(steps[0])]
-        if len(steps) == 1 and (meant := near_key(str(steps[0]))):
+        if len(steps) == 1 and (meant := preparing.near_key(str(steps[0]))):
             return f"The key {where} is not known here: did you mean '{meant}'?"
         keys = ", ".join((*schema.model_fields, *ALSO))
         return f"The key {where} is not known here; a {TITLES.get(schema.__name__, 'system')} has the keys {keys}."

@@ -11,11 +11,11 @@ from fractions import Fraction
 from itertools import permutations
 from typing import Any
 
-from inverse_service.errors import InputError
+from inverse_service import errors
+from inverse_service.expressions import collecting
 from inverse_service.expressions import tree as trees
-from inverse_service.expressions.collecting import expand
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import has_acceleration, read_formula
 
 MOST_COORDINATES = 4  # whose orders are all tried
 
@@ -26,14 +26,14 @@ def form_of(system: Mapping[str, Any]) -> str:
     `system` has coordinates, equations, parameters, functions, and the name of the time, as in a result.
     """
     coordinates, texts = tuple(system["coordinates"]), system["equations"]
-    if not 0 < len(coordinates) <= MOST_COORDINATES or any(has_acceleration(text) for text in texts.values()):
+    if not 0 < len(coordinates) <= MOST_COORDINATES or any(reader.has_acceleration(text) for text in texts.values()):
         return ""
     time = system.get("time", "t")
     parameters = (*system["parameters"], *((time,) if time != "t" else ()))
     try:
         names = Names(coordinates, parameters, system.get("functions") or {})
-        formulas = [read_formula(texts[name], names) for name in coordinates]
-    except InputError:
+        formulas = [reader.read_formula(texts[name], names) for name in coordinates]
+    except errors.InputError:
         return ""
     written = [_written_in(order, formulas, coordinates, time) for order in permutations(range(len(coordinates)))]
     return hashlib.sha256(min(written).encode()).hexdigest()[:16]
@@ -50,7 +50,7 @@ def _written_in(
 def _form(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
     """The terms of a formula without their constant factors, sorted; empty for a zero."""
     found = set()
-    for monomial, coefficient in expand(tree):
+    for monomial, coefficient in collecting.expand(tree):
         if coefficient:
             factors = [_power(atom, exponent, places, time) for atom, exponent in monomial]
             found.add("*".join(sorted(factor for factor in factors if factor)) or "c")
@@ -81,6 +81,6 @@ def _atom(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
                 return f"({inner})^{exponent.value}" if inner not in ("", "c") else ""
             return f"({inner})^({above})" if {inner, above} - {"", "c"} else ""
         case trees.Sum() | trees.Product():
-            inner = _form(tree, places, time) if len(expand(tree)) > 1 else ""
+            inner = _form(tree, places, time) if len(collecting.expand(tree)) > 1 else ""
             return f"({inner})" if inner not in ("", "c") else ""
     return ""

@@ -8,9 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from api_schemas.result import IncompletePart, ResultDocument, UnderstoodSystem
-from inverse_service import __version__
+from inverse_service import __version__, errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.errors import InputError, Place
 from inverse_service.service.documents import growing
 from inverse_service.service.jobs.outcome import Outcome, value_of
 
@@ -95,7 +94,7 @@ ENDS = {
 }
 
 
-def problem_document(status: int, kind: str, detail: str, places: Sequence[Place] = ()) -> dict[str, Any]:
+def problem_document(status: int, kind: str, detail: str, places: Sequence[errors.Place] = ()) -> dict[str, Any]:
     """`kind` is the stable end of the type; the texts are ours, never the caller's."""
     return {
         "type": PREFIX + kind,
@@ -117,7 +116,7 @@ def as_bytes(document: dict[str, Any]) -> bytes:
     return json.dumps(document, ensure_ascii=True, allow_nan=False).encode("ascii")
 
 
-def of_input_error(error: InputError) -> dict[str, Any]:
+def of_input_error(error: errors.InputError) -> dict[str, Any]:
     """The problem of a document that is refused."""
     return problem_document(422, error.places[0].code, error.detail, error.places)
 

@@ -7,12 +7,10 @@ from typing import Any, Final
 
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.checker import CheckResult
-from inverse_service.decision.certify import where_of
-from inverse_service.expressions.inequalities import inequality
-from inverse_service.expressions.notation import row
-from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.decision import certify
+from inverse_service.expressions import inequalities, notation, printing_latex
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_formula
 
 QUESTIONS: Final = {"autonomous": "L(q, q')", "time_dependent": "L(t, q, q')"}
 _SAYS: Final = {
@@ -33,8 +31,8 @@ def names_of(
 
 def domain_of(proven: Cell | None, names: Names) -> tuple[list[str], list[str]]:
     """Members of a cell as a person writes them, in text and in LaTeX."""
-    where = where_of(proven, names)
-    found = [*(row(tree, " != 0") for tree in where.nonzero), *map(inequality, where.positive)]
+    where = certify.where_of(proven, names)
+    found = [*(notation.row(tree, " != 0") for tree in where.nonzero), *map(inequalities.inequality, where.positive)]
     return [one.text for one in found], [one.latex for one in found]
 
 
@@ -134,11 +132,13 @@ def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     names = names_of(system)
     unsolved = any("''" in text for text in system["equations"].values())
     equations = [
-        f"{to_latex(read_formula(text, names))} = 0" if unsolved else f"\\ddot{{{name}}} = {_written(text, names)}"
+        f"{printing_latex.to_latex(reader.read_formula(text, names))} = 0"
+        if unsolved
+        else f"\\ddot{{{name}}} = {_written(text, names)}"
         for name, text in system["equations"].items()
     ]
     return ", \\; ".join([*equations, *one["domain_latex"]])
 
 
 def _written(text: str, names: Names) -> str:
-    return to_latex(read_formula(text, names))
+    return printing_latex.to_latex(reader.read_formula(text, names))

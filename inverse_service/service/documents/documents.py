@@ -15,18 +15,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from api_schemas.base import ParseAnswer
-from inverse_service.certificate.checker import check_certificate
+from inverse_service import errors
+from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading.reader import noted
-from inverse_service.service.documents import accepting, translate
-from inverse_service.service.documents.answers import undetermined
-from inverse_service.service.documents.checking import compare_before_leaving
+from inverse_service.reading import reader
+from inverse_service.service.documents import accepting, answers, checking, preparing, translate
 from inverse_service.service.documents.growing import Growing
-from inverse_service.service.documents.preparing import Prepared, is_forward, is_motion, is_nonholonomic, prepared
-from inverse_service.solving.solving import solve_branches
+from inverse_service.solving import solving
 
 if TYPE_CHECKING:
     from api_schemas.result import ResultDocument
@@ -39,8 +36,8 @@ if TYPE_CHECKING:
 # What ends the mathematics of a document that is well written, and what is said of it then.
 REASONS = {
     OverflowError: "A number of the calculation, most often an exponent, has more than 64 bits; nothing was decided.",
-    CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; that is a "
-    "fault of the program.",
+    errors.CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; "
+    "that is a fault of the program.",
 }
 Progress = Callable[[Any], None]
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
@@ -62,11 +59,11 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
     Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault` names the error.
     """
     try:
-        ready = prepared(document)
+        ready = preparing.prepared(document)
         grow = Growing(progress, lambda found: _with_given(ready.outward(found), document))
         found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, grow))
     except ENDED as error:
-        if is_forward(document):
+        if preparing.is_forward(document):
             raise
         return _undetermined(document, error, options)
     return _with_given(found, document)
@@ -83,7 +80,7 @@ def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dic
     with contextlib.suppress(*ENDED):
         understood = understand_document(document)
     reason = next(text for kind, text in REASONS.items() if isinstance(error, kind))
-    result = undetermined(understood, reason, options)
+    result = answers.undetermined(understood, reason, options)
     trace = "".join(traceback.format_exception(error))[-4000:]
     result["provenance"] |= {"fault": type(error).__name__}
     log.error("no verdict: %s", trace)
@@ -92,17 +89,17 @@ def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dic
 
 def parse_document(document: Any) -> dict[str, Any]:
     """What was understood of a document; raises InputError."""
-    ready = prepared(document)
+    ready = preparing.prepared(document)
     return _in_own_words(ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json"))
 
 
 def understand_document(document: Any) -> dict[str, Any]:
     """The `system` part of a result; raises InputError."""
-    ready = prepared(document)
+    ready = preparing.prepared(document)
     return {**_in_own_words(ready, lambda cases: _understood(cases, ready)), "given": _as_given(document)}
 
 
-def _understood(cases: UseCases, ready: Prepared) -> dict[str, Any]:
+def _understood(cases: UseCases, ready: preparing.Prepared) -> dict[str, Any]:
     schema = cases.look(ready.document)
     return translate.to_understood(cases.system(schema), schema).model_dump(mode="json")
 
@@ -125,15 +122,15 @@ class UseCases:
 
 def use_cases(document: Any) -> UseCases:
     """Those of the kind that a prepared document is of, imported now."""
-    if is_motion(document):
+    if preparing.is_motion(document):
         from inverse_service.service.documents import reduced_documents as reduced
 
         return UseCases(reduced.look_motion, reduced.parse, reduced.system_of, reduced.solve_motion)
-    if is_forward(document):
+    if preparing.is_forward(document):
         from inverse_service.service.documents import forward as alone
 
         return UseCases(alone.look_forward, alone.parse, alone.system_of, alone.solve_forward)
-    if is_nonholonomic(document):
+    if preparing.is_nonholonomic(document):
         from inverse_service.service.documents import nonholonomic_documents as held
         from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema as look
 
@@ -141,21 +138,21 @@ def use_cases(document: Any) -> UseCases:
     return UseCases(accepting.to_schema, parse_system, accepting.to_system, solve_system)
 
 
-def _in_own_words(ready: Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:
+def _in_own_words(ready: preparing.Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:
     """The answer, or the refusal, in the names that the writer of the document uses."""
     try:
-        with noted() as notes:
+        with reader.noted() as notes:
             found = work(use_cases(ready.document))
         if "readings" in found:
             found["readings"] = [{"text": text, "as": meant} for text, meant in {**ready.readings, **notes}.items()]
         return ready.outward(found)
-    except InputError as error:
+    except errors.InputError as error:
         raise ready.error(error) from None
 
 
 def look(document: Any) -> None:
     """Raise DocumentRefused where a document has not the shape of one that is solved."""
-    plain = prepared(document).document
+    plain = preparing.prepared(document).document
     use_cases(plain).look(plain)
 
 
@@ -189,7 +186,7 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
 
         grow.hand_over(parts, so_far)
 
-    solutions, left = solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
+    solutions, left = solving.solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
     result = _result(solutions, schema, left)
     limit = now() + SHARE_OF_SOLVER * (end - now())
@@ -291,7 +288,7 @@ def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
     """
     end = now() + time_limit
     document = _certified(result.model_dump(mode="json"), time_limit)
-    compare_before_leaving(document, end - now())
+    checking.compare_before_leaving(document, end - now())
     return document
 
 
@@ -325,10 +322,10 @@ def ordered(document: dict[str, Any]) -> dict[str, Any]:
 def _check_answer(answer: dict[str, Any], time_limit: float) -> None:
     if answer["verdict"] == "undetermined" or answer["checked"] == "valid":
         return
-    found = check_certificate(answer["certificate"], time_limit=max(1.0, time_limit))
+    found = checker.check_certificate(answer["certificate"], time_limit=max(1.0, time_limit))
     answer["checked"] = found.verdict
     if found.verdict == "invalid":
-        raise CertificateRefused("our checker refused our certificate: " + "; ".join(found.reasons)[:500])
+        raise errors.CertificateRefused("our checker refused our certificate: " + "; ".join(found.reasons)[:500])
     if found.verdict == "incomplete":
         verdict, reasons = answer["verdict"].replace("_", " "), "; ".join(found.reasons)
         answer["verdict"] = "undetermined"

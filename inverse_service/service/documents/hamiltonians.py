@@ -7,15 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from inverse_service.certificate import cell
-from inverse_service.certificate.checker import CheckResult, Claims, Question, judged, read_condition
-from inverse_service.certificate.formulas import MAX_LISTED, TEXT, Ended, Reader, check_shape, read_tokens, require
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
+from inverse_service.certificate import cell, checker, formulas
+from inverse_service.expressions import derivative
+from inverse_service.expressions import tree as ex
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_formula
 
-_SHAPE = {"text": r"(?s:.*)", "momenta": {}, "domain?": [TEXT, MAX_LISTED]}
+_SHAPE = {"text": r"(?s:.*)", "momenta": {}, "domain?": [formulas.TEXT, formulas.MAX_LISTED]}
 _WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
 _NAMED = "The momenta are not p_x for each coordinate x."
 _VELOCITIES = "A Hamiltonian that is not implicit holds no velocities."
@@ -38,10 +36,10 @@ def judge(certificate: Mapping[str, Any], shown: Any, time_limit: float) -> Judg
     That point is the one of the certificate, or else any other one. Momenta go by their names, and velocities occur in
     an H that is `implicit` alone.
     """
-    found, notes = CheckResult("incomplete"), dict[str, bool]()
+    found, notes = checker.CheckResult("incomplete"), dict[str, bool]()
     for claim in (certificate, {**certificate, "near": None}):
         if found.verdict == "incomplete":
-            found = judged(functools.partial(_agreed, claim, shown, notes), time_limit, None)
+            found = checker.judged(functools.partial(_agreed, claim, shown, notes), time_limit, None)
     reason = found.reasons[0] if found.reasons else ""
     return Judged(found.verdict, reason, notes.get("proven", False), notes.get("whole", False))
 
@@ -59,51 +57,54 @@ def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, st
 
 
 def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any) -> list[str]:
-    check_shape(shown, _SHAPE, "hamiltonian")
-    question = Question(tools, certificate["system"], True, dict(certificate))
+    formulas.check_shape(shown, _SHAPE, "hamiltonian")
+    question = checker.Question(tools, certificate["system"], True, dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
-    lagrangian, energy = read_tokens(certificate["lagrangian"], "lagrangian"), read_tokens(shown["text"], "hamiltonian")
+    lagrangian, energy = (
+        formulas.read_tokens(certificate["lagrangian"], "lagrangian"),
+        formulas.read_tokens(shown["text"], "hamiltonian"),
+    )
     named = momenta_of(question.coordinates, shown["momenta"])
-    require(named, _NAMED)
-    momenta = {named[x]: read_tokens(shown["momenta"][named[x]], "momenta") for x in question.coordinates}
+    formulas.require(named, _NAMED)
+    momenta = {named[x]: formulas.read_tokens(shown["momenta"][named[x]], "momenta") for x in question.coordinates}
     holds = any(token.rstrip("'") in question.coordinates and token.endswith("'") for token in energy)
-    require(holds <= bool(shown.get("implicit")), _VELOCITIES)
-    require(holds >= bool(shown.get("implicit")), _IMPLICIT)
+    formulas.require(holds <= bool(shown.get("implicit")), _VELOCITIES)
+    formulas.require(holds >= bool(shown.get("implicit")), _IMPLICIT)
     listed = [text for text in shown.get("domain") or [] if "!=" not in text]
-    conditions = sorted({read_condition(text) for text in listed})
+    conditions = sorted({checker.read_condition(text) for text in listed})
     speeds = [f"{name}'" for name in question.coordinates]
 
     before = list[cell.Need]()  # of L, the momenta, and what the stated domain says is positive
 
     def parts(ring: Any) -> Any:
-        whole, p = Reader(ring, lagrangian).value, {}
+        whole, p = formulas.Reader(ring, lagrangian).value, {}
         for name, text in momenta.items():
-            p[name] = Reader(ring, text).value
+            p[name] = formulas.Reader(ring, text).value
         if isinstance(ring, cell.Letters):
             before.clear()
             before.extend([*ring.needs, *(need for value in (whole, *p.values()) for need in ring.needs_of(value))])
         question.held = False
-        stated = [ring.add([Reader(ring, side, **p).value for side in pair], [1, -1]) for pair in conditions]
+        stated = [ring.add([formulas.Reader(ring, side, **p).value for side in pair], [1, -1]) for pair in conditions]
         for value in () if question.rational else stated:
             ring.elementary("log", value)
         question.held = True
         if isinstance(ring, cell.Letters):
             ring.needs = {}
         work = [ring.multiply(ring.names[v], x, ring.degree) for v, x in zip(speeds, p.values(), strict=True)]
-        return whole, p, ring.add([Reader(ring, energy, **p).value, whole, *work], [1, 1] + [-1] * len(work))
+        return whole, p, ring.add([formulas.Reader(ring, energy, **p).value, whole, *work], [1, 1] + [-1] * len(work))
 
-    def claims(ring: Any) -> Claims:
+    def claims(ring: Any) -> checker.Claims:
         whole, p, difference = parts(ring)
         slopes = [{0: ring.arithmetic.settle({0: whole.get(ring.units[v], 0)}).get(0, 0)} for v in ring.v]
         pairs = zip(p.values(), slopes, strict=True)
         zeros = [ring.add([{0: value.get(0, 0)}, slope], [1, -1]) for value, slope in pairs]
-        return Claims([(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], [])
+        return checker.Claims([(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], [])
 
     question.claimed, notes["proven"] = (claims, 1), True
     try:
         question.prepare(parts, [lagrangian, energy, *momenta.values()])
         question.settle(1, claims)
-    except Ended as end:
+    except formulas.Ended as end:
         if end.args[0] == "invalid" or question.rational or not question.place.values:
             raise
         notes["proven"] = False
@@ -133,7 +134,7 @@ def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: Names
         return True
     if one.keys() != other.keys():
         return False
-    trees = [read_formula(one[key], names) - read_formula(other[key], names) for key in one]
+    trees = [reader.read_formula(one[key], names) - reader.read_formula(other[key], names) for key in one]
     return _vanish(trees, names, names.coordinates)
 
 
@@ -150,21 +151,21 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool 
         return None
     schema = translate_nonholonomic.to_nonholonomic_schema(document)
     motion = equations_of_motion(translate_nonholonomic.to_nonholonomic(schema))
-    listed = [read_formula(text, names) for text in shown["constraints"]]
+    listed = [reader.read_formula(text, names) for text in shown["constraints"]]
     if len(listed) != len(motion.dependent):
         return False
-    momenta: dict[Expression, Expression] = {
-        Symbol(name): read_formula(text, names) for name, text in shown["momenta"].items()
+    momenta: dict[ex.Expression, ex.Expression] = {
+        ex.Symbol(name): reader.read_formula(text, names) for name, text in shown["momenta"].items()
     }
-    held = [substitute(substitute(tree, momenta), motion.on_constraints) for tree in listed]
+    held = [ex.substitute(ex.substitute(tree, momenta), motion.on_constraints) for tree in listed]
     good = _vanish(held, names, motion.free)
-    slopes = [[differentiate(tree, Symbol(p)) for p in shown["momenta"]] for tree in listed]
-    variables = [TIME, *map(Symbol, names.coordinates), *map(Symbol, names.parameters)]
+    slopes = [[derivative.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed]
+    variables = [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Symbol, names.parameters)]
     return good if not good else rank_at_point(slopes, variables) == len(listed) or None
 
 
-def _vanish(trees: Sequence[Expression], names: Names, moving: Sequence[str]) -> bool | None:
+def _vanish(trees: Sequence[ex.Expression], names: Names, moving: Sequence[str]) -> bool | None:
     from inverse_service.constrained.hamiltonise import vanish
 
-    constants = [Symbol(name) for name in names.parameters]
-    return vanish(trees, [TIME, *map(Symbol, names.coordinates), *map(Velocity, moving), *constants])
+    constants = [ex.Symbol(name) for name in names.parameters]
+    return vanish(trees, [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, moving), *constants])

@@ -10,22 +10,19 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from api_schemas.result import ClockPart, InsteadPart, ResultDocument
+from inverse_service import errors
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.deadline import now
-from inverse_service.decision.deciding import analyze
+from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Solution, SolveOptions
-from inverse_service.errors import InputError
-from inverse_service.explanation.positive import hamiltonian_of
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Symbol, substitute, walk
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
+from inverse_service.explanation import positive
+from inverse_service.expressions import collecting, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics import second_order_system
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents import accepting
-from inverse_service.service.documents.preparing import prepared
-from inverse_service.service.documents.translate import hamiltonian_part
-from inverse_service.solving.solving import solve
+from inverse_service.service.documents import accepting, preparing, translate
+from inverse_service.solving import solving
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import ReducedPart
@@ -34,7 +31,7 @@ if TYPE_CHECKING:
 _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
 _WRONG = CheckResult("invalid", ("instead is not about the document's system with these parameters.",))
-Values = Mapping[Expression, Expression]
+Values = Mapping[ex.Expression, ex.Expression]
 
 
 def with_instead(result: ResultDocument, solution: Solution, asked: SolveOptions, deadline: float) -> ResultDocument:
@@ -57,20 +54,20 @@ def _with_time(result: ResultDocument) -> InsteadPart | None:
 def _with_friction(solution: Solution, asked: SolveOptions, deadline: float) -> InsteadPart | None:
     from inverse_service.solving.of_kind.rayleigh import quick_rayleigh
 
-    given = [on_branch(equation, solution.system) for equation in asked.given]
-    found = quick_rayleigh(analyze(solution.system), given, deadline)
+    given = [second_order_system.on_branch(equation, solution.system) for equation in asked.given]
+    found = quick_rayleigh(deciding.analyze(solution.system), given, deadline)
     if found is None or found.lagrangian is None:
         return None
     from inverse_service.service.documents.kinds_part import kind_part
 
     names, lagrangian = solution.system.coordinates, found.lagrangian
-    hamiltonian = hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
-    shown_hamiltonian = None if hamiltonian is None else hamiltonian_part(hamiltonian)
+    hamiltonian = positive.hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
+    shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
     shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", "certificate", "checked"})
     return InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)
 
 
-def _with_parameters(system: SecondOrderSystem, seed: int, deadline: float) -> InsteadPart | None:
+def _with_parameters(system: second_order_system.SecondOrderSystem, seed: int, deadline: float) -> InsteadPart | None:
     """The first of the special cases, parameters given by others, where a Lagrangian is found."""
     if not system.parameters or system.functions or now() > deadline:
         return None
@@ -82,14 +79,14 @@ def _with_parameters(system: SecondOrderSystem, seed: int, deadline: float) -> I
     for node in _variational(found.root):
         values = dict(conditions(node.case))
         left = deadline - now()
-        if left < 0 or not values or not all(isinstance(name, Symbol) for name in values):
+        if left < 0 or not values or not all(isinstance(name, ex.Symbol) for name in values):
             continue
         options = SolveOptions(time_dependent=False, seed=seed, time_limit=left, conditions=False)
-        special = solve(specialised(system, values), options)
+        special = solving.solve(specialised(system, values), options)
         answer = special.autonomous
         if answer is not None and answer.lagrangian is not None and answer.checked == "valid":
             fields = answered(special.system, answer)
-            texts = [f"{to_text(name)} = {to_text(value)}" for name, value in values.items()]
+            texts = [f"{printing.to_text(name)} = {printing.to_text(value)}" for name, value in values.items()]
             return InsteadPart(kind="parameters", conditions=texts, equations=fields["equations"],
                                **{key: fields[key] for key in _SHOWN})  # fmt: skip
     return None
@@ -102,10 +99,10 @@ def _variational(node: Node) -> Iterator[Node]:
         yield from _variational(child)
 
 
-def specialised(system: SecondOrderSystem, values: Values) -> SecondOrderSystem:
+def specialised(system: second_order_system.SecondOrderSystem, values: Values) -> second_order_system.SecondOrderSystem:
     """The system with these values of its parameters, which may hold others."""
-    forces = tuple(collect(substitute(f, dict(values))) for f in system.given)
-    left = tuple(name for name in system.parameters if Symbol(name) not in values)
+    forces = tuple(collecting.collect(ex.substitute(f, dict(values))) for f in system.given)
+    left = tuple(name for name in system.parameters if ex.Symbol(name) not in values)
     return replace(system, accelerations=forces, parameters=left, branch=None)
 
 
@@ -132,13 +129,17 @@ def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -
         good = any(all(one.get(key) == part.get(key) for key in (*_SHOWN, "equations")) for one in known)
         return None if good else _WRONG
     try:
-        system = accepting.to_system(accepting.to_schema(prepared(document).document))
+        system = accepting.to_system(accepting.to_schema(preparing.prepared(document).document))
         names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
         pairs = [text.split(" = ") for text in part["conditions"]]
-        values = {read_formula(name, names): read_formula(value, names) for name, value in pairs}
-    except (InputError, KeyError, ValueError, AttributeError, TypeError):
+        values = {reader.read_formula(name, names): reader.read_formula(value, names) for name, value in pairs}
+    except (errors.InputError, KeyError, ValueError, AttributeError, TypeError):
         return _WRONG
-    held = {node for tree in values.values() for node in walk(tree)}
-    if not values or len(values) < len(pairs) or not {*values} <= {Symbol(name) for name in system.parameters} - held:
+    held = {node for tree in values.values() for node in ex.walk(tree)}
+    if (
+        not values
+        or len(values) < len(pairs)
+        or not {*values} <= {ex.Symbol(name) for name in system.parameters} - held
+    ):
         return _WRONG
     return compared_answer({**part, "verdict": "variational"}, specialised(system, values), _WRONG, time_limit)

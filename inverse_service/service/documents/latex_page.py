@@ -6,15 +6,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from inverse_service import __version__
-from inverse_service.errors import InputError
-from inverse_service.expressions.notation import theory
-from inverse_service.expressions.printing_latex import lines_of_latex, to_latex
+from inverse_service import __version__, errors
+from inverse_service.expressions import notation, printing_latex
 from inverse_service.expressions.tree import Symbol
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents import text_page
-from inverse_service.service.documents.canonical import in_general
+from inverse_service.service.documents import canonical, text_page
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
 IN_A_SENTENCE = 150.0  # points of a formula that stands in a line of text
@@ -80,7 +77,7 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
         yield f"At generic points of the connected set where {conditions_latex(answer['domain'], system)}:"
     yield escaped(f"{text_page.verdict_sentence(answer['verdict'], with_time)} {answer['reason']}".strip())
     if answer.get("exceptions") and system:
-        yield escaped(f"This holds {in_general(system['parameters'], answer['exceptions'])}.")
+        yield escaped(f"This holds {canonical.in_general(system['parameters'], answer['exceptions'])}.")
     if answer["checked"] is not None:
         yield f"Independent check: {answer['checked']}."
     if answer["lagrangian"] is None and answer["verdict"] == "variational":
@@ -94,7 +91,10 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
     if hamiltonian and hamiltonian.get("reason"):
         yield escaped(f"{hamiltonian['reason'].rstrip('.')}.")
     if momenta and system:
-        yield from (display(f"{to_latex(Symbol(p))} = {_latex(text, system, momenta)}") for p, text in momenta.items())
+        yield from (
+            display(f"{printing_latex.to_latex(Symbol(p))} = {_latex(text, system, momenta)}")
+            for p, text in momenta.items()
+        )
     if hamiltonian and hamiltonian["constraints"] and system:
         yield "The motion with constraints has in phase space the image"
         yield from (display(f"{_latex(text, system, momenta)} = 0") for text in hamiltonian["constraints"])
@@ -140,7 +140,7 @@ def _condition(condition: str, system: Mapping[str, Any], letters: Iterable[str]
 
 
 def _latex(text: str, system: Mapping[str, Any], letters: Iterable[str] = ()) -> str:
-    return to_latex(read_formula(text, text_page.names_in(system, letters)))
+    return printing_latex.to_latex(reader.read_formula(text, text_page.names_in(system, letters)))
 
 
 def forward_latex(result: dict[str, Any]) -> Iterator[str]:
@@ -235,7 +235,7 @@ def _rows(*equations: tuple[Side, Side]) -> Iterator[str]:
 def _lettered(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Each coordinate in LaTeX."""
     for name, found in table.items():
-        yield to_latex(Symbol(name)), found
+        yield printing_latex.to_latex(Symbol(name)), found
 
 
 def escaped(text: str) -> str:
@@ -245,7 +245,7 @@ def escaped(text: str) -> str:
 
 def display(formula: str) -> str:
     """A formula on a line of its own; a long one on several."""
-    lines = lines_of_latex(formula)
+    lines = printing_latex.lines_of_latex(formula)
     if len(lines) == 1:
         return f"\\[ {formula} \\]"
     broken = r" \\ & \quad ".join(lines)
@@ -290,9 +290,9 @@ def latex_of(text: str, names: Names) -> str:
 
 def _side(text: str, names: Names) -> str:
     try:
-        return to_latex(read_formula(text, names))
-    except InputError:
-        return theory(text).latex.strip()
+        return printing_latex.to_latex(reader.read_formula(text, names))
+    except errors.InputError:
+        return notation.theory(text).latex.strip()
 
 
 def names_of(system: Mapping[str, Any] | None) -> Names:
@@ -309,4 +309,4 @@ def names_of(system: Mapping[str, Any] | None) -> Names:
 
 def _formula(formula: str) -> str:
     """A formula in a sentence; one that is wider than a line gets lines of its own."""
-    return f"${formula}$" if len(lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)
+    return f"${formula}$" if len(printing_latex.lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)

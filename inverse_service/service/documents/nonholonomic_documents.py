@@ -7,37 +7,28 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from api_schemas.nonholonomic import (
-    NonholonomicBranch,
-    NonholonomicDocument,
-    NonholonomicParseAnswer,
-    NonholonomicResult,
-    ReducedPart,
-)
+from api_schemas import nonholonomic
 from api_schemas.result import AdvicePart
-from inverse_service.constrained import nonholonomic_study
-from inverse_service.constrained.answering import OUT_OF_TIME, MotionAnswer
+from inverse_service import errors
+from inverse_service.constrained import answering, nonholonomic_study
 from inverse_service.constrained.reduced import Decided
 from inverse_service.deadline import now
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
-from inverse_service.errors import InputError
-from inverse_service.expressions.collecting import collect
-from inverse_service.mechanics.constrained_motion import TIME_LIMIT, equations_of_motion
+from inverse_service.expressions import collecting
+from inverse_service.mechanics import constrained_motion, method_advice
 from inverse_service.mechanics.first_integrals import FirstIntegral
-from inverse_service.mechanics.method_advice import for_constraints
 from inverse_service.mechanics.paper_class import AssociatedSystem
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import accepting, documents, translate, translate_nonholonomic
-from inverse_service.service.documents.growing import Growing
-from inverse_service.service.documents.instead import of_reduced
-from inverse_service.service.documents.reduced_documents import (
-    ONLY_THE_MOTION,
-    SHARE_OF_REDUCED,
-    compared,
-    decided_reduced,
-    reduced_part,
+from inverse_service.service.documents import (
+    accepting,
+    documents,
+    instead,
+    reduced_documents,
+    translate,
+    translate_nonholonomic,
 )
-from inverse_service.solving.confirming import NOT_YET
+from inverse_service.service.documents.growing import Growing
+from inverse_service.solving import confirming
 
 # Of the time for all, what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3
@@ -45,7 +36,7 @@ SHARE_OF_MOTION = 0.3
 SHARE_OF_SYSTEMS = 0.45
 SHARE_OF_ANY = 0.7
 # What is said of the motion before it was asked.
-OPEN = MotionAnswer("undetermined", "undetermined", NOT_YET)
+OPEN = answering.MotionAnswer("undetermined", "undetermined", confirming.NOT_YET)
 # What first integrals may take, s and of the time.
 FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 # What looking at a document again may take for an associated system that is only shown, s.
@@ -65,14 +56,18 @@ def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | Non
     system = translate_nonholonomic.to_nonholonomic(schema)
     families = translate_nonholonomic.to_families(schema, system)
     grow.begin("motion")
-    report = nonholonomic_study.motion_report(system, min(TIME_LIMIT, SHARE_OF_MOTION * options.time_limit))
+    report = nonholonomic_study.motion_report(
+        system, min(constrained_motion.TIME_LIMIT, SHARE_OF_MOTION * options.time_limit)
+    )
     kind = schema.associated
     if kind == "any":
         return _about_the_motion(report, schema, options, end, grow)
     systems = nonholonomic_study.associated_systems(report, None if kind == "search" else kind, families)
     defined = next((one for one in systems if one.system is not None), None)
     if defined is None or defined.system is None:
-        raise InputError(f'{systems[0].explanation} Ask for "any", which decides the motion alone.', "/associated")
+        raise errors.InputError(
+            f'{systems[0].explanation} Ask for "any", which decides the motion alone.', "/associated"
+        )
     questions = ("existence", *["existence_with_time"] * (schema.time_dependent_lagrangian is not False))
     grow.wanted = (
         "motion",
@@ -86,7 +81,7 @@ def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | Non
     )
     last = end - SHARE_LEFT * options.time_limit
     made = _Made(schema, report, grow, last)
-    first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
+    first = [nonholonomic_study.Study(report, (_unasked(defined, confirming.NOT_YET),), 0)]
     made.tell(("motion",), first)
     made.find_first_integrals(options)
     made.tell(("first_integrals",), first)
@@ -117,7 +112,7 @@ def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | Non
         cases = documents.with_special_cases(whole, main.associated.system, asked, (end, grow.stage))
         whole = whole.model_copy(update={"special_cases": cases.special_cases})
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
-        whole = whole.model_copy(update={"instead": of_reduced(whole.reduced)})
+        whole = whole.model_copy(update={"instead": instead.of_reduced(whole.reduced)})
     grow.begin("certificate")
     return documents.with_one_verdict(documents.ordered(grow.end(documents.checked(whole, end - now()))))
 
@@ -126,13 +121,13 @@ def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | Non
 class _Made:
     """What is known of a motion: `answers` about any associated system by branch, the `reduced` system."""
 
-    schema: NonholonomicDocument
+    schema: nonholonomic.NonholonomicDocument
     report: nonholonomic_study.MotionReport
     grow: Growing
     last: float
-    answers: list[MotionAnswer] = dataclasses.field(default_factory=list)
+    answers: list[answering.MotionAnswer] = dataclasses.field(default_factory=list)
     plain: Decided | None = None
-    reduced: ReducedPart | None = None
+    reduced: nonholonomic.ReducedPart | None = None
     kept: tuple[FirstIntegral, ...] = ()
 
     def find_first_integrals(self, options: SolveOptions) -> None:
@@ -149,14 +144,14 @@ class _Made:
     def begin_reduced(self, seed: int) -> Answer | None:
         """The answer for the reduced system as it is, which answers for the motion too where it is a yes."""
         self.grow.begin("reduced")
-        motion, limit = self.report.motion, SHARE_OF_REDUCED * (self.last - now())
-        self.plain = decided_reduced(motion, motion.system.lagrangian, seed, limit)
+        motion, limit = self.report.motion, reduced_documents.SHARE_OF_REDUCED * (self.last - now())
+        self.plain = reduced_documents.decided_reduced(motion, motion.system.lagrangian, seed, limit)
         return None if self.plain is None else self.plain.answer
 
     def end_reduced(self, seed: int) -> None:
         """With other clocks, in the time that is left."""
         self.grow.begin("reduced")
-        self.reduced = reduced_part(self.report, self.plain, seed, self.last - now())
+        self.reduced = reduced_documents.reduced_part(self.report, self.plain, seed, self.last - now())
 
     def ask(
         self,
@@ -172,27 +167,27 @@ class _Made:
         """
         place = len(self.answers)
 
-        def told(answer: MotionAnswer) -> None:
+        def told(answer: answering.MotionAnswer) -> None:
             self.answers[place:] = [answer]
             tell()
 
         found = nonholonomic_study.answer_about(study, asked, deadline, self.grow.stage, own, told)
         self.answers[place:] = [found]
-        if OUT_OF_TIME in found.reason or (found.verdict == "undetermined" and now() >= deadline):
+        if answering.OUT_OF_TIME in found.reason or (found.verdict == "undetermined" and now() >= deadline):
             self.grow.cut["any_associated"] = found.reason
 
-    def whole(self, studies: Sequence[nonholonomic_study.Study]) -> NonholonomicResult:
+    def whole(self, studies: Sequence[nonholonomic_study.Study]) -> nonholonomic.NonholonomicResult:
         """The result of an associated system with what is known of the motion, which is what one simulates."""
         solutions = [_with_images(each.answers[each.main]) for each in studies]
         result = translate.to_result(solutions[0], self.schema, solutions[1:])
         system = self.report.motion.system
-        taken = for_constraints(system.lagrangian, system.constraints, system.coordinates)
+        taken = method_advice.for_constraints(system.lagrangian, system.constraints, system.coordinates)
         motions = [translate_nonholonomic.to_any_associated(answer) for answer in self.answers or (OPEN,)]
         parts = zip(result.branches, motions * (1 if self.answers else len(studies)), strict=False)
-        branches = [NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
+        branches = [nonholonomic.NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
         part = translate_nonholonomic.to_nonholonomic_part(studies[0], self.kept)
         told = {"advice": AdvicePart(**taken), "branches": branches, "first_integrals": part.first_integrals}
-        return NonholonomicResult(
+        return nonholonomic.NonholonomicResult(
             **dict(result) | told,
             nonholonomic=part,
             any_associated=motions[0],
@@ -202,7 +197,7 @@ class _Made:
 
 def _about_the_motion(
     report: nonholonomic_study.MotionReport,
-    schema: NonholonomicDocument,
+    schema: nonholonomic.NonholonomicDocument,
     options: SolveOptions,
     end: float,
     grow: Growing,
@@ -213,36 +208,38 @@ def _about_the_motion(
     """
     one = nonholonomic_study.associated_systems(report, "first")[0]
     if one.system is None:
-        raise InputError(one.explanation, "/associated")
+        raise errors.InputError(one.explanation, "/associated")
     last = end - SHARE_LEFT * options.time_limit
     grow.wanted, made = ("motion", "first_integrals", "any_associated", "reduced"), _Made(schema, report, grow, last)
     answered = map(_unasked, nonholonomic_study.on_branches(one))
     studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
-    grow.hand_over(("motion",), lambda: compared(made.whole(studies), 1.0))
+    grow.hand_over(("motion",), lambda: reduced_documents.compared(made.whole(studies), 1.0))
     made.find_first_integrals(options)
-    grow.hand_over(("first_integrals",), lambda: compared(made.whole(studies), 1.0))
+    grow.hand_over(("first_integrals",), lambda: reduced_documents.compared(made.whole(studies), 1.0))
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     own = made.begin_reduced(options.seed)
-    told = partial(grow.hand_over, (), lambda: compared(made.whole(studies), 1.0))
+    told = partial(grow.hand_over, (), lambda: reduced_documents.compared(made.whole(studies), 1.0))
     for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
         grow.begin("any_associated")
         # Other clocks of the reduced system, which come after, have a floor too.
-        share = now() + (1 - SHARE_OF_REDUCED) * (last - now()) / left
+        share = now() + (1 - reduced_documents.SHARE_OF_REDUCED) * (last - now()) / left
         made.ask(study, asked, share, own, told if len(studies) == 1 else lambda: None)
-    grow.hand_over(("any_associated",), lambda: compared(made.whole(studies), max(1.0, end - now())))
+    grow.hand_over(("any_associated",), lambda: reduced_documents.compared(made.whole(studies), max(1.0, end - now())))
     made.end_reduced(options.seed)
     grow.begin("certificate")
-    return grow.end(compared(made.whole(studies), end - now()))
+    return grow.end(reduced_documents.compared(made.whole(studies), end - now()))
 
 
-def _unasked(one: AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonomic_study.AssociatedAnswer:
+def _unasked(
+    one: AssociatedSystem, reason: str = reduced_documents.ONLY_THE_MOTION
+) -> nonholonomic_study.AssociatedAnswer:
     """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
-    answer = Answer("undetermined", reason=reason, positive=tuple(map(collect, one.system.positive)))
+    answer = Answer("undetermined", reason=reason, positive=tuple(map(collecting.collect, one.system.positive)))
     return nonholonomic_study.AssociatedAnswer(one, Solution(one.system, answer, None, None))
 
 
-def _share(schema: NonholonomicDocument) -> float:
+def _share(schema: nonholonomic.NonholonomicDocument) -> float:
     return SHARE_OF_SYSTEMS / 2 if schema.special_cases else SHARE_OF_SYSTEMS
 
 
@@ -264,14 +261,16 @@ def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: Answer | None) ->
     return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=images))
 
 
-def parse(schema: NonholonomicDocument) -> NonholonomicParseAnswer:
+def parse(schema: nonholonomic.NonholonomicDocument) -> nonholonomic.NonholonomicParseAnswer:
     """What was understood of a Nonholonomic document; raises InputError."""
     system = translate_nonholonomic.to_nonholonomic(schema)
     translate_nonholonomic.to_families(schema, system)
-    return translate_nonholonomic.to_nonholonomic_parse_answer(system, equations_of_motion(system), schema)
+    return translate_nonholonomic.to_nonholonomic_parse_answer(
+        system, constrained_motion.equations_of_motion(system), schema
+    )
 
 
-def parse_associated(schema: NonholonomicDocument) -> dict[str, Any] | None:
+def parse_associated(schema: nonholonomic.NonholonomicDocument) -> dict[str, Any] | None:
     """The equations of the one associated system that is asked for, or why it is not defined; None for another
     question."""
     if schema.associated not in ("first", "second", "third"):
@@ -287,7 +286,7 @@ def parse_associated(schema: NonholonomicDocument) -> dict[str, Any] | None:
     return {"kind": one.kind, "explanation": "" if found else one.explanation, "equations": equations}
 
 
-def system_of(schema: NonholonomicDocument) -> SecondOrderSystem:
+def system_of(schema: nonholonomic.NonholonomicDocument) -> SecondOrderSystem:
     """The first associated system; raises InputError."""
     first, *_ = nonholonomic_study.associated_systems(
         nonholonomic_study.motion_report(translate_nonholonomic.to_nonholonomic(schema)), "first"

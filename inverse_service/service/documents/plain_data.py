@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from decimal import Decimal, InvalidOperation
 from typing import Any, NoReturn
 
-from inverse_service.errors import InputError, LimitError
+from inverse_service import errors
 
 MAX_DEPTH = 64
 MAX_NUMBER_CHARACTERS = 400
@@ -29,7 +29,7 @@ def read_json(data: bytes | str) -> Any:
     """The value of a JSON text; raises InputError with line and column, or with the pointer."""
     text = decode(data)
     if not text.strip():
-        raise InputError("The document is empty; write a JSON object with coordinates and equations.")
+        raise errors.InputError("The document is empty; write a JSON object with coordinates and equations.")
     _refuse_deep_json(text)
     try:
         value = json.loads(
@@ -41,7 +41,9 @@ def read_json(data: bytes | str) -> Any:
         )
     except json.JSONDecodeError as error:
         what = _first_lower(error.msg.removesuffix(" at"))
-        raise InputError(f"The document is not JSON: {what} at line {error.lineno}, column {error.colno}.") from None
+        raise errors.InputError(
+            f"The document is not JSON: {what} at line {error.lineno}, column {error.colno}."
+        ) from None
     except RecursionError:
         raise _too_deep() from None
     if _ESCAPED_SURROGATE.search(text):
@@ -56,7 +58,7 @@ def read_yaml(data: bytes | str) -> Any:
     try:
         value = yaml.load(decode(data), Loader=_plain_loader())
     except yaml.YAMLError as error:
-        raise InputError(f"The document is not YAML that can be read here: {_yaml_reason(error)}.") from None
+        raise errors.InputError(f"The document is not YAML that can be read here: {_yaml_reason(error)}.") from None
     except RecursionError:
         raise _too_deep() from None
     refuse_surrogates(value)
@@ -108,13 +110,13 @@ def read_toml(data: bytes | str) -> Any:
     try:
         value = tomllib.loads(text, parse_float=_decimal)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"The document is not TOML: {_first_lower(str(error))[:200]}.") from None
+        raise errors.InputError(f"The document is not TOML: {_first_lower(str(error))[:200]}.") from None
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:
-        if isinstance(error, InputError):
+        if isinstance(error, errors.InputError):
             raise
-        raise InputError("The document contains a number with too many digits; write it as a formula.") from None
+        raise errors.InputError("The document contains a number with too many digits; write it as a formula.") from None
     refuse_surrogates(value)
     return value
 
@@ -138,7 +140,7 @@ def decode(data: bytes | str) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"The document is not UTF-8 text: byte {error.start + 1} cannot be read.") from None
+        raise errors.InputError(f"The document is not UTF-8 text: byte {error.start + 1} cannot be read.") from None
 
 
 def refuse_surrogates(value: Any) -> None:
@@ -147,7 +149,7 @@ def refuse_surrogates(value: Any) -> None:
     while stack:
         node, pointer, depth = stack.pop()
         if isinstance(node, str) and not _is_encodable(node):
-            raise InputError("A text contains half of a surrogate pair; write the whole character.", pointer)
+            raise errors.InputError("A text contains half of a surrogate pair; write the whole character.", pointer)
         if depth > MAX_DEPTH:
             raise _too_deep()
         stack.extend((part, place, depth + 1) for part, place in _parts(node, pointer))
@@ -187,35 +189,35 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
-            raise InputError(f"The key '{escape(key)}' is given twice in one object; keep one of them.")
+            raise errors.InputError(f"The key '{escape(key)}' is given twice in one object; keep one of them.")
         found[key] = value
     return found
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise InputError(f"{name} is not a number of JSON; write a finite number or a formula.")
+    raise errors.InputError(f"{name} is not a number of JSON; write a finite number or a formula.")
 
 
 def _decimal(text: str) -> Decimal:
     if len(text) > MAX_NUMBER_CHARACTERS:
-        raise LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
+        raise errors.LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
     try:
         value = Decimal(text)
     except InvalidOperation:  # an exponent of more digits than Decimal holds
         value = Decimal("inf")
     if not value.is_finite() or abs(value.adjusted()) > 300:
-        raise LimitError("A number is beyond 10^300 or not finite; write it as a formula with powers.")
+        raise errors.LimitError("A number is beyond 10^300 or not finite; write it as a formula with powers.")
     return value
 
 
 def _integer(text: str) -> int:
     if len(text) > MAX_NUMBER_CHARACTERS:
-        raise LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
+        raise errors.LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
     return int(text)
 
 
-def _too_deep() -> InputError:
-    return LimitError(f"The document is nested more than {MAX_DEPTH} levels deep; a system needs three.")
+def _too_deep() -> errors.InputError:
+    return errors.LimitError(f"The document is nested more than {MAX_DEPTH} levels deep; a system needs three.")
 
 
 def _first_lower(text: str) -> str:

@@ -12,11 +12,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.letters import GREEK, greek_letter
-from inverse_service.expressions.printing_latex import name_latex
-from inverse_service.reading.differentials import second_derivatives
-from inverse_service.reading.document_names import AND_GUESS, GUESS
+from inverse_service import errors
+from inverse_service.expressions import letters, printing_latex
+from inverse_service.reading import differentials, document_names, reader
 from inverse_service.reading.moving_names import moving_names, moving_products
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
@@ -28,7 +26,6 @@ from inverse_service.reading.names import (
     undeclared,
     written_product,
 )
-from inverse_service.reading.reader import read_tokens, split_equations, undifferentiated
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
@@ -113,9 +110,9 @@ class Prepared:
                 found["system"] = {**found["system"], "time": self.time}
         return {**found, **self.extra}
 
-    def error(self, error: InputError) -> InputError:
+    def error(self, error: errors.InputError) -> errors.InputError:
         """The refusal in the words of the writer."""
-        if self.time == "t" or type(error) not in (InputError, LimitError):
+        if self.time == "t" or type(error) not in (errors.InputError, errors.LimitError):
             return error  # the shape of a document is refused in its own words
         names = {"t": self.time, self.other: "t"}
         detail, plain = (_in_plain_text(text, names, pad=False) for text in (error.detail, error.plain))
@@ -140,8 +137,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> dict[str, Any]:
         return plain
     first = " " * named.end() + texts[0][named.end() :]
     try:
-        groups = split_equations(first, Names())
-    except InputError:
+        groups = reader.split_equations(first, Names())
+    except errors.InputError:
         return plain
     ends = [group.end_column - 1 for group in groups]
     rest = [first[start:end].strip(" ;,\n") for start, end in itertools.pairwise(ends)] + texts[1:]
@@ -165,7 +162,7 @@ def prepared(document: Any) -> Prepared:
     if not isinstance(document, Mapping):
         return Prepared(document)
     if str(document.get("format", "")).startswith("inverse-service/"):
-        raise InputError("This is a result, not a document: its document is in system.given.", "/format")
+        raise errors.InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
     plain = _with_lagrangian(plain)
     if isinstance(plain.get("lagrangian"), str) and (named := _NAMES_L_OR_T.match(plain["lagrangian"])):
@@ -199,7 +196,7 @@ def prepared_scene(scene: Any) -> Any:
     given = part.get("time", "t") if isinstance(part, Mapping) and isinstance(result, Mapping) else None
     try:
         time = prepared(part).time if given is None else given
-    except InputError:
+    except errors.InputError:
         return scene  # reported with its place when the system is read
     if time == "t":
         return scene
@@ -237,16 +234,18 @@ def _time_name(plain: dict[str, Any]) -> str:
     if given is None:
         return _found_time(plain)
     if not isinstance(given, str):
-        raise InputError("'time' is not a text: write the name of the time, such as \"tau\".", "/time")
+        raise errors.InputError("'time' is not a text: write the name of the time, such as \"tau\".", "/time")
     name = "t" if given == "t" else declared_name(given, "/time", "time")
     if name in _declared(plain):
-        raise InputError(f"{name} is the time here and is declared too: give one of the two another name.", "/time")
+        raise errors.InputError(
+            f"{name} is the time here and is declared too: give one of the two another name.", "/time"
+        )
     return name
 
 
 def _guesses(plain: Mapping[str, Any]) -> bool:
     named = plain.get("parameters")
-    return named == GUESS or (isinstance(named, list | dict) and AND_GUESS in named)
+    return named == document_names.GUESS or (isinstance(named, list | dict) and document_names.AND_GUESS in named)
 
 
 def _free_variable(plain: Mapping[str, Any]) -> str:
@@ -261,8 +260,8 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     try:
         known = Names(guesses=True)
         known = replace(known, splits=moving_products({str(k): text for k, text in enumerate(texts)}, known))
-        tokens = [token for text in texts for token in read_tokens(text, known)]
-    except InputError:
+        tokens = [token for text in texts for token in reader.read_tokens(text, known)]
+    except errors.InputError:
         return ""
     moving = {*moving_names(tokens, 1)}
     words = {token.text for token in tokens if token.kind == "name"}
@@ -314,7 +313,7 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     found, moving = set(), set()
     for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
         pairs = [match.groups() for pattern in _NAMED for match in pattern.finditer(text)]
-        pairs += second_derivatives(undifferentiated(text))
+        pairs += differentials.second_derivatives(reader.undifferentiated(text))
         found |= {by for name, by in pairs if name not in _declared(plain, ("functions",))}
         moving |= {name for name, _ in pairs}
         if _BARE.search(text):
@@ -372,9 +371,9 @@ def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
         return new.ljust(len(match.group())) if pad else new
 
     found = _PLAIN_WORD.sub(replaced, text)
-    for character in {*text} & GREEK.keys():
-        if pad and GREEK[character] in table:
-            found = found.replace(character, table[GREEK[character]])
+    for character in {*text} & letters.GREEK.keys():
+        if pad and letters.GREEK[character] in table:
+            found = found.replace(character, table[letters.GREEK[character]])
     return found
 
 
@@ -395,12 +394,14 @@ def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
 
 def _spelled(name: str) -> str:
     """The name in LaTeX, kept apart from letters after a command."""
-    found = name_latex(name)
+    found = printing_latex.name_latex(name)
     return found + " " if found.startswith("\\") else found
 
 
 def _in_mathml(text: str, table: Mapping[str, str]) -> str:
-    names = {greek_letter(name) or name: greek_letter(new) or new for name, new in table.items() if name}
+    names = {
+        letters.greek_letter(name) or name: letters.greek_letter(new) or new for name, new in table.items() if name
+    }
     return re.sub(r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text)
 
 

@@ -6,18 +6,16 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from inverse_service.deadline import now
-from inverse_service.decision.deciding import analyze
-from inverse_service.errors import IrreducibleAtoms
+from inverse_service import deadline, errors
+from inverse_service.decision import deciding
+from inverse_service.explanation import hierarchy, negative
 from inverse_service.explanation.coq import coq
-from inverse_service.explanation.hierarchy import smallest_sufficient_set
-from inverse_service.explanation.negative import LARGEST_N
 from inverse_service.explanation.theorems import Theorem, determinant_vanishes, euler_lagrange_hold, identities
 from inverse_service.field.exact_field import Budget, TooLarge
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics import reading
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import has_acceleration, read_formula
 
 TERM_LIMIT = 20_000
 TIME_LIMIT = 10.0
@@ -51,7 +49,7 @@ def _about(result: dict[str, Any]) -> list[str]:
 def _theorems(result: dict[str, Any], seed: int) -> tuple[Sequence[Theorem], str]:
     try:
         return _of_certificate(_certificate(result), seed), ""
-    except (NoTheorem, TooLarge, IrreducibleAtoms, ZeroDivisionError) as problem:
+    except (NoTheorem, TooLarge, errors.IrreducibleAtoms, ZeroDivisionError) as problem:
         return (), f"No proof by identities is written: {str(problem).rstrip('.')}."
 
 
@@ -67,10 +65,10 @@ def _certificate(result: dict[str, Any]) -> dict[str, Any]:
 def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]:
     given = certificate["system"]
     functions = {name: tuple(arguments) for name, arguments in (given.get("functions") or {}).items()}
-    if any(map(has_acceleration, given["equations"].values())):
+    if any(map(reader.has_acceleration, given["equations"].values())):
         raise NoTheorem("the equations are not solved for the accelerations")
-    system = read_system(given["coordinates"], given["equations"], given.get("parameters") or (), functions)
-    budget = Budget(TERM_LIMIT, now() + TIME_LIMIT)
+    system = reading.read_system(given["coordinates"], given["equations"], given.get("parameters") or (), functions)
+    budget = Budget(TERM_LIMIT, deadline.now() + TIME_LIMIT)
     if certificate["kind"] == "nonexistence":
         return [_negative(system, seed, budget)]
     if certificate["kind"] == "existence":
@@ -78,15 +76,15 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]
     if certificate.get("integrals"):
         raise NoTheorem("the Lagrangian holds integrals")
     names = Names(system.coordinates, system.parameters, functions)
-    lagrangian = read_formula(certificate["lagrangian"], names)
-    return euler_lagrange_hold(analyze(system).system, lagrangian, budget)
+    lagrangian = reader.read_formula(certificate["lagrangian"], names)
+    return euler_lagrange_hold(deciding.analyze(system).system, lagrangian, budget)
 
 
 def _negative(system: SecondOrderSystem, seed: int, budget: Budget) -> Theorem:
-    analysis = analyze(system)
-    chosen = smallest_sufficient_set(analysis, seed)
+    analysis = deciding.analyze(system)
+    chosen = hierarchy.smallest_sufficient_set(analysis, seed)
     if chosen is None:
         raise NoTheorem("the argument differentiates the conditions, it does not consist of algebraic steps alone")
-    if len(system.coordinates) > LARGEST_N:
-        raise NoTheorem(f"there are more than {LARGEST_N} coordinates")
+    if len(system.coordinates) > negative.LARGEST_N:
+        raise NoTheorem(f"there are more than {negative.LARGEST_N} coordinates")
     return determinant_vanishes(analysis, chosen, seed, budget)

@@ -6,17 +6,11 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
+from inverse_service import errors
+from inverse_service.expressions import tree as ex
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import LEFT_OUT, equation_line, read_formula
-from inverse_service.service.documents.canonical import in_general
-from inverse_service.service.documents.nonholonomic_text import (
-    any_associated_lines,
-    first_integral_lines,
-    nonholonomic_lines,
-    reduced_lines,
-)
+from inverse_service.service.documents import canonical, nonholonomic_text
 
 LONG = 300
 MOST_OF_CONDITIONS = 5_000
@@ -33,21 +27,21 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     if is_forward_result(result):
         return forward_text(result)
     part = result.get("nonholonomic")
-    lines = [line for each in motions_of(result) for line in any_associated_lines(each, explain)]
-    lines += [] if part is None else [*nonholonomic_lines(part), ""]
+    lines = [line for each in motions_of(result) for line in nonholonomic_text.any_associated_lines(each, explain)]
+    lines += [] if part is None else [*nonholonomic_text.nonholonomic_lines(part), ""]
     lines += [f"  {words}" for words in guessed_words(result)]
     lines += [*_system(result["system"]), *_cases(result)]
     for place, branch in enumerate(() if asks_motion_alone(result) else branches_of(result)):
         lines += [""] * (place > 0) + list(_both_answers(branch, result, explain))
     if part is None and result.get("first_integrals"):
-        lines += ["", *first_integral_lines(result["first_integrals"])]
+        lines += ["", *nonholonomic_text.first_integral_lines(result["first_integrals"])]
     if result.get("special_cases") is not None:
         lines += ["", *special_cases_lines(result["special_cases"])]
     if result.get("instead"):
         told, part = instead_answered(result["instead"]), result["instead"]
         lines += ["", told, *_formulas(part, "  "), f"  independent check: {part['checked']}"] if told else [""]
     if result.get("reduced"):
-        lines += ["", *reduced_lines(result["reduced"])]
+        lines += ["", *nonholonomic_text.reduced_lines(result["reduced"])]
         lines += _answer({"solution_space": None, "explanation": [], **result["reduced"]}, False, False)
     part = result.get("with_clock") or (result.get("reduced") or {}).get("with_clock")
     if part:
@@ -162,8 +156,8 @@ def guessed_words(result: Mapping[str, Any]) -> list[str]:
         "as any functions": [f"{name}({', '.join(functions[name])})" for name in names if name in functions],
     }
     parts = [f"taken {how}: {', '.join(found)}" for how, found in taken.items() if found]
-    read = [f"{note['text']} as {note['as']}" for note in result.get("readings") or [] if note["as"] != LEFT_OUT]
-    left = [note["text"] for note in result.get("readings") or [] if note["as"] == LEFT_OUT]
+    read = [f"{note['text']} as {note['as']}" for note in result.get("readings") or [] if note["as"] != reader.LEFT_OUT]
+    left = [note["text"] for note in result.get("readings") or [] if note["as"] == reader.LEFT_OUT]
     lines = [f"not declared, {'; '.join(parts)}"] * bool(parts) + [f"read {', '.join(read)}"] * bool(read)
     return lines + [f"left out: {', '.join(left)}"] * bool(left)
 
@@ -199,13 +193,13 @@ def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tup
 def _complexity(lagrangian: str, system: Mapping[str, Any]) -> int:
     """0 for T + A q' - V, 1 for other polynomials in the velocities, 2 with the time; 3 for quotients; 4 else."""
     try:
-        tree = read_formula(lagrangian, names_in(system))
-    except InputError:
+        tree = reader.read_formula(lagrangian, names_in(system))
+    except errors.InputError:
         return 4
     degree, is_rational = _degree(tree), _degree(tree, rational=True) is not None
     if degree is None:
         return 3 if is_rational else 4
-    return 2 if Symbol(system.get("time", "t")) in walk(tree) else int(degree > 2)
+    return 2 if ex.Symbol(system.get("time", "t")) in ex.walk(tree) else int(degree > 2)
 
 
 def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
@@ -215,19 +209,19 @@ def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
     return Names(tuple(system["coordinates"]), tuple(word for word in words if word != "t"), functions)
 
 
-def _degree(tree: Expression, rational: bool = False) -> int | None:
+def _degree(tree: ex.Expression, rational: bool = False) -> int | None:
     """The degree in the velocities; None where it is no polynomial in them, or with `rational` no quotient of some."""
     match tree:
-        case Velocity():
+        case ex.Velocity():
             return 1
-        case Sum(parts) | Product(parts):
+        case ex.Sum(parts) | ex.Product(parts):
             found = [_degree(part, rational) for part in parts]
             degrees = [degree for degree in found if degree is not None]
-            return None if len(degrees) < len(found) else max(degrees) if isinstance(tree, Sum) else sum(degrees)
-        case Power(base, Number(exponent)) if exponent.denominator == 1 and (rational or exponent > 0):
+            return None if len(degrees) < len(found) else max(degrees) if isinstance(tree, ex.Sum) else sum(degrees)
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1 and (rational or exponent > 0):
             degree = _degree(base, rational)
             return None if degree is None else degree * abs(int(exponent))
-    return None if any(isinstance(node, Velocity) for node in walk(tree)) else 0
+    return None if any(isinstance(node, ex.Velocity) for node in ex.walk(tree)) else 0
 
 
 def asks_for_time(result: Mapping[str, Any]) -> bool:
@@ -250,14 +244,14 @@ def _system(system: dict[str, Any] | None) -> Iterator[str]:
         return
     if system["name"]:
         yield system["name"]
-    yield from (f"  {equation_line(*pair)}" for pair in system["equations"].items())
+    yield from (f"  {reader.equation_line(*pair)}" for pair in system["equations"].items())
     yield ""
 
 
 def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, parameters: Sequence[str] = ()) -> Iterator[str]:
     yield verdict_sentence(answer["verdict"], with_time, answer.get("domain"))
     if answer.get("exceptions"):
-        yield f"  {in_general(parameters, answer['exceptions'])}"
+        yield f"  {canonical.in_general(parameters, answer['exceptions'])}"
     if answer["reason"]:
         yield f"  {answer['reason']}"
     if answer["checked"] is not None:

@@ -12,28 +12,11 @@ from api_schemas import result as schemas
 from api_schemas.base import Document, ParseAnswer, ParsedFormula
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
-from inverse_service.decision import solutions
+from inverse_service.decision import certify, solutions
 from inverse_service.decision.cells import Left
-from inverse_service.decision.certify import integrals_of
-from inverse_service.expressions.inequalities import inequality_text, is_plainly_nonzero, is_plainly_positive
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.expressions.printing_mathml import to_mathml
-from inverse_service.expressions.tree import (
-    PI,
-    ZERO,
-    Acceleration,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    walk,
-)
-from inverse_service.field.real_point import strongest
+from inverse_service.expressions import inequalities, printing, printing_latex, printing_mathml
+from inverse_service.expressions import tree as ex
+from inverse_service.field import real_point
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared
@@ -89,9 +72,11 @@ def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
     """The equations as given, in text and in LaTeX."""
     pairs = list(zip(system.coordinates, system.given, strict=True))
     return {
-        "equations": {name: to_text(f) for name, f in pairs},
+        "equations": {name: printing.to_text(f) for name, f in pairs},
         "latex": {
-            name: f"{to_latex(f)} = 0" if system.is_unsolved else f"{to_latex(Acceleration(name))} = {to_latex(f)}"
+            name: f"{printing_latex.to_latex(f)} = 0"
+            if system.is_unsolved
+            else f"{printing_latex.to_latex(ex.Acceleration(name))} = {printing_latex.to_latex(f)}"
             for name, f in pairs
         },
     }
@@ -130,7 +115,9 @@ def _not_answered(left: Left) -> schemas.NotAnsweredPart:
     named = {name_of(key): mpmath.nstr(value, 20) for key, value in (left.near or {}).items()}
     near = {name: value for name, value in named.items() if name}
     return schemas.NotAnsweredPart(
-        domain=list(map(inequality_text, strongest(left.positive))), near=near, reason=left.reason
+        domain=list(map(inequalities.inequality_text, real_point.strongest(left.positive))),
+        near=near,
+        reason=left.reason,
     )
 
 
@@ -166,16 +153,16 @@ def integral_part(found: FirstIntegral) -> schemas.FirstIntegralPart:
     )
 
 
-def conditions_of(tree: Expression) -> tuple[list[Expression], list[Expression]]:
+def conditions_of(tree: ex.Expression) -> tuple[list[ex.Expression], list[ex.Expression]]:
     """What must not vanish and what must be positive: denominators, and what roots and logarithms are taken of."""
     nonzero, positive = [], []
-    for node in walk(tree):
+    for node in ex.walk(tree):
         match node:
-            case Power(base, Number(exponent)) if exponent.denominator > 1:
+            case ex.Power(base, ex.Number(exponent)) if exponent.denominator > 1:
                 positive.append(base)
-            case Power(base, Number(exponent)) if exponent < 0:
+            case ex.Power(base, ex.Number(exponent)) if exponent < 0:
                 nonzero.append(base)
-            case Apply("log", argument):
+            case ex.Apply("log", argument):
                 positive.append(argument)
     return nonzero, positive
 
@@ -222,7 +209,7 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "lagrangian": None if lagrangian is None else lagrangian_part(lagrangian),
         "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
         "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
-        "integrals": {} if lagrangian is None else integrals_of(lagrangian.expression).get("integrals", {}),
+        "integrals": {} if lagrangian is None else certify.integrals_of(lagrangian.expression).get("integrals", {}),
         "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, lagrangian),
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
@@ -265,17 +252,17 @@ def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
 def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
     """Whether the form of g shows det g != 0 wherever L is defined: constant, or diagonal without a zero."""
     entries = [(i == j, entry) for i, row in enumerate(lagrangian.multiplier) for j, entry in enumerate(row)]
-    if all(isinstance(node, Number | Sum | Product) for _, entry in entries for node in walk(entry)):
+    if all(isinstance(node, ex.Number | ex.Sum | ex.Product) for _, entry in entries for node in ex.walk(entry)):
         return True
     known = {*lagrangian.nonzero, *lagrangian.positive}
-    return all(is_plainly_nonzero(entry, known) if on else entry == ZERO for on, entry in entries)
+    return all(inequalities.is_plainly_nonzero(entry, known) if on else entry == ex.ZERO for on, entry in entries)
 
 
-def _domain(nonzero: Iterable[Expression], positive: Sequence[Expression]) -> list[str]:
+def _domain(nonzero: Iterable[ex.Expression], positive: Sequence[ex.Expression]) -> list[str]:
     """Each condition that is not seen to hold everywhere, once."""
-    unequal = (tree for tree in nonzero if tree not in positive and not is_plainly_nonzero(tree, ()))
-    above = (inequality_text(tree) for tree in positive if not is_plainly_positive(tree))
-    return list(dict.fromkeys([*(f"{to_text(tree)} != 0" for tree in unequal), *above]))
+    unequal = (tree for tree in nonzero if tree not in positive and not inequalities.is_plainly_nonzero(tree, ()))
+    above = (inequalities.inequality_text(tree) for tree in positive if not inequalities.is_plainly_positive(tree))
+    return list(dict.fromkeys([*(f"{printing.to_text(tree)} != 0" for tree in unequal), *above]))
 
 
 def hamiltonian_part(
@@ -285,22 +272,24 @@ def hamiltonian_part(
     nonzero, positive = ((), ()) if lagrangian is None else map(_on_places, (lagrangian.nonzero, lagrangian.positive))
     return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),
-        momenta={symbol.name: to_text(p) for symbol, p in zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)},
+        momenta={
+            symbol.name: printing.to_text(p) for symbol, p in zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)
+        },
         implicit=hamiltonian.implicit,
         reason=hamiltonian.note if hamiltonian.implicit else "",
-        constraints=[to_text(constraint) for constraint in hamiltonian.constraints],
+        constraints=[printing.to_text(constraint) for constraint in hamiltonian.constraints],
         domain=_domain(nonzero, [*positive, *hamiltonian.positive]),
     )
 
 
-def _on_places(trees: Iterable[Expression]) -> list[Expression]:
+def _on_places(trees: Iterable[ex.Expression]) -> list[ex.Expression]:
     """Those without velocities."""
-    return [tree for tree in trees if not any(isinstance(node, Velocity) for node in walk(tree))]
+    return [tree for tree in trees if not any(isinstance(node, ex.Velocity) for node in ex.walk(tree))]
 
 
-def name_of(key: Expression) -> str:
+def name_of(key: ex.Expression) -> str:
     """x, x' or a for a coordinate, a velocity or a parameter at a point; nothing for what else a point holds."""
-    return to_text(key) if isinstance(key, Symbol | Velocity) and key != PI else ""
+    return printing.to_text(key) if isinstance(key, ex.Symbol | ex.Velocity) and key != ex.PI else ""
 
 
 def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPart | None:
@@ -311,24 +300,24 @@ def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPa
     )
 
 
-def formula_fields(tree: Expression) -> dict[str, Any]:
-    return {"text": to_text(tree), "latex": to_latex(tree)}
+def formula_fields(tree: ex.Expression) -> dict[str, Any]:
+    return {"text": printing.to_text(tree), "latex": printing_latex.to_latex(tree)}
 
 
-def formula(tree: Expression) -> schemas.Formula:
+def formula(tree: ex.Expression) -> schemas.Formula:
     return schemas.Formula(**formula_fields(tree))
 
 
-def formulas(names: Iterable[str], trees: Iterable[Expression]) -> dict[str, schemas.Formula]:
+def formulas(names: Iterable[str], trees: Iterable[ex.Expression]) -> dict[str, schemas.Formula]:
     return {name: formula(tree) for name, tree in zip(names, trees, strict=True)}
 
 
-def parsed(tree: Expression) -> ParsedFormula:
-    return ParsedFormula(**formula_fields(tree), mathml=to_mathml(tree))
+def parsed(tree: ex.Expression) -> ParsedFormula:
+    return ParsedFormula(**formula_fields(tree), mathml=printing_mathml.to_mathml(tree))
 
 
 def _texts(matrix: solutions.Matrix) -> list[list[str]]:
-    return [[to_text(entry) for entry in row] for row in matrix]
+    return [[printing.to_text(entry) for entry in row] for row in matrix]
 
 
 def part_of(schema: type[Part], found: object, **other: Any) -> Part:
@@ -345,4 +334,4 @@ def plain(value: Any) -> Any:
         return [plain(part) for part in value]
     if isinstance(value, Decimal):
         return str(value)
-    return formula(value) if isinstance(value, Expression) else value
+    return formula(value) if isinstance(value, ex.Expression) else value

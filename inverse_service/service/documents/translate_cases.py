@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from api_schemas.result import CaseNode, Formula, SpecialCasesPart, VariationalCase
+from api_schemas import result
 from inverse_service.decision.solutions import Verdict
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions import printing, printing_latex
+from inverse_service.solving.special_cases import cases
 from inverse_service.solving.special_cases.case_tree import Node, SpecialCases
-from inverse_service.solving.special_cases.cases import Case, conditions
 
-Reading = Callable[[Case], Verdict | None]
+Reading = Callable[[cases.Case], Verdict | None]
 
 
-def to_special_cases(found: SpecialCases) -> SpecialCasesPart:
+def to_special_cases(found: SpecialCases) -> result.SpecialCasesPart:
     """The part of the document; raises nothing."""
     both = found.root.case.autonomous is not None and found.root.case.with_time is not None
-    return SpecialCasesPart(
+    return result.SpecialCasesPart(
         tree=_node(found.root),
         variational_when=list(_variational(found.root, main_verdict, False)),
         variational_when_with_time=list(_variational(found.root, lambda case: case.with_time, False)) if both else None,
@@ -28,16 +27,16 @@ def to_special_cases(found: SpecialCases) -> SpecialCasesPart:
     )
 
 
-def main_verdict(case: Case) -> Verdict | None:
+def main_verdict(case: cases.Case) -> Verdict | None:
     """The verdict of the question that a result answers in its main fields."""
     return case.autonomous if case.autonomous is not None else case.with_time
 
 
-def _node(node: Node) -> CaseNode:
+def _node(node: Node) -> result.CaseNode:
     case = node.case
     main = main_verdict(case)
     assert main is not None, "each case answers a question"
-    return CaseNode(
+    return result.CaseNode(
         conditions=_conditions_of(case),
         verdict=main,
         verdict_with_time=case.with_time,
@@ -48,11 +47,11 @@ def _node(node: Node) -> CaseNode:
     )
 
 
-def _variational(node: Node, verdict: Reading, inside: bool) -> Iterator[VariationalCase]:
+def _variational(node: Node, verdict: Reading, inside: bool) -> Iterator[result.VariationalCase]:
     """The largest cases with this verdict, in the order of the tree."""
     here = verdict(node.case) == "variational"
     if here and not inside:
-        yield VariationalCase(
+        yield result.VariationalCase(
             conditions=_conditions_of(node.case),
             dimension=node.case.stratum.dimension,
             exceptions=[_conditions_of(child.case) for child in node.children if verdict(child.case) != "variational"],
@@ -61,8 +60,11 @@ def _variational(node: Node, verdict: Reading, inside: bool) -> Iterator[Variati
         yield from _variational(child, verdict, here)
 
 
-def _conditions_of(case: Case) -> list[Formula]:
+def _conditions_of(case: cases.Case) -> list[result.Formula]:
     return [
-        Formula(text=f"{to_text(left)} = {to_text(right)}", latex=f"{to_latex(left)} = {to_latex(right)}")
-        for left, right in conditions(case)
+        result.Formula(
+            text=f"{printing.to_text(left)} = {printing.to_text(right)}",
+            latex=f"{printing_latex.to_latex(left)} = {printing_latex.to_latex(right)}",
+        )
+        for left, right in cases.conditions(case)
     ]

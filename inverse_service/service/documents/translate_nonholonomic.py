@@ -8,29 +8,20 @@ from typing import Any, TypeVar
 
 from api_schemas import nonholonomic as schemas
 from api_schemas.result import HamiltonianPart
+from inverse_service import errors
 from inverse_service.constrained import nonholonomic_study
 from inverse_service.constrained.answering import MotionAnswer, MotionLagrangian
 from inverse_service.constrained.hamiltonise import Comparison, Hamiltonisation
 from inverse_service.decision.solutions import Hamiltonian
-from inverse_service.errors import DocumentRefused, Place
-from inverse_service.explanation.wording import Piece, said
-from inverse_service.expressions.notation import row
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Expression, Symbol, walk
+from inverse_service.explanation import wording
+from inverse_service.expressions import notation, printing
+from inverse_service.expressions import tree as ex
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.mechanics.constrained_motion import (
-    EquationsOfMotion,
-    NonholonomicSystem,
-    read_multiples,
-    read_nonholonomic,
-)
+from inverse_service.mechanics import constrained_motion
 from inverse_service.mechanics.first_integrals import FirstIntegral
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents import translate
-from inverse_service.service.documents.accepting import validated
-from inverse_service.service.documents.checking import OPEN_MOTION
-from inverse_service.service.documents.translate import formula, formulas, parsed
+from inverse_service.service.documents import accepting, checking, translate
 
 T = TypeVar("T")
 
@@ -39,13 +30,13 @@ def to_nonholonomic_schema(document: Any) -> schemas.NonholonomicDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
     if isinstance(document, dict) and "equations" in document:
         sentence = "'equations' and a Lagrangian or constraints are both given: keep the one or the other."
-        raise DocumentRefused((Place(sentence, "/equations"),))
-    return validated(document, schemas.NonholonomicDocument)
+        raise errors.DocumentRefused((errors.Place(sentence, "/equations"),))
+    return accepting.validated(document, schemas.NonholonomicDocument)
 
 
-def to_nonholonomic(schema: schemas.NonholonomicDocument) -> NonholonomicSystem:
+def to_nonholonomic(schema: schemas.NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
     """The system that a document describes; raises InputError with pointer and column."""
-    return read_nonholonomic(
+    return constrained_motion.read_nonholonomic(
         schema.coordinates,
         schema.lagrangian,
         schema.constraints,
@@ -56,32 +47,36 @@ def to_nonholonomic(schema: schemas.NonholonomicDocument) -> NonholonomicSystem:
     )
 
 
-def to_families(schema: schemas.NonholonomicDocument, system: NonholonomicSystem) -> list[tuple[Expression, ...]]:
+def to_families(
+    schema: schemas.NonholonomicDocument, system: constrained_motion.NonholonomicSystem
+) -> list[tuple[ex.Expression, ...]]:
     """The families of multiples, each one tree for each coordinate; raises InputError."""
     if schema.multiples is None:
         return []
     if isinstance(schema.multiples, dict):
-        return [read_multiples(schema.multiples, system, schema.parameters)]
+        return [constrained_motion.read_multiples(schema.multiples, system, schema.parameters)]
     return [
-        read_multiples(family, system, schema.parameters, f"/multiples/{place}")
+        constrained_motion.read_multiples(family, system, schema.parameters, f"/multiples/{place}")
         for place, family in enumerate(schema.multiples)
     ]
 
 
 def to_nonholonomic_parse_answer(
-    system: NonholonomicSystem, motion: EquationsOfMotion, schema: schemas.NonholonomicDocument
+    system: constrained_motion.NonholonomicSystem,
+    motion: constrained_motion.EquationsOfMotion,
+    schema: schemas.NonholonomicDocument,
 ) -> schemas.NonholonomicParseAnswer:
     """What was understood: Lagrangian, constraints, and the accelerations that follow."""
     return translate.part_of(
         schemas.NonholonomicParseAnswer,
         system,
         functions=translate.function_fields(system),
-        equations={name: parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
-        depends_on_time=any(node == TIME for f in motion.accelerations for node in walk(f)),
+        equations={name: translate.parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
+        depends_on_time=any(node == ex.TIME for f in motion.accelerations for node in ex.walk(f)),
         guessed=translate.guessed_names(schema, system),
         readings=[],
-        lagrangian=parsed(system.lagrangian),
-        constraints=[parsed(tree) for tree in system.constraints],
+        lagrangian=translate.parsed(system.lagrangian),
+        constraints=[translate.parsed(tree) for tree in system.constraints],
     )
 
 
@@ -89,8 +84,8 @@ def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIn
     """The key `nonholonomic` of a result."""
     system = study.report.motion.system
     return schemas.NonholonomicPart(
-        lagrangian=formula(system.lagrangian),
-        constraints=[formula(tree) for tree in system.constraints],
+        lagrangian=translate.formula(system.lagrangian),
+        constraints=[translate.formula(tree) for tree in system.constraints],
         main=study.answers[study.main].associated.kind,
         **_motion_fields(study.report),
         first_integrals=[translate.integral_part(each) for each in kept],
@@ -108,13 +103,13 @@ def _motion_fields(report: nonholonomic_study.MotionReport) -> dict[str, Any]:
     }
 
 
-def _motion(motion: EquationsOfMotion) -> schemas.MotionPart:
+def _motion(motion: constrained_motion.EquationsOfMotion) -> schemas.MotionPart:
     return translate.part_of(
         schemas.MotionPart,
         motion,
-        first_order=formulas(motion.dependent, motion.dependent_velocities),
-        second_order=formulas(motion.free, motion.free_accelerations),
-        accelerations=formulas(motion.system.coordinates, motion.accelerations),
+        first_order=translate.formulas(motion.dependent, motion.dependent_velocities),
+        second_order=translate.formulas(motion.free, motion.free_accelerations),
+        accelerations=translate.formulas(motion.system.coordinates, motion.accelerations),
     )
 
 
@@ -135,9 +130,9 @@ def _integrability(report: nonholonomic_study.MotionReport) -> schemas.Integrabi
     return translate.part_of(schemas.IntegrabilityPart, found, **_stated(text))
 
 
-def _stated(*pieces: Piece, key: str = "statement") -> dict[str, Any]:
+def _stated(*pieces: wording.Piece, key: str = "statement") -> dict[str, Any]:
     """A sentence (see `said`) as text and in parts."""
-    step = translate.step_part(said(*pieces))
+    step = translate.step_part(wording.said(*pieces))
     return {key: step.text, "parts": step.parts}
 
 
@@ -153,14 +148,14 @@ def to_any_associated(answer: MotionAnswer) -> schemas.AnyAssociatedPart:
         lagrangian=None if found is None else _motion_lagrangian(found),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
-        image=[] if report is None else [formula(tree) for tree in _images(report)],
+        image=[] if report is None else [translate.formula(tree) for tree in _images(report)],
         certificate=certificates[0] if certificates else None,
         certificate_with_time=certificates[1] if len(certificates) > 1 else None,
         explanation=[translate.step_part(step) for step in answer.explanation],
     )
 
 
-def _statement(answer: MotionAnswer) -> list[Piece]:
+def _statement(answer: MotionAnswer) -> list[wording.Piece]:
     """The answer about the motion in one sentence, with the set that its proof speaks of."""
     if "variational" in (answer.verdict, answer.verdict_with_time):
         kind = "" if answer.lagrangian is None else answer.lagrangian.kind
@@ -172,10 +167,10 @@ def _statement(answer: MotionAnswer) -> list[Piece]:
     if answer.verdict == "not_variational":
         no = "This motion cannot be given a Hamiltonian by any `L(q, q')`"
         return [f"{no}; with a Lagrangian that depends on time it is open."]
-    return [OPEN_MOTION]
+    return [checking.OPEN_MOTION]
 
 
-def _where(answer: MotionAnswer) -> Iterator[Piece]:
+def _where(answer: MotionAnswer) -> Iterator[wording.Piece]:
     """ ", where A > 0 and B > 0" with the conditions of the first certificate, in its names; nothing without one."""
     certificate = answer.certificates[0] if answer.certificates else {}
     for place, condition in enumerate(certificate.get("conditions") or ()):
@@ -183,21 +178,21 @@ def _where(answer: MotionAnswer) -> Iterator[Piece]:
         names = Names(tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"])
         left, sign, right = condition.partition(" > " if " > " in condition else " < ")
         yield " and " if place else ", where "
-        yield row(read_formula(left, names), sign, read_formula(right, names))
+        yield notation.row(reader.read_formula(left, names), sign, reader.read_formula(right, names))
 
 
 def _motion_lagrangian(found: MotionLagrangian) -> schemas.MotionLagrangianPart:
     return schemas.MotionLagrangianPart(
         **dict(translate.lagrangian_part(found.lagrangian)),
-        on_constraints=formula(found.jet.on_constraints),
-        transverse_momenta=[formula(tree) for tree in found.jet.transverse_momenta],
+        on_constraints=translate.formula(found.jet.on_constraints),
+        transverse_momenta=[translate.formula(tree) for tree in found.jet.transverse_momenta],
     )
 
 
 def _belongs_to(found: MotionLagrangian) -> schemas.BelongsTo:
     system = found.system
     pairs = () if system is None else zip(system.coordinates, system.accelerations, strict=True)
-    return schemas.BelongsTo(kind=found.kind, equations={name: to_text(f) for name, f in pairs})
+    return schemas.BelongsTo(kind=found.kind, equations={name: printing.to_text(f) for name, f in pairs})
 
 
 _MEASURE = {
@@ -211,8 +206,8 @@ def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
     found = report.density
     return schemas.MeasurePart(
         status=found.status,
-        density=None if found.momenta is None else formula(found.momenta),
-        in_velocities=None if found.velocities is None else formula(found.velocities),
+        density=None if found.momenta is None else translate.formula(found.momenta),
+        in_velocities=None if found.velocities is None else translate.formula(found.velocities),
         **_stated(_MEASURE[found.status]),
     )
 
@@ -224,22 +219,23 @@ def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
     parts, names = member.geometry, member.geometry.system.coordinates
     dependent = [names[place] for place in member.frame.dependent]
     force = "" if member.force_fits else " that depends on more than `r_2`"
-    N = _in_time(lambda: formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2)))
+    N = _in_time(lambda: translate.formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2)))
     return schemas.ClassPart(
         member=True,
         **_stated(
             "The system is in the class `s' = -A(r_1) r_2'` with ",
-            row("r_1 = ", Symbol(names[member.r1])),
+            notation.row("r_1 = ", ex.Symbol(names[member.r1])),
             ", ",
-            row("r_2 = ", Symbol(names[member.r2])),
+            notation.row("r_2 = ", ex.Symbol(names[member.r2])),
             f", with a potential{force}." if member.has_force else ".",
         ),
         r1=names[member.r1],
         r2=names[member.r2],
         s=dependent,
-        A=_in_time(lambda: formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes))) or {},
+        A=_in_time(lambda: translate.formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes)))
+        or {},
         N=N,
-        K=_in_time(lambda: formula(parts.tree(member.slope_of_density))),
+        K=_in_time(lambda: translate.formula(parts.tree(member.slope_of_density))),
         potential=member.has_force,
     )
 
@@ -277,9 +273,9 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
     return schemas.HamiltonisationPart(
         associated=report.kind,
         label=report.label,
-        lagrangian=formula(found.lagrangian),
+        lagrangian=translate.formula(found.lagrangian),
         hamiltonian=_hamiltonian(found),
-        constraints=[formula(tree) for tree in _images(found)],
+        constraints=[translate.formula(tree) for tree in _images(found)],
         checked=report.checked,
         statements=[
             schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text")) for each in found.statements
@@ -289,7 +285,7 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
     )
 
 
-def _images(found: Hamiltonisation) -> tuple[Expression, ...]:
+def _images(found: Hamiltonisation) -> tuple[ex.Expression, ...]:
     """The constraints in phase space; none where the energy is given in the velocities."""
     return () if found.transform is not None and found.transform.implicit else found.images
 
@@ -301,5 +297,5 @@ def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
 
 
 def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
-    functions = {name: to_text(body) for name, body in comparison.functions.items()}
+    functions = {name: printing.to_text(body) for name, body in comparison.functions.items()}
     return translate.part_of(schemas.TrajectoryPart, comparison, functions=functions)

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures import style as styles
-from inverse_service.service.figures.time_series import QUANTITIES, series_figure
-from inverse_service.simulation.observing import turned
+from inverse_service.service.figures import time_series
+from inverse_service.simulation import observing
 
 MOST_POINTS = 4000
 PALE = "#9aa3b2"
@@ -239,9 +239,9 @@ def draw_simulation(
         found.append({"files": styles.save(drawn[0], folder, "phase-portrait", drawn[1]), "caption": drawn[1]})
     if (drawn := section_figure(result)) is not None:
         found.append({"files": styles.save(drawn[0], folder, "section", drawn[1]), "caption": drawn[1]})
-    for name in QUANTITIES:
+    for name in time_series.QUANTITIES:
         asked = name in observed or (name == "discrete_energy" and "energy" in observed)
-        drawn = series_figure(name, result, tables, truth) if asked else None
+        drawn = time_series.series_figure(name, result, tables, truth) if asked else None
         if drawn is not None:
             figure, caption = drawn
             found.append({"files": styles.save(figure, folder, name, caption), "caption": caption})
@@ -254,7 +254,7 @@ def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array
     if pair is None:
         return False
     paths = [np.column_stack([table[name] for name in pair]) for table in tables.values() if len(table["t"]) > 2]
-    return "matching_circle" in result["observe"] or any(abs(turned(path)[-1]) >= 2 * np.pi for path in paths)
+    return "matching_circle" in result["observe"] or any(abs(observing.turned(path)[-1]) >= 2 * np.pi for path in paths)
 
 
 Tables = Mapping[str, Mapping[str, Array]]
@@ -381,7 +381,7 @@ def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
 
 def _stroke(path: Array, width: float) -> dict[str, Any]:
     """A line through the points, or dots where they are so far apart that a line would hide the path."""
-    turns = np.abs(np.diff(turned(path))) if len(path) > 3 else np.zeros(1)
+    turns = np.abs(np.diff(observing.turned(path))) if len(path) > 3 else np.zeros(1)
     if np.median(turns) < WIDEST_TURN:
         return {"linewidth": width, "linestyle": "-"}
     return {"linestyle": "none", "marker": ".", "markersize": 1.2 * width}

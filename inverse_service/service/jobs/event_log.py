@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from inverse_service.service.documents import growing
-from inverse_service.service.jobs.model import BULK, Event, Job
+from inverse_service.service.jobs import model
 from inverse_service.service.jobs.store import JobStore
 
 PART = "part"
@@ -53,9 +53,9 @@ NUMBERS_PER_ATTEMPT = 10_000
 MOST_EVENTS = 1_000
 
 
-def last_event(job: Job) -> Event:
+def last_event(job: model.Job) -> model.Event:
     """The event that ends the stream of a final job; the greatest number of its attempt."""
-    return Event((job.attempt + 1) * NUMBERS_PER_ATTEMPT - 1, "status", {"status": job.status})
+    return model.Event((job.attempt + 1) * NUMBERS_PER_ATTEMPT - 1, "status", {"status": job.status})
 
 
 class EventLog:
@@ -67,9 +67,9 @@ class EventLog:
         self._latest: dict[str, dict[str, Any]] = {}
         self._earlier: dict[str, dict[str, Any]] = {}
         self._numbers: dict[str, int] = {}
-        self._pending: list[tuple[str, Event]] = []
+        self._pending: list[tuple[str, model.Event]] = []
 
-    def begin(self, job: Job) -> None:
+    def begin(self, job: model.Job) -> None:
         """The first event of an attempt; what an earlier one finished before it died is kept until this one has it."""
         earlier = self._of_earlier(job)
         with self._lock:
@@ -78,17 +78,17 @@ class EventLog:
             self._numbers[job.id] = job.attempt * NUMBERS_PER_ATTEMPT
             self._append(job, "status", {"status": "running"})
 
-    def _of_earlier(self, job: Job) -> dict[str, Any]:
+    def _of_earlier(self, job: model.Job) -> dict[str, Any]:
         with self._lock:
             furthest = self._furthest(job.id)
         if furthest is not None:
             return furthest
-        if job.restarts == 0 or job.priority >= BULK:
+        if job.restarts == 0 or job.priority >= model.BULK:
             return {}
         so_far = growing.merged(e.data["value"] for e in self._store.events(job.id) if e.kind == PART)
         return {"so_far": so_far, "seconds": {}} if so_far else {}
 
-    def report(self, job: Job, began: float, value: Any) -> None:
+    def report(self, job: model.Job, began: float, value: Any) -> None:
         """Something that the worker says about a job."""
         with self._lock:
             if job.id not in self._latest:
@@ -106,7 +106,7 @@ class EventLog:
             else:
                 self._append(job, "progress", {k: v for k, v in progress.items() if k not in ("so_far", "seconds")})
 
-    def end(self, job: Job, again: bool = False) -> None:
+    def end(self, job: model.Job, again: bool = False) -> None:
         """Nothing more comes from this attempt; the store knows how it ended. `again`: another attempt comes."""
         with self._lock:
             is_latest = self._numbers.get(job.id, 0) // NUMBERS_PER_ATTEMPT == job.attempt
@@ -138,20 +138,20 @@ class EventLog:
         if pending:
             self._store.add_events(pending)
 
-    def pending(self, id: str) -> list[Event]:
+    def pending(self, id: str) -> list[model.Event]:
         """The events of a job that are not written yet; its end is written with them, and then it is `written`."""
         with self._lock:
             return [event for job, event in self._pending if job == id]
 
-    def written(self, id: str, events: list[Event]) -> None:
+    def written(self, id: str, events: list[model.Event]) -> None:
         """These are in the store."""
         with self._lock:
             self._pending = [(job, event) for job, event in self._pending if job != id or event not in events]
 
-    def _append(self, job: Job, kind: str, data: Mapping[str, Any]) -> None:
+    def _append(self, job: model.Job, kind: str, data: Mapping[str, Any]) -> None:
         # Nobody watches a single line of a batch.
-        if job.priority >= BULK:
+        if job.priority >= model.BULK:
             return
         number = self._numbers[job.id] = self._numbers[job.id] + 1
         if number % NUMBERS_PER_ATTEMPT < MOST_EVENTS or kind == PART:
-            self._pending.append((job.id, Event(number, kind, dict(data))))
+            self._pending.append((job.id, model.Event(number, kind, dict(data))))

@@ -19,8 +19,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
 
-from inverse_service import __version__
-from inverse_service.errors import InputError, InverseServiceError, LimitError
+from inverse_service import __version__, errors
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.statements import Batch, BatchLine
@@ -259,10 +258,10 @@ def read_options(given: Any, server: JobOptions) -> JobOptions:
     if given is None:
         return server
     if not isinstance(given, Mapping):
-        raise InputError(f"'options' must be an object with some of the keys {KEYS}.", "/options")
+        raise errors.InputError(f"'options' must be an object with some of the keys {KEYS}.", "/options")
     unknown = set(given) - {"time_limit", "memory_limit", "seed"}
     if unknown:
-        raise InputError(f"'options' has a key that is not known here; the keys are {KEYS}.", "/options")
+        raise errors.InputError(f"'options' has a key that is not known here; the keys are {KEYS}.", "/options")
     return JobOptions(
         time_limit=read_time_limit(given.get("time_limit"), server.time_limit),
         memory_limit=_whole(given, "memory_limit", server.memory_limit, SMALLEST_MEMORY, server.memory_limit),
@@ -277,18 +276,18 @@ def read_time_limit(value: Any, largest: float, pointer: str = "/options/time_li
     is_number = isinstance(value, int | float | Decimal) and not isinstance(value, bool)
     seconds = float(value) if is_number else math.nan
     if not 0 < seconds <= largest:
-        raise LimitError(f"the time limit must be a number of seconds above 0 and at most {largest:g}.", pointer)
+        raise errors.LimitError(f"the time limit must be a number of seconds above 0 and at most {largest:g}.", pointer)
     return seconds
 
 
 def _whole(given: Mapping[str, Any], key: str, default: int, low: int, high: int) -> int:
     value = given.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise LimitError(f"{key} must be an integer from {low} to {high}.", f"/options/{key}")
+        raise errors.LimitError(f"{key} must be an integer from {low} to {high}.", f"/options/{key}")
     return value
 
 
-class TooManyJobs(InverseServiceError):
+class TooManyJobs(errors.InverseServiceError):
     """A bound on open jobs or on the processor time of a day is reached; nothing was stored.
 
     `seconds` is the time after which it is worth to ask again; `quota` is the bound on the processor time of a day,
@@ -310,14 +309,14 @@ def until_tomorrow() -> int:
     return 86_400 - int(time.time()) % 86_400
 
 
-class StoreUnavailable(InverseServiceError):
+class StoreUnavailable(errors.InverseServiceError):
     """The database does not answer, or not as it should."""
 
     code = "store-unavailable"
     retry = True
 
 
-class DatabaseTaken(InverseServiceError):
+class DatabaseTaken(errors.InverseServiceError):
     """Another process supervises this database."""
 
     code = "database-taken"

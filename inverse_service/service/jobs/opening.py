@@ -12,10 +12,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from inverse_service.errors import InputError
-from inverse_service.service.jobs.locks import DATABASE, temporary_folder
+from inverse_service import errors
+from inverse_service.service.jobs import locks, sqlite_store
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
-from inverse_service.service.jobs.sqlite_store import Damaged, SqliteStore, connect
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.workers import Executor
 
@@ -37,23 +36,25 @@ def open_store(database: str | None, guest: bool = False) -> JobStore:
     if database.startswith(POSTGRES):
         return _postgres_store(database)
     try:
-        return SqliteStore(_existing(Path(database)), guest=True) if guest else _store_at(Path(database))
+        return sqlite_store.SqliteStore(_existing(Path(database)), guest=True) if guest else _store_at(Path(database))
     except DatabaseTaken as error:
-        raise InputError(error.detail) from None
+        raise errors.InputError(error.detail) from None
     except (OSError, sqlite3.Error, WrongVersion) as error:
-        raise InputError(f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}.") from None
+        raise errors.InputError(
+            f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}."
+        ) from None
 
 
 def _existing(path: Path) -> Path:
     if not path.is_file():
-        raise InputError(f"There is no database {path}; INVERSE_SERVICE_DATABASE names that of the service.")
+        raise errors.InputError(f"There is no database {path}; INVERSE_SERVICE_DATABASE names that of the service.")
     return path
 
 
 def default_path() -> Path:
     """jobs.sqlite in the state folder of this user."""
     base = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
-    return Path(base) / "inverse-service" / DATABASE
+    return Path(base) / "inverse-service" / locks.DATABASE
 
 
 def _default_store() -> JobStore:
@@ -66,30 +67,32 @@ def _default_store() -> JobStore:
         "the database of this user cannot be used now (another service has it, or it cannot be written): jobs are "
         "kept in the temporary folder and forgotten at the end"
     )
-    return _store_at(kept.enter_context(temporary_folder()) / DATABASE)
+    return _store_at(kept.enter_context(locks.temporary_folder()) / locks.DATABASE)
 
 
 def _postgres_store(address: str) -> JobStore:
     try:
         module = importlib.import_module(POSTGRES_MODULE)
     except ImportError:
-        raise InputError("A PostgreSQL database needs the extra: pip install 'inverse-service[postgres]'.") from None
+        raise errors.InputError(
+            "A PostgreSQL database needs the extra: pip install 'inverse-service[postgres]'."
+        ) from None
     store: JobStore = module.PostgresStore(address)
     return store
 
 
-def _store_at(path: Path) -> SqliteStore:
+def _store_at(path: Path) -> sqlite_store.SqliteStore:
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     # Documents of clients are in it; SQLite gives its other files the same rights.
     os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
     for each in (path, *(path.with_name(path.name + end) for end in ("-wal", "-shm"))):
         with contextlib.suppress(OSError):
             each.chmod(0o600)
-    return SqliteStore(path)
+    return sqlite_store.SqliteStore(path)
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, WrongVersion | Damaged):
+    if isinstance(error, WrongVersion | sqlite_store.Damaged):
         return str(error)
     match getattr(error, "sqlite_errorcode", 0) & 0xFF:  # extended codes have more above
         case sqlite3.SQLITE_READONLY | sqlite3.SQLITE_CANTOPEN:
@@ -111,7 +114,7 @@ def stored_answer(address: str, id: str) -> tuple[str, bytes]:
 
 
 def _sqlite_row(path: str, id: str) -> Any:
-    with contextlib.closing(connect(path, read_only=True)) as connection:
+    with contextlib.closing(sqlite_store.connect(path, read_only=True)) as connection:
         return connection.execute(ANSWER.format("?"), (id,)).fetchone()
 
 
@@ -131,9 +134,9 @@ def open_cluster(address: str, memory_limit: int) -> Executor:
     Raises InputError: the address is none, or the extra `dask` is not installed.
     """
     if not address.startswith(SCHEMES):
-        raise InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
+        raise errors.InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
     if find_spec("distributed") is None:
-        raise InputError("A cluster needs the extra: pip install 'inverse-service[dask]'.")
+        raise errors.InputError("A cluster needs the extra: pip install 'inverse-service[dask]'.")
     from inverse_service.service.cluster.front import Cluster
 
     return Cluster(address, memory_limit)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from inverse_service.errors import DocumentRefused, InputError, NoWorker, Place, WorkerFailed, missing_extra
+from inverse_service import errors
 
 log = logging.getLogger(__name__)
 Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]
@@ -38,7 +38,7 @@ class Outcome:
 
     status: Status
     value: Any = None
-    places: tuple[Place, ...] = ()
+    places: tuple[errors.Place, ...] = ()
     detail: str = ""
     spent: Usage = field(default=Usage(), compare=False)
 
@@ -64,15 +64,15 @@ def guard(task: Callable[..., Any], *arguments: Any, **named: Any) -> Outcome:
     """Run it and say as data how it ended; nothing but process death gets past."""
     try:
         found = task(*arguments, **named)
-    except InputError as error:
+    except errors.InputError as error:
         return Outcome("refused", places=error.places)
     except MemoryError:
         return Outcome("memory")
     except OverflowError:
         detail = "A number of this document leaves the range that can be computed with; write smaller numbers."
-        return Outcome("refused", places=(Place(detail, code="limit"),))
+        return Outcome("refused", places=(errors.Place(detail, code="limit"),))
     except ImportError as error:
-        missing = missing_extra(error)
+        missing = errors.missing_extra(error)
         return _fault(error) if missing is None else Outcome("refused", places=missing.places)
     except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log
         return _fault(error)
@@ -89,16 +89,16 @@ def value_of(outcome: Outcome) -> Any:
     if outcome.status == "done":
         return outcome.value
     if outcome.status == "refused":
-        raise DocumentRefused(outcome.places)
+        raise errors.DocumentRefused(outcome.places)
     log.error("task ended with %s: %s", outcome.status, outcome.detail)
     if outcome.status == "deadline":
-        raise WorkerFailed("The work was stopped at its time limit.")
+        raise errors.WorkerFailed("The work was stopped at its time limit.")
     if outcome.status == "memory":
-        raise WorkerFailed("The work was stopped at its memory limit.")
+        raise errors.WorkerFailed("The work was stopped at its memory limit.")
     if outcome.status == "unstarted":
-        raise NoWorker("No worker process can be started; try again in some seconds.")
+        raise errors.NoWorker("No worker process can be started; try again in some seconds.")
     kind = f" ({outcome.value})" if outcome.value else ""
-    raise WorkerFailed(f"The program failed on this document{kind}; that is a fault of the program.")
+    raise errors.WorkerFailed(f"The program failed on this document{kind}; that is a fault of the program.")
 
 
 def outcome_of_exit(exitcode: int | None) -> Outcome:

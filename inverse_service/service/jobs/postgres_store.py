@@ -18,10 +18,9 @@ from typing import Any, TypeVar
 import psycopg
 from psycopg.rows import dict_row
 
-from inverse_service.errors import InputError
+from inverse_service import errors
 from inverse_service.service.jobs import statements
 from inverse_service.service.jobs.model import StoreUnavailable, WrongVersion
-from inverse_service.service.jobs.statements import SELECT
 from inverse_service.service.jobs.store import Changed, JobStore
 
 log = logging.getLogger(__name__)
@@ -244,11 +243,15 @@ class PostgresStore(JobStore):
             self._connections = Connections(address)
         except psycopg.OperationalError as error:
             reason = str(error).strip().partition("\n")[0][:300]
-            raise InputError(f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}") from None
+            raise errors.InputError(
+                f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}"
+            ) from None
         except (psycopg.Error, WrongVersion, UnicodeError) as error:
             name = type(error).__name__
             reason = str(error) if isinstance(error, WrongVersion) else f"wrong address or rights ({name})"
-            raise InputError(f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}.") from None
+            raise errors.InputError(
+                f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}."
+            ) from None
         self._changes = Changes(address, self.tell)
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
@@ -259,7 +262,7 @@ class PostgresStore(JobStore):
         return int(self._rows("SELECT pg_database_size(current_database()) AS size")[0]["size"])
 
     def try_to_write(self) -> None:
-        self._rows(f"{SELECT} FROM jobs LIMIT 0")
+        self._rows(f"{statements.SELECT} FROM jobs LIMIT 0")
         # With a number of its own a transaction is written to the log of the server.
         self._connections.write(lambda c: c.execute("SELECT pg_current_xact_id()").rowcount)
 

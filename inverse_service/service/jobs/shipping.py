@@ -18,11 +18,8 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from inverse_service.kernels.machine_code import shipped
-from inverse_service.kernels.machine_code.building import module_of, reduce
-from inverse_service.kernels.machine_code.kernels import KERNELS, told
-from inverse_service.kernels.machine_code.loading import target_machine
-from inverse_service.service.jobs.warming import warm_up
+from inverse_service.kernels.machine_code import building, kernels, loading, shipped
+from inverse_service.service.jobs import warming
 
 # What numba says of the processor at hand stands in attributes of each function.
 HOST = re.compile(r'"(?:target-cpu|target-features|tune-cpu)"="[^"]*"')
@@ -31,16 +28,16 @@ ROOT = Path(shipped.__file__).parents[2]
 
 def ship(folder: Path) -> list[Path]:
     """Write index and libraries for the processors of this platform; the files."""
-    warm_up()
-    target_machine()  # initializes LLVM
+    warming.warm_up()
+    loading.target_machine()  # initializes LLVM
     texts, listed, sources = list[tuple[str, str]](), list[dict[str, Any]](), set[str]()
-    for kernel in KERNELS:
+    for kernel in kernels.KERNELS:
         for kinds in kernel.entries:
             symbol = f"kernel_{len(listed)}"
-            module, answer = module_of(kernel.made(), kinds, symbol)
+            module, answer = building.module_of(kernel.made(), kinds, symbol)
             texts.append((symbol, HOST.sub("", str(module))))
-            listed.append({"name": kernel.name, "kinds": told(kinds), "answer": answer, "symbol": symbol})
-    for kernel in KERNELS:  # whichever calls which: all files that define one
+            listed.append({"name": kernel.name, "kinds": kernels.told(kinds), "answer": answer, "symbol": symbol})
+    for kernel in kernels.KERNELS:  # whichever calls which: all files that define one
         sources.add(Path(kernel.py_func.__code__.co_filename).relative_to(ROOT).as_posix())
     folder.mkdir(parents=True, exist_ok=True)
     index = folder / "kernels.json"
@@ -56,7 +53,7 @@ def linked(texts: list[tuple[str, str]], target: str, path: Path) -> Path:
     whole: Any = None
     for symbol, text in texts:
         module = llvm.parse_assembly(text)
-        reduce(module, machine, symbol)
+        building.reduce(module, machine, symbol)
         if whole is None:
             whole = module
         else:

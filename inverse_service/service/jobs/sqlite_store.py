@@ -19,7 +19,6 @@ from typing import Any, TypeVar
 from inverse_service.service.jobs import statements
 from inverse_service.service.jobs.locks import SupervisorLock
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
-from inverse_service.service.jobs.statements import SELECT
 from inverse_service.service.jobs.store import Changed, JobStore
 
 MOST_AT_ONCE = 200
@@ -255,7 +254,7 @@ class SqliteStore(JobStore):
         return self._used_bytes()
 
     def try_to_write(self) -> None:
-        self._reader().execute(f"{SELECT} FROM jobs LIMIT 0")
+        self._reader().execute(f"{statements.SELECT} FROM jobs LIMIT 0")
         self._writer.write(lambda c: c.execute(PROBE).rowcount)
 
     def prune(self, oldest: float, largest: int) -> int:

@@ -22,9 +22,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Protocol
 
-from inverse_service.errors import LimitError
+from inverse_service import errors
 from inverse_service.service.jobs import model
-from inverse_service.service.jobs.model import DIGITS, Bounds, JobRequest, JobStatus, WrongVersion
 from inverse_service.service.jobs.outcome import Usage
 
 VERSION: Final = 3
@@ -113,7 +112,7 @@ POSTGRES: Final = {
 def script(found: int, words: dict[str, str]) -> str:
     """What makes the tables of version `found` (0: none) those of this one. Raises WrongVersion for a newer one."""
     if not 0 <= found <= VERSION:
-        raise WrongVersion(found, VERSION)
+        raise model.WrongVersion(found, VERSION)
     steps = [_MIGRATIONS[version] for version in range(found or VERSION, VERSION)]
     return "".join((*steps, _SCHEMA)).format(**words)
 
@@ -246,7 +245,9 @@ def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: m
     """Raises TooManyJobs, LimitError for a batch that would never have room. Well below the limits no lock is taken: it
     dominates the rate."""
     if len(new) > (most := min(bounds.total, bounds.client)):
-        raise LimitError(f"The batch asks {len(new)} new questions, and at most {most} may be open; send it in parts.")
+        raise errors.LimitError(
+            f"The batch asks {len(new)} new questions, and at most {most} may be open; send it in parts."
+        )
     clients = {request.client for request in new}
     if bounds.daily < model.NO_BOUND:
         used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"
@@ -460,7 +461,7 @@ class BatchLine:
 
     number: int
     identifier: str
-    request: JobRequest | None = None
+    request: model.JobRequest | None = None
     problem: bytes | None = None
 
 
@@ -473,10 +474,10 @@ class Batch:
     client: str
     created: float
     total: int
-    counts: Mapping[JobStatus, int]
+    counts: Mapping[model.JobStatus, int]
 
     @property
-    def status(self) -> JobStatus:
+    def status(self) -> model.JobStatus:
         """accepted before anything is done, successful when every line has its answer."""
         unfinished = self.counts.get("accepted", 0) + self.counts.get("running", 0)
         if unfinished == 0:
@@ -493,7 +494,7 @@ class BatchAnswer:
 
     number: int
     identifier: str
-    status: JobStatus
+    status: model.JobStatus
     body: bytes | None
     order: int = 0
     digest: str = ""
@@ -510,7 +511,7 @@ def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, gener
     for line in lines:
         question = line.problem or b"" if line.request is None else line.request.id.encode()
         digest.update(f"\n{line.number}\x00{line.identifier}\x00".encode() + question)
-    return digest.hexdigest()[:DIGITS]
+    return digest.hexdigest()[: model.DIGITS]
 
 
 # The total of a batch of which lines are missing still.
@@ -546,7 +547,7 @@ def answers(session: Session, batch: str, after: int, limit: int, largest: int) 
 def _answer_of(row: Any) -> BatchAnswer:
     if row["problem"] is not None:
         return BatchAnswer(row["number"], row["identifier"], "failed", row["problem"], row["order_number"])
-    status: JobStatus = "dismissed" if row["dismissed"] else row["status"] or "dismissed"
+    status: model.JobStatus = "dismissed" if row["dismissed"] else row["status"] or "dismissed"
     body = None if status == "dismissed" else row["body"]
     job, size = row["job"] or "", row["size"] or 0
     return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
@@ -571,7 +572,7 @@ def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
     return bool(found["digest"] == digest)
 
 
-def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: Bounds) -> None:
+def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: model.Bounds) -> None:
     """Some lines and the jobs that are new; lines that are there already stay as they are."""
     submit(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)
     rows = [(id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem) for x in lines]

@@ -14,7 +14,6 @@ from typing import ClassVar, TypeVar
 
 from inverse_service.service.jobs import model, statements, upkeep
 from inverse_service.service.jobs.outcome import Usage
-from inverse_service.service.jobs.statements import SELECT, Session, jobs_of
 
 T = TypeVar("T")
 Changed = Callable[[T], Iterable[str]]
@@ -35,11 +34,13 @@ class JobStore(ABC):
         self._listeners: list[Callable[[str], None]] = []
 
     @abstractmethod
-    def _read(self, function: Callable[[Session], T]) -> T:
+    def _read(self, function: Callable[[statements.Session], T]) -> T:
         """Look at the store."""
 
     @abstractmethod
-    def _write(self, change: Callable[[Session], T], changed: Changed[T] | None = None, durable: bool = True) -> T:
+    def _write(
+        self, change: Callable[[statements.Session], T], changed: Changed[T] | None = None, durable: bool = True
+    ) -> T:
         """Change it in one transaction, and tell of the jobs that changed ("": something did)."""
 
     @abstractmethod
@@ -136,7 +137,7 @@ class JobStore(ABC):
         kept: float | None,
         events: Sequence[model.Event],
     ) -> bool:
-        def end(session: Session) -> bool:
+        def end(session: statements.Session) -> bool:
             statements.add_events(session, [(id, event) for event in events])
             return statements.end(session, id, attempt, status, body, usage, kept)
 
@@ -187,8 +188,8 @@ class JobStore(ABC):
         wanted = {"status": status, "kind": kind, "client": client, "sequence": last and last.sequence}
         chosen = {name: value for name, value in wanted.items() if value is not None}
         where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
-        query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
-        found = jobs_of(self._read(lambda s: s.rows(query, *chosen.values(), limit + 1)))
+        query = f"{statements.SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
+        found = statements.jobs_of(self._read(lambda s: s.rows(query, *chosen.values(), limit + 1)))
         return found[:limit], found[limit - 1].id if len(found) > limit else None
 
     def add_events(self, events: Iterable[tuple[str, model.Event]]) -> None:

@@ -11,19 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.errors import DocumentRefused, InputError, Place
-from inverse_service.service.documents.plain_data import decode, read_json
-from inverse_service.service.jobs.model import (
-    INTERACTIVE,
-    JobOptions,
-    JobRequest,
-    job_id,
-    read_options,
-    split_options,
-    stored_options,
-    write_json,
-)
+from inverse_service.service.documents import plain_data
+from inverse_service.service.jobs import model
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.batch import BatchTerms
@@ -63,7 +54,7 @@ class Answer:
 
 def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
     """A stored job to its Answer; JSON is read and written here, so that the web process is never blocked."""
-    result = KINDS[kind].work(read_json(document), stored_options(options), report)
+    result = KINDS[kind].work(plain_data.read_json(document), model.stored_options(options), report)
     fault = result.get("provenance", {}).get("fault", "") if isinstance(result, dict) else ""
     body = json.dumps(result, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     return Answer(body, label_of(result), fault)
@@ -71,7 +62,7 @@ def job_task(kind: str, document: str, options: str, report: Callable[[Any], Non
 
 def understand_job_task(document: str) -> dict[str, Any]:
     """The document of a stored solve job to the `system` part of a result."""
-    return understand_task(read_json(document))
+    return understand_task(plain_data.read_json(document))
 
 
 def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> dict[str, Any]:
@@ -85,7 +76,7 @@ def look_ahead_task(document: str) -> None:
     """Whether the document of a solve job, which is JSON, can be read to its last formula."""
     from inverse_service.service.documents.documents import parse_document
 
-    parse_document(read_json(document))
+    parse_document(plain_data.read_json(document))
 
 
 def understand_task(document: Any) -> dict[str, Any]:
@@ -110,7 +101,7 @@ def check_task(text: str) -> dict[str, Any]:
 
 
 Report = Callable[[Any], None]
-Work = Callable[[Any, JobOptions, Report], Any]
+Work = Callable[[Any, model.JobOptions, Report], Any]
 Look = Callable[[Any], None]
 # The code of a place in a body that cannot be read at all; HTTP answers it with 400 and all others with 422.
 UNREADABLE = "unreadable"
@@ -122,16 +113,16 @@ class AskingTerms:
     """What a request says besides its body: the kind, the server's options, a time limit of its own, who asks."""
 
     kind: str
-    server: JobOptions
+    server: model.JobOptions
     time_limit: float | None
     client: str
     fresh: bool
 
 
-def ask_task(body: bytes, terms: AskingTerms) -> JobRequest:
+def ask_task(body: bytes, terms: AskingTerms) -> model.JobRequest:
     """A question to its JobRequest."""
-    document, given = split_options(_read(body))
-    options = read_options(given, terms.server)
+    document, given = model.split_options(_read(body))
+    options = model.read_options(given, terms.server)
     if terms.time_limit is not None:
         options = replace(options, time_limit=terms.time_limit)
     return request_of(terms.kind, document, options, terms.client, fresh=terms.fresh)
@@ -141,15 +132,15 @@ def parse_task(body: bytes) -> bytes:
     """A System document to the JSON of what was understood."""
     from inverse_service.service.documents.documents import parse_document
 
-    understood = parse_document(split_options(_read(body))[0])
+    understood = parse_document(model.split_options(_read(body))[0])
     return json.dumps(understood, ensure_ascii=False, allow_nan=False).encode()
 
 
 def check_body_task(body: bytes) -> dict[str, Any]:
     """A result or a certificate to the checker's verdict."""
     if not isinstance(_read(body), dict):
-        raise InputError(NO_RESULT)
-    return check_task(decode(body))
+        raise errors.InputError(NO_RESULT)
+    return check_task(plain_data.decode(body))
 
 
 def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
@@ -161,10 +152,10 @@ def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine
 
 def _read(body: bytes) -> Any:
     try:
-        return read_json(body)
-    except InputError as error:
-        place = Place(error.detail, error.pointer, error.column, UNREADABLE)
-        raise DocumentRefused((place,)) from None
+        return plain_data.read_json(body)
+    except errors.InputError as error:
+        place = errors.Place(error.detail, error.pointer, error.column, UNREADABLE)
+        raise errors.DocumentRefused((place,)) from None
 
 
 def simulate_task(document: Any, time_limit: float) -> dict[str, Any]:
@@ -196,21 +187,21 @@ class Kind:
     limit_is_answer: bool = False
 
 
-def _solve(document: Any, options: JobOptions, report: Report) -> Any:
+def _solve(document: Any, options: model.JobOptions, report: Report) -> Any:
     return solve_task(document, solve_options(options), report)
 
 
-def _check(document: Any, options: JobOptions, report: Report) -> Any:
-    return check_task(write_json(document))
+def _check(document: Any, options: model.JobOptions, report: Report) -> Any:
+    return check_task(model.write_json(document))
 
 
-def _simulate(document: Any, options: JobOptions, report: Report) -> Any:
+def _simulate(document: Any, options: model.JobOptions, report: Report) -> Any:
     from inverse_service.service.scenes.simulating import simulate
 
     return simulate(document, report, options.time_limit)
 
 
-def _work_precision(document: Any, options: JobOptions, report: Report) -> Any:
+def _work_precision(document: Any, options: model.JobOptions, report: Report) -> Any:
     return work_precision_task(document, options.time_limit, report)
 
 
@@ -228,10 +219,10 @@ def _look_at_system(document: Any) -> None:
 
 def _look_at_object(document: Any) -> None:
     if not isinstance(document, dict):
-        raise InputError("The document must be a JSON object.")
+        raise errors.InputError("The document must be a JSON object.")
 
 
-def solve_options(options: JobOptions) -> SolveOptions:
+def solve_options(options: model.JobOptions) -> SolveOptions:
     """The solver's view of the options of a job."""
     return SolveOptions(seed=options.seed, time_limit=options.time_limit)
 
@@ -251,9 +242,16 @@ KINDS: Final[dict[str, Kind]] = {
 
 
 def request_of(
-    kind: str, document: Any, options: JobOptions, client: str = "", priority: int = INTERACTIVE, fresh: bool = False
-) -> JobRequest:
+    kind: str,
+    document: Any,
+    options: model.JobOptions,
+    client: str = "",
+    priority: int = model.INTERACTIVE,
+    fresh: bool = False,
+) -> model.JobRequest:
     """The request. Raises InputError where the document has not the shape that the kind asks for."""
     KINDS[kind].look(document)
     chosen = options.canonical()
-    return JobRequest(job_id(kind, document, chosen), kind, write_json(document), chosen, client, priority, fresh)
+    return model.JobRequest(
+        model.job_id(kind, document, chosen), kind, model.write_json(document), chosen, client, priority, fresh
+    )

@@ -12,19 +12,17 @@ import gc
 import importlib
 
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.jobs import tasks, warming
-from inverse_service.service.jobs.outcome import guard
-from inverse_service.service.jobs.workers import die_with_parent
+from inverse_service.service.jobs import outcome, tasks, warming, workers
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
-die_with_parent()
-guard(tasks.load_engine)
+workers.die_with_parent()
+outcome.guard(tasks.load_engine)
 # Kernels and formulas of simulation take a second to import.
-guard(importlib.import_module, "inverse_service.service.scenes.simulating")
+outcome.guard(importlib.import_module, "inverse_service.service.scenes.simulating")
 if not warming.is_warm():  # who starts the pool has said so
     warming.warm_up()
-guard(tasks.solve_task, SMALL, SolveOptions(time_limit=10.0))
+outcome.guard(tasks.solve_task, SMALL, SolveOptions(time_limit=10.0))
 # What is loaded stays: workers need not look through it for garbage, which takes a tenth of a small solve, nor copy it.
 gc.collect()
 gc.freeze()

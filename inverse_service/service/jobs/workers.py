@@ -38,8 +38,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.locks import hold
+from inverse_service.service.jobs import locks, tasks
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage, guard, outcome_of_exit
 
 PR_SET_PDEATHSIG = 1
@@ -153,7 +152,7 @@ def start_server() -> None:
     # Not under `_starting`: who has that waits for the server to load everything, and the loop must not.
     if process_context().get_start_method() == "forkserver":
         multiprocessing.forkserver.ensure_running()
-        hold(Path(multiprocessing.util.get_temp_dir()))
+        locks.hold(Path(multiprocessing.util.get_temp_dir()))
 
 
 def serve(connection: Connection, memory_limit: int) -> None:

@@ -9,21 +9,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from api_schemas.base import MAX_SIMULATED
-from api_schemas.scene import CatalogueSystem, DocumentSystem, LagrangianDocument, ResultSystem
-from inverse_service import catalogue
-from inverse_service.errors import DocumentRefused, InputError
+from api_schemas import base, scene
+from inverse_service import catalogue, errors
 from inverse_service.expressions import derivative, pieces
 from inverse_service.expressions import tree as trees
-from inverse_service.field.tower import to_kernels
-from inverse_service.mechanics.constrained_motion import read_nonholonomic
-from inverse_service.mechanics.reading import read_system
+from inverse_service.field import tower
+from inverse_service.mechanics import constrained_motion, reading
+from inverse_service.reading import reader
 from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import placed_at, read_formula, without_accelerations
-from inverse_service.service.documents.accepting import EXPECTED, Wording, to_schema, validated
-from inverse_service.service.documents.preparing import inward, prepared, uses_the_letter_t
-from inverse_service.simulation.numeric_formulas import walls
+from inverse_service.service.documents import accepting, preparing
+from inverse_service.simulation import numeric_formulas
 
 SYSTEM = (
     'an object: {"catalogue": name}, {"document": {...}}, {"result": {...}} or a document with coordinates and '
@@ -39,13 +35,15 @@ def read_definitions(given: Mapping[str, str], names: Names) -> derivative.Defin
         name = names.spelling(key)
         if name not in names.functions:
             known = ", ".join(names.functions) or "none"
-            raise InputError(f"'{key[:40]}' is not a function of this system: its functions are {known}.", pointer)
+            raise errors.InputError(
+                f"'{key[:40]}' is not a function of this system: its functions are {known}.", pointer
+            )
         arguments = names.functions[name]
-        with placed_at(pointer):
-            tree = read_formula(text, Names(names.coordinates, names.parameters))
+        with reader.placed_at(pointer):
+            tree = reader.read_formula(text, Names(names.coordinates, names.parameters))
         foreign = [n for n in trees.walk(tree) if isinstance(n, trees.Velocity) or _is_other(n, arguments, names)]
         if foreign:
-            raise InputError(f"{name} depends on {', '.join(arguments)} only: write it in these.", pointer)
+            raise errors.InputError(f"{name} depends on {', '.join(arguments)} only: write it in these.", pointer)
         found[name] = (arguments, tree)
     return found
 
@@ -60,7 +58,7 @@ def refuse_open_functions(formulas: Sequence[trees.Expression], names: Names) ->
     if not missing:
         return
     example = f'{{"{missing[0]}": "cos({names.functions[missing[0]][0]})"}}'
-    raise InputError(
+    raise errors.InputError(
         f"the functions {', '.join(missing)} are arbitrary: give each a formula in 'functions', as in {example}.",
         "/functions",
     )
@@ -105,11 +103,11 @@ def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
     InputError with its pointer below /system.
     """
     match given:
-        case CatalogueSystem(catalogue=name):
+        case scene.CatalogueSystem(catalogue=name):
             return _at("/system/catalogue", _of_catalogue, name, extra)
-        case DocumentSystem(document=document):
+        case scene.DocumentSystem(document=document):
             return _at("/system/document", _of_document, document, extra)
-        case ResultSystem(result=result):
+        case scene.ResultSystem(result=result):
             return _at("/system/result", _of_result, result, extra)
         case _:
             return _at("/system", _of_document, given, extra)
@@ -118,10 +116,10 @@ def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
 def _at(pointer: str, read: Any, *arguments: Any) -> MechanicalSystem:
     try:
         found: MechanicalSystem = read(*arguments)
-    except DocumentRefused as error:
+    except errors.DocumentRefused as error:
         places = (replace(p, pointer=pointer + p.pointer) for p in error.places)
-        raise DocumentRefused(tuple(places)) from None
-    except InputError as error:
+        raise errors.DocumentRefused(tuple(places)) from None
+    except errors.InputError as error:
         raise error.at(pointer) from None
     return found
 
@@ -136,10 +134,10 @@ def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
 
 
 def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    result = inward(result)
+    result = preparing.inward(result)
     system = result.get("system")
     if not isinstance(system, Mapping):
-        raise InputError("The result has no part 'system'; give the whole result that solve answered.")
+        raise errors.InputError("The result has no part 'system'; give the whole result that solve answered.")
     given = system.get("given")
     if isinstance(given, Mapping) and "lagrangian" in given:
         found = _of_document(given, extra)
@@ -171,7 +169,7 @@ def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagran
 
 def _walls(text: str, names: Names) -> set[trees.Expression]:
     moving: set[trees.Expression] = {trees.Symbol(name) for name in names.coordinates}
-    return set(walls(read_formula(text, names), moving))
+    return set(numeric_formulas.walls(reader.read_formula(text, names), moving))
 
 
 def _is_part(value: Any) -> bool:
@@ -179,36 +177,40 @@ def _is_part(value: Any) -> bool:
 
 
 def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    ready = prepared(document)
-    if uses_the_letter_t(ready):
-        raise InputError("the motion has a column t for the time: give the coordinate t another name.", "/coordinates")
+    ready = preparing.prepared(document)
+    if preparing.uses_the_letter_t(ready):
+        raise errors.InputError(
+            "the motion has a column t for the time: give the coordinate t another name.", "/coordinates"
+        )
     document = ready.document
     if "lagrangian" in document and "equations" in document:
-        raise InputError("The system has both 'lagrangian' and 'equations': keep the one that is meant.")
+        raise errors.InputError("The system has both 'lagrangian' and 'equations': keep the one that is meant.")
     try:
         if "lagrangian" in document:
             return _of_lagrangian(document, extra)
         if "equations" in document:
             return _of_equations(document, extra)
-    except InputError as error:
+    except errors.InputError as error:
         raise ready.error(error) from None
-    raise InputError(f"The system has neither 'lagrangian' nor 'equations'; it must be {SYSTEM}.")
+    raise errors.InputError(f"The system has neither 'lagrangian' nor 'equations'; it must be {SYSTEM}.")
 
 
 def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    schema = validated({k: v for k, v in document.items() if k not in SOLVE_ONLY}, LagrangianDocument, WORDING)
+    schema = accepting.validated(
+        {k: v for k, v in document.items() if k not in SOLVE_ONLY}, scene.LagrangianDocument, WORDING
+    )
     parameters, values = _parameters(schema.parameters, [name for name in extra if name not in schema.coordinates])
-    declared = Declared(schema.coordinates, parameters, schema.functions, schema.where, MAX_SIMULATED)
+    declared = Declared(schema.coordinates, parameters, schema.functions, schema.where, base.MAX_SIMULATED)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     names = known.remaining()
     if schema.constraints:
-        system = read_nonholonomic(
+        system = constrained_motion.read_nonholonomic(
             names.coordinates,
             schema.lagrangian,
             schema.constraints,
             parameters,
             schema.functions,
-            most=MAX_SIMULATED,
+            most=base.MAX_SIMULATED,
             where=schema.where,
         )
         lagrangian, constraints = system.lagrangian, system.constraints
@@ -218,10 +220,12 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
 
 
 def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    schema = to_schema(document)
+    schema = accepting.to_schema(document)
     coordinates = schema.coordinates or schema.equations
     parameters, values = _parameters(schema.parameters, [name for name in extra if name not in coordinates])
-    system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
+    system = reading.read_system(
+        schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where
+    )
     functions = dict(system.functions)
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
     accelerations = tuple(map(without_steps, system.accelerations))
@@ -230,7 +234,7 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
 
 def without_steps(tree: trees.Expression) -> trees.Expression:
     """The tree with steps written by u/sqrt(u^2), as sign(u) is."""
-    return trees.substitute(tree, {node: to_kernels(node) for node in trees.walk(tree) if _is_step(node)})
+    return trees.substitute(tree, {node: tower.to_kernels(node) for node in trees.walk(tree) if _is_step(node)})
 
 
 def _is_step(node: trees.Expression) -> bool:
@@ -255,8 +259,8 @@ SOLVE_ONLY = frozenset(
 
 def formula(text: str, names: Names, pointer: str) -> trees.Expression:
     """A formula of coordinates and velocities; InputError at the pointer."""
-    with placed_at(pointer):
-        return without_accelerations(read_formula(text, names), "the formula", "")
+    with reader.placed_at(pointer):
+        return reader.without_accelerations(reader.read_formula(text, names), "the formula", "")
 
 
 def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, str]]:
@@ -271,9 +275,9 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
     return [*names, *(name for name in extra if name not in taken), *more], values
 
 
-WORDING = Wording(
+WORDING = accepting.Wording(
     "The system",
-    EXPECTED,
+    accepting.EXPECTED,
     lambda _, where: f"The key {where} is not known here; a system with a Lagrangian has the keys {LAGRANGIAN_KEYS}.",
     lambda steps: tuple(step for step in steps if step not in ("dict", "list") and not str(step).endswith("]")),
 )

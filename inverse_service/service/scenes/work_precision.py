@@ -14,14 +14,11 @@ from typing import Any
 import numpy as np
 
 from api_schemas.scene import SceneDocument, SceneMethod
-from inverse_service import __version__
-from inverse_service.errors import InputError
-from inverse_service.integrators.method_table import METHODS, SCIPY
-from inverse_service.mechanics.method_advice import is_separable
+from inverse_service import __version__, errors
+from inverse_service.integrators import method_table
+from inverse_service.mechanics import method_advice
 from inverse_service.service.scenes import scene_lagrangian, scene_reading, simulating
-from inverse_service.simulation import derivation, precision
-from inverse_service.simulation.estimates import order_of
-from inverse_service.simulation.scene_data import MethodChoice, Progress, Requested, Scene, Unavailable
+from inverse_service.simulation import derivation, estimates, precision, scene_data
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
@@ -30,7 +27,9 @@ AFTER = 'What wins in a long run is measured with `--long`, or `"long": true` in
 
 
 @np.errstate(all="ignore")
-def work_precision(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
+def work_precision(
+    document: Any, progress: scene_data.Progress | None = None, time_limit: float = 60.0
+) -> dict[str, Any]:
     """The work-precision document of a scene. Raises InputError for a scene that cannot be accepted."""
     begun = time.monotonic()
     schema = scene_reading.scene_schema(document)
@@ -44,40 +43,40 @@ def work_precision(document: Any, progress: Progress | None = None, time_limit: 
     derived = derivation.derive(compared, scene_lagrangian.finder(schema, system, simulating.catalogue_name(schema)))
     left = time_limit - (time.monotonic() - begun)
     measured = precision.measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
-    if isinstance(measured, Unavailable):
-        raise InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
+    if isinstance(measured, scene_data.Unavailable):
+        raise errors.InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
     plain: dict[str, Any] = simulating.as_plain(_document(measured, simulating.advice_of(scene, derived)))
     return plain
 
 
-def _suitable(scene: Scene) -> list[SceneMethod]:
+def _suitable(scene: scene_data.Scene) -> list[SceneMethod]:
     """The methods that a scene is measured with where it names none."""
     chosen: list[dict[str, Any]] = [{"method": "adaptive"}, {"method": "reference"}]
     chosen += [{"method": "runge-kutta", "order": order} for order in (4, 8)]
     if scene.lagrangian is not None:
-        separable = is_separable(scene.lagrangian, scene.coordinates)
+        separable = method_advice.is_separable(scene.lagrangian, scene.coordinates)
         own = "nonholonomic" if scene.constraints else "stormer-verlet" if separable else "variational"
         chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
     return [SceneMethod.model_validate(one) for one in chosen]
 
 
-def _peers(scene: Scene) -> list[Requested]:
+def _peers(scene: scene_data.Scene) -> list[scene_data.Requested]:
     """heyoka and SciPy's integrators where they are installed and the scene does not name them."""
     named = {requested.method for requested in scene.methods}
     found = [] if "heyoka" in named or _version("heyoka") is None else [("heyoka", "heyoka")]
-    found += [(name, f"SciPy {shown}") for name, shown in SCIPY.items() if _version("scipy") is not None]
-    return [Requested(label, name, None, MethodChoice(name)) for name, label in found]
+    found += [(name, f"SciPy {shown}") for name, shown in method_table.SCIPY.items() if _version("scipy") is not None]
+    return [scene_data.Requested(label, name, None, scene_data.MethodChoice(name)) for name, label in found]
 
 
 def _steps(schema: SceneDocument) -> tuple[float, ...]:
     if schema.step_sizes is None:
         return ()
     if len(schema.step_sizes) < FEWEST_STEPS:
-        raise InputError(f"give at least {FEWEST_STEPS} step sizes, or none.", "/step_sizes")
+        raise errors.InputError(f"give at least {FEWEST_STEPS} step sizes, or none.", "/step_sizes")
     found = tuple(scene_reading.number_of(text, f"/step_sizes/{k}") for k, text in enumerate(schema.step_sizes))
     for k, step in enumerate(found):
         if step <= 0:
-            raise InputError("a step size must be a positive number.", f"/step_sizes/{k}")
+            raise errors.InputError("a step size must be a positive number.", f"/step_sizes/{k}")
     return found
 
 
@@ -102,8 +101,8 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
             {
                 "label": label,
                 "method": requested.method.replace("_", "-"),
-                "family": METHODS[requested.method].family,
-                "order": order_of(requested),
+                "family": method_table.METHODS[requested.method].family,
+                "order": estimates.order_of(requested),
                 "measured_order": precision.measured_order(drawn[label], measured.scale),
                 "settings": [_setting(s, measured.scale) for s in measured.settings if s.requested.label == label],
             }
@@ -121,7 +120,7 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
     }
 
 
-def _targets(measured: precision.Precision, named: dict[str, Requested]) -> list[dict[str, Any]]:
+def _targets(measured: precision.Precision, named: dict[str, scene_data.Requested]) -> list[dict[str, Any]]:
     """What each relative error costs, the cheapest method first; methods that do not reach it last, without numbers."""
     found = []
     for target, reached in precision.prices(measured).items():
@@ -132,7 +131,9 @@ def _targets(measured: precision.Precision, named: dict[str, Requested]) -> list
             numbers = {} if price is None else dataclasses.asdict(price)
             blank = dict.fromkeys(("seconds", "step", "tolerance", "evaluations", "at_most"))
             ratio = None if price is None or not best else price.seconds / best
-            rows.append({"method": label, "order": order_of(named[label])} | blank | numbers | {"ratio": ratio})
+            rows.append(
+                {"method": label, "order": estimates.order_of(named[label])} | blank | numbers | {"ratio": ratio}
+            )
         found.append({"error": target, "rows": rows})
     return found
 
@@ -162,7 +163,7 @@ def _run(setting: precision.Setting, scale: float) -> dict[str, Any]:
     whole = _setting(setting, scale)
     short = {key: whole[key] for key in ("step", "tolerance", "at_floor", "reason")}
     numbers = {"error": whole["relative_error"], "seconds": setting.best, "evaluations": setting.force_evaluations}
-    return {"method": setting.requested.label, "order": order_of(setting.requested)} | short | numbers
+    return {"method": setting.requested.label, "order": estimates.order_of(setting.requested)} | short | numbers
 
 
 def _long(run: precision.LongRun) -> dict[str, Any]:

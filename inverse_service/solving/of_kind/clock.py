@@ -8,38 +8,13 @@ from fractions import Fraction
 
 from inverse_service import bounds
 from inverse_service.deadline import now
-from inverse_service.decision.deciding import decide, variables_of
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    ONE,
-    TIME,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Symbol,
-    Velocity,
-    add,
-    substitute,
-    walk,
-)
-from inverse_service.expressions.tree import subtract as less
-from inverse_service.field.exact_field import Budget, TooLarge, exact_ring
-from inverse_service.field.real_point import find_real_point, requirements
-from inverse_service.field.tower import to_kernels
+from inverse_service.decision import deciding
+from inverse_service.expressions import derivative
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, real_point, tower
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics.constrained_motion import (
-    ORDERS,
-    TERM_LIMIT,
-    EliminatedMotion,
-    Frame,
-    Geometry,
-    NonholonomicSystem,
-)
-from inverse_service.mechanics.nonholonomic_integrals import measure_density
-from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, branches_of
-from inverse_service.search.terms import collected
+from inverse_service.mechanics import constrained_motion, nonholonomic_integrals, second_order_system
+from inverse_service.search import terms
 
 # Of a factor of f, and of the density of an invariant measure for n coordinates, the powers that are tried.
 _POWERS = tuple(Fraction(k, 2) for k in (-1, 1, -2, 2, -4, 4))
@@ -47,86 +22,103 @@ _ORDER = 4  # of the prolongations
 _SEED = 1
 
 
-def with_clock(system: SecondOrderSystem, factor: Expression) -> SecondOrderSystem | None:
+def with_clock(
+    system: second_order_system.SecondOrderSystem, factor: ex.Expression
+) -> second_order_system.SecondOrderSystem | None:
     """q'' = f(q, N q')/N^2 - (q'^k dN/dq^k / N) q', for f without t, where N has real values other than 0.
 
     On the first case of the signs in f and N that has a real point; None where none has.
     """
-    names, variables = system.coordinates, variables_of(system)
-    for case in branches_of(replace(system, accelerations=(*system.given, factor), branch=None)):
+    names, variables = system.coordinates, deciding.variables_of(system)
+    for case in second_order_system.branches_of(replace(system, accelerations=(*system.given, factor), branch=None)):
         *forces, clock = case.accelerations
-        table = find_real_point([*map(to_kernels, forces), 1 / clock], variables, _SEED, case.positive)
+        table = real_point.find_real_point([*map(tower.to_kernels, forces), 1 / clock], variables, _SEED, case.positive)
         if table is None:
             continue
-        faster: dict[Expression, Expression] = {Velocity(name): clock * Velocity(name) for name in names}
-        rate = add(*(Velocity(q) * differentiate(clock, Symbol(q)) for q in names)) / clock
-        pushes = (substitute(f, faster) / clock**2 for f in forces)
-        found = tuple(collected(less(f, rate * Velocity(name))) for f, name in zip(pushes, names, strict=True))
-        positive = tuple(dict.fromkeys((*case.positive, *requirements([to_kernels(clock)], table))))
-        return replace(system, accelerations=found, branch=Branch(found, positive), name="")
+        faster: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): clock * ex.Velocity(name) for name in names}
+        rate = ex.add(*(ex.Velocity(q) * derivative.differentiate(clock, ex.Symbol(q)) for q in names)) / clock
+        pushes = (ex.substitute(f, faster) / clock**2 for f in forces)
+        found = tuple(
+            terms.collected(ex.subtract(f, rate * ex.Velocity(name))) for f, name in zip(pushes, names, strict=True)
+        )
+        positive = tuple(dict.fromkeys((*case.positive, *real_point.requirements([tower.to_kernels(clock)], table))))
+        return replace(system, accelerations=found, branch=second_order_system.Branch(found, positive), name="")
     return None
 
 
 def find_clock(
-    system: SecondOrderSystem, seed: int, deadline: float
-) -> tuple[Expression | None, tuple[Expression, ...]]:
+    system: second_order_system.SecondOrderSystem, seed: int, deadline: float
+) -> tuple[ex.Expression | None, tuple[ex.Expression, ...]]:
     """The first N with which the system has a Lagrangian, and those that were tried before it.
 
     Powers of the density rho(q) of an invariant measure dq dq' come first: if g = N^2 G with det G constant, N is
     rho^(1/(n - 1)), and if det g is constant, rho^(-1/(n + 1)). Then powers of factors of f.
     """
-    tried: list[Expression] = []
+    tried: list[ex.Expression] = []
     for factor in _clocks(system, deadline):
         if now() > deadline:
             break
-        changed = system if factor == ONE else with_clock(system, factor)
+        changed = system if factor == ex.ONE else with_clock(system, factor)
         if changed is None:
             continue
-        if decide(changed, False, seed, Limits(_ORDER, deadline)).verdict == "variational":
+        if deciding.decide(changed, False, seed, Limits(_ORDER, deadline)).verdict == "variational":
             return factor, tuple(tried)
         tried.append(factor)
     return None, tuple(tried)
 
 
-def _clocks(system: SecondOrderSystem, deadline: float) -> Iterator[Expression]:
-    n, seen = len(system.coordinates), set[Expression]({ONE})
-    yield ONE
+def _clocks(system: second_order_system.SecondOrderSystem, deadline: float) -> Iterator[ex.Expression]:
+    n, seen = len(system.coordinates), set[ex.Expression]({ex.ONE})
+    yield ex.ONE
     density = _density(system, deadline)
     powers = (Fraction(1, n - 1) if n > 1 else Fraction(1), Fraction(-1, n + 1), *_POWERS)
     listed = [] if density is None else [density**k for k in powers]
     listed += [factor**k for factor in _factors(system)[: bounds.CANDIDATES] for k in _POWERS]
     for factor in listed:
-        if factor not in seen and not isinstance(factor, Number) and TIME not in walk(factor):
+        if factor not in seen and not isinstance(factor, ex.Number) and ex.TIME not in ex.walk(factor):
             seen.add(factor)
             yield factor
 
 
-def _factors(system: SecondOrderSystem) -> list[Expression]:
+def _factors(system: second_order_system.SecondOrderSystem) -> list[ex.Expression]:
     """Denominators, radicands and functions in f that hold coordinates and no velocity."""
-    own = {*map(Symbol, system.coordinates)}
-    found: dict[Expression, None] = {}
-    for node in (node for f in system.given for node in walk(f)):
-        base = node.base if isinstance(node, Power) else node if isinstance(node, Apply | Arbitrary | Symbol) else None
-        if base is not None and not isinstance(base, Number):
-            held = set(walk(base))
-            if not own.isdisjoint(held) and not any(isinstance(part, Velocity) for part in held):
+    own = {*map(ex.Symbol, system.coordinates)}
+    found: dict[ex.Expression, None] = {}
+    for node in (node for f in system.given for node in ex.walk(f)):
+        base = (
+            node.base
+            if isinstance(node, ex.Power)
+            else node
+            if isinstance(node, ex.Apply | ex.Arbitrary | ex.Symbol)
+            else None
+        )
+        if base is not None and not isinstance(base, ex.Number):
+            held = set(ex.walk(base))
+            if not own.isdisjoint(held) and not any(isinstance(part, ex.Velocity) for part in held):
                 found[base] = None
     return list(found)
 
 
-def _density(system: SecondOrderSystem, deadline: float) -> Expression | None:
+def _density(system: second_order_system.SecondOrderSystem, deadline: float) -> ex.Expression | None:
     """rho(q) with rho dq dq' invariant: that of the motion with these accelerations and no constraint."""
     names, n = system.coordinates, len(system.coordinates)
-    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
+    variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
     try:
-        ring = exact_ring(list(system.given), variables, ORDERS, Budget(TERM_LIMIT, deadline))
+        ring = exact_field.exact_ring(
+            list(system.given),
+            variables,
+            constrained_motion.ORDERS,
+            exact_field.Budget(constrained_motion.TERM_LIMIT, deadline),
+        )
         zero, one = ring.constant(0), ring.constant(1)
         unit = tuple(tuple(one if i == j else zero for j in range(n)) for i in range(n))
-        free = NonholonomicSystem(names, ONE, (), system.parameters, system.functions)
-        parts = Geometry(free, ring, unit, (zero,) * n, zero, (), ())
-        frame = Frame(tuple(range(n)), (), unit, (zero,) * n)
+        free = constrained_motion.NonholonomicSystem(names, ex.ONE, (), system.parameters, system.functions)
+        parts = constrained_motion.Geometry(free, ring, unit, (zero,) * n, zero, (), ())
+        frame = constrained_motion.Frame(tuple(range(n)), (), unit, (zero,) * n)
         speeds = tuple(parts.velocity(k) for k in range(n))
-        found = measure_density(EliminatedMotion(parts, frame, speeds, tuple(map(ring.value, system.given)), unit, ()))
-    except (TooLarge, ZeroDivisionError):
+        found = nonholonomic_integrals.measure_density(
+            constrained_motion.EliminatedMotion(parts, frame, speeds, tuple(map(ring.value, system.given)), unit, ())
+        )
+    except (exact_field.TooLarge, ZeroDivisionError):
         return None
-    return None if found.velocities is None or TIME in walk(found.velocities) else found.velocities
+    return None if found.velocities is None or ex.TIME in ex.walk(found.velocities) else found.velocities

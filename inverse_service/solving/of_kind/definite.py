@@ -15,70 +15,55 @@ import mpmath
 import numpy as np
 from flint import nmod_mat
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.deadline import now
-from inverse_service.decision import certify
-from inverse_service.decision.deciding import (
-    Analysis,
-    Decision,
-    RowName,
-    analyze,
-    decide,
-    is_rational,
-    prolonged,
-    reconstructed,
-    symbols_of,
-    variables_of,
-)
-from inverse_service.decision.kinds.helmholtz import LagrangianKind, matrix_of, unknowns_of
-from inverse_service.decision.solutions import Lagrangian, Solution, Verdict
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
-from inverse_service.expressions.tree import PI, Symbol, Velocity, add
-from inverse_service.field.matrices import MOST, Matrix, definite_or_orthogonal, kernel
-from inverse_service.field.modular import safe_prime
+from inverse_service.decision import certify, deciding, solutions
+from inverse_service.decision.kinds import helmholtz
+from inverse_service.expressions import collecting, evaluation
+from inverse_service.expressions import tree as ex
+from inverse_service.field import matrices, modular, real_point
 from inverse_service.field.point import Point, SingularPoint, number_value
-from inverse_service.field.real_point import RealTable, are_positive, is_defined
-from inverse_service.linear_pde.equations import column_of
-from inverse_service.linear_pde.involution import Limits, consequences
-from inverse_service.mechanics.euler_lagrange import hessian
-from inverse_service.search.members import definite_weights
-from inverse_service.search.protocol import describe
-from inverse_service.solving.of_kind.kind_answers import KindAnswer, is_valid, lagrangians_of
+from inverse_service.linear_pde import equations, involution
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.search import members, protocol
+from inverse_service.solving.of_kind import kind_answers
 
-Near = Mapping[Symbol | Velocity, Fraction]
+Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
 
 
 def values_at(
-    analysis: Analysis, near: Near, with_time: bool, order: int
-) -> tuple[list[Matrix] | None, tuple[RowName, ...]]:
+    analysis: deciding.Analysis, near: Near, with_time: bool, order: int
+) -> tuple[list[matrices.Matrix] | None, tuple[deciding.RowName, ...]]:
     """A basis of the g that the rows to this order leave at the point, and the rows that say so."""
-    rows: list[tuple[RowName, ...]] = []
+    rows: list[tuple[deciding.RowName, ...]] = []
 
     def residues(seed: int) -> tuple[int, dict[tuple[int, int], int] | None]:
-        prime = safe_prime(seed)
+        prime = modular.safe_prime(seed)
         values = {name: number_value(value, prime) for name, value in near.items()}
-        prolongation = prolonged(analysis, Point(prime, seed, variables=values), with_time, order)
-        within = consequences(prolongation, 0)
+        prolongation = deciding.prolonged(analysis, Point(prime, seed, variables=values), with_time, order)
+        within = involution.consequences(prolongation, 0)
         used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
-        rows.append(tuple(cast(RowName, prolongation.row_name(row)) for row in used))
+        rows.append(tuple(cast(deciding.RowName, prolongation.row_name(row)) for row in used))
         reduced, rank = _table(within, prolongation.width(0), prime).rref()
         width = reduced.ncols()
         return prime, {(i, j): int(reduced[i, j]) for i in range(rank) for j in range(width)} | {(-1, 0): rank}
 
     try:
-        found = reconstructed(residues)
+        found = deciding.reconstructed(residues)
     except SingularPoint:
         return None, ()
     if found is None:
         return None, ()
     n, size = len(analysis.system.coordinates), 2 * len(analysis.system.coordinates) + with_time
-    unknowns = unknowns_of(n, size)
-    places = [[column_of(unknowns, entry) for entry in row] for row in matrix_of(n, size).entries]
+    unknowns = helmholtz.unknowns_of(n, size)
+    places = [[equations.column_of(unknowns, entry) for entry in row] for row in helmholtz.matrix_of(n, size).entries]
     width = n * (n + 1) // 2
     table = [[found[i, j] for j in range(width)] for i in range(int(found[-1, 0]))]
-    basis = kernel(table, width) if table else [[Fraction(int(i == j)) for j in range(width)] for i in range(width)]
+    basis = (
+        matrices.kernel(table, width)
+        if table
+        else [[Fraction(int(i == j)) for j in range(width)] for i in range(width)]
+    )
     return [tuple(tuple(v[column] * factor for column, factor in row) for row in places) for v in basis], rows[0]
 
 
@@ -100,95 +85,114 @@ _SPECIAL = "the check could not confirm that the values of g at this point are t
 _DIGITS = 2
 
 
-def answer_definite(solution: Solution, kind: LagrangianKind, given: Near, seed: int, deadline: float) -> KindAnswer:
+def answer_definite(
+    solution: solutions.Solution, kind: helmholtz.LagrangianKind, given: Near, seed: int, deadline: float
+) -> kind_answers.KindAnswer:
     """Yes, with L where one was found, or no, at the point `given`, which is ours where it says nothing.
 
     Definite is positive definite for L or for -L.
     """
     main = solution.main
     if main is not None and main.verdict == "not_variational" and main.checked == "valid":
-        return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
+        return kind_answers.KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
     try:
-        analysis = analyze(solution.system)
-    except IrreducibleAtoms as problem:
-        return KindAnswer("undetermined", problem.detail)
-    near, known = point_near(analysis, given), lagrangians_of(main)
+        analysis = deciding.analyze(solution.system)
+    except errors.IrreducibleAtoms as problem:
+        return kind_answers.KindAnswer("undetermined", problem.detail)
+    near, known = point_near(analysis, given), kind_answers.lagrangians_of(main)
     there = _real(analysis, near)
-    if not is_defined(analysis.accelerations, there) or not are_positive(analysis.system.positive, there):
-        return KindAnswer("undetermined", OUTSIDE)
+    if not real_point.is_defined(analysis.accelerations, there) or not real_point.are_positive(
+        analysis.system.positive, there
+    ):
+        return kind_answers.KindAnswer("undetermined", OUTSIDE)
     found = _of_known(analysis, kind, known, near, deadline)
     if found is not None:
         return found
-    if len(analysis.system.coordinates) > MOST:
-        return KindAnswer("undetermined", f"this is decided for at most {MOST} coordinates")
-    if not is_rational(analysis) or PI in symbols_of(analysis):
-        return KindAnswer("undetermined", IRRATIONAL)
+    if len(analysis.system.coordinates) > matrices.MOST:
+        return kind_answers.KindAnswer("undetermined", f"this is decided for at most {matrices.MOST} coordinates")
+    if not deciding.is_rational(analysis) or ex.PI in deciding.symbols_of(analysis):
+        return kind_answers.KindAnswer("undetermined", IRRATIONAL)
     with_time, decision, member, order = analysis.system.depends_on_time, None, None, 1
     while now() < deadline:  # first what two orders say, which mostly refutes
         space, rows = values_at(analysis, near, with_time, order)
         member, orthogonal = (
-            (None, None) if space is None else definite_or_orthogonal(space, len(analysis.system.coordinates))
+            (None, None) if space is None else matrices.definite_or_orthogonal(space, len(analysis.system.coordinates))
         )
         if orthogonal is not None:
-            refuted = Decision("not_variational", with_time, order, rows=rows)
+            refuted = deciding.Decision("not_variational", with_time, order, rows=rows)
             certificate = certify.of_decision(analysis, refuted, kind=kind) | _claim(near, "orthogonal", orthogonal)
             return _confirmed(certificate, "not_variational", deadline)
         if decision is not None:
             break
-        decision = decide(analysis.system, with_time, seed, Limits(deadline=deadline), analysis=analysis)
+        decision = deciding.decide(
+            analysis.system, with_time, seed, involution.Limits(deadline=deadline), analysis=analysis
+        )
         order = decision.order
         if order <= 1 or decision.history[1][:1] == decision.history[order][:1]:  # the values are those of two orders
             break
     if member is not None and decision is not None and decision.verdict == "variational":
         certificate = certify.of_decision(analysis, decision, kind=kind) | _claim(near, "multiplier", member)
         return _confirmed(certificate, "variational", deadline)
-    return KindAnswer("undetermined", _OPEN if decision is None else decision.reason or _OPEN)
+    return kind_answers.KindAnswer("undetermined", _OPEN if decision is None else decision.reason or _OPEN)
 
 
-def point_near(analysis: Analysis, given: Near) -> Near:
+def point_near(analysis: deciding.Analysis, given: Near) -> Near:
     """The point that was given, the rest of it ours, with few digits where f is defined there."""
     table = analysis.real_point or {}
-    found: dict[Symbol | Velocity, Fraction] = {}
+    found: dict[ex.Symbol | ex.Velocity, Fraction] = {}
     for digits in (_DIGITS, 20):
-        ours = ((name, table.get(name, mpmath.mpf(1))) for name in variables_of(analysis.system))
+        ours = ((name, table.get(name, mpmath.mpf(1))) for name in deciding.variables_of(analysis.system))
         found = {name: Fraction(mpmath.nstr(value, digits)) for name, value in ours} | dict(given)
-        if is_defined(analysis.accelerations, _real(analysis, found)):
+        if real_point.is_defined(analysis.accelerations, _real(analysis, found)):
             break
     return found
 
 
-def _real(analysis: Analysis, near: Near) -> RealTable:
+def _real(analysis: deciding.Analysis, near: Near) -> real_point.RealTable:
     """The point in floating numbers, with our values of arbitrary functions."""
     return dict(analysis.real_point or {}) | {s: mpmath.mpf(x.numerator) / x.denominator for s, x in near.items()}
 
 
-def _claim(near: Near, key: str, matrix: Matrix | None = None) -> dict[str, Any]:
-    point = {s.name if isinstance(s, Symbol) else f"{s.coordinate}'": str(value) for s, value in near.items()}
+def _claim(near: Near, key: str, matrix: matrices.Matrix | None = None) -> dict[str, Any]:
+    point = {s.name if isinstance(s, ex.Symbol) else f"{s.coordinate}'": str(value) for s, value in near.items()}
     return {"near": point} | ({key: [[str(x) for x in row] for row in matrix]} if matrix else {})
 
 
-def _confirmed(certificate: dict[str, Any], verdict: Verdict, deadline: float) -> KindAnswer:
-    valid = is_valid(certificate, deadline)
-    return KindAnswer(verdict, "", certificate) if valid else KindAnswer("undetermined", _SPECIAL)
+def _confirmed(certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float) -> kind_answers.KindAnswer:
+    valid = kind_answers.is_valid(certificate, deadline)
+    return (
+        kind_answers.KindAnswer(verdict, "", certificate)
+        if valid
+        else kind_answers.KindAnswer("undetermined", _SPECIAL)
+    )
 
 
 def _of_known(
-    analysis: Analysis, kind: LagrangianKind, known: Sequence[Lagrangian], near: Near, deadline: float
-) -> KindAnswer | None:
+    analysis: deciding.Analysis,
+    kind: helmholtz.LagrangianKind,
+    known: Sequence[solutions.Lagrangian],
+    near: Near,
+    deadline: float,
+) -> kind_answers.KindAnswer | None:
     """The first Lagrangian with a definite Hessian at the point, or a sum of them."""
     with_time, names, table = analysis.system.depends_on_time, analysis.system.coordinates, _real(analysis, near)
     hessians = []
     for lagrangian in known:
         try:
-            rows = [[float(evaluate(g, table)) for g in row] for row in hessian(lagrangian.expression, names)]
-        except (NoRealValue, OverflowError):
+            rows = [
+                [float(evaluation.evaluate(g, table)) for g in row]
+                for row in euler_lagrange.hessian(lagrangian.expression, names)
+            ]
+        except (evaluation.NoRealValue, OverflowError):
             return None
         hessians.append(np.array(rows))
-    for weights in definite_weights(hessians[: bounds.COLUMNS]):
+    for weights in members.definite_weights(hessians[: bounds.COLUMNS]):
         parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
-        whole = alone.expression if alone else collect(add(*(w * one.expression for w, one in parts)))
+        whole = alone.expression if alone else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
         certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
-        if is_valid(certificate, deadline):
-            return KindAnswer("variational", "", certificate, alone or describe(analysis, whole, FAMILY))
+        if kind_answers.is_valid(certificate, deadline):
+            return kind_answers.KindAnswer(
+                "variational", "", certificate, alone or protocol.describe(analysis, whole, FAMILY)
+            )
     return None

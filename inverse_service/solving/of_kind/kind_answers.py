@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from inverse_service.certificate.checker import check_certificate
+from inverse_service import errors
+from inverse_service.certificate import checker
 from inverse_service.deadline import left, now
-from inverse_service.decision import certify
-from inverse_service.decision.deciding import Analysis, analyze, decide
+from inverse_service.decision import certify, deciding, solutions
 from inverse_service.decision.kinds.helmholtz import LagrangianKind
-from inverse_service.decision.solutions import Answer, Lagrangian, Solution, SolveOptions, Verdict
-from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -26,14 +24,16 @@ _HOMOGENEOUS = ("riemannian", "finsler")
 class KindAnswer:
     """Whether there is a regular Lagrangian of a kind; `dissipation` is D where it is one with friction."""
 
-    verdict: Verdict
+    verdict: solutions.Verdict
     reason: str = ""
     certificate: Mapping[str, Any] | None = None
-    lagrangian: Lagrangian | None = None
+    lagrangian: solutions.Lagrangian | None = None
     dissipation: Expression | None = None
 
 
-def answer_kind(solution: Solution, kind: LagrangianKind, asked: SolveOptions, deadline: float) -> KindAnswer:
+def answer_kind(
+    solution: solutions.Solution, kind: LagrangianKind, asked: solutions.SolveOptions, deadline: float
+) -> KindAnswer:
     """The answer on the first branch, of L(q, q'), of L(t, q, q') where f contains t.
 
     A Lagrangian that was found already and is of the kind is a yes; else the conditions on all multipliers of the
@@ -45,13 +45,15 @@ def answer_kind(solution: Solution, kind: LagrangianKind, asked: SolveOptions, d
     if main is not None and main.verdict == "not_variational" and main.checked == "valid":
         return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
     try:
-        analysis = analyze(solution.system)
+        analysis = deciding.analyze(solution.system)
         return _of_known(analysis, main, kind, deadline) or decided(analysis, kind, asked.seed, deadline)
-    except IrreducibleAtoms as problem:
+    except errors.IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
 
 
-def _of_known(analysis: Analysis, main: Answer | None, kind: LagrangianKind, deadline: float) -> KindAnswer | None:
+def _of_known(
+    analysis: deciding.Analysis, main: solutions.Answer | None, kind: LagrangianKind, deadline: float
+) -> KindAnswer | None:
     """The first Lagrangian of an answer that the checker finds to be of the kind."""
     with_time = analysis.system.depends_on_time
     for lagrangian in lagrangians_of(main):
@@ -61,19 +63,19 @@ def _of_known(analysis: Analysis, main: Answer | None, kind: LagrangianKind, dea
     return None
 
 
-def lagrangians_of(main: Answer | None) -> Sequence[Lagrangian]:
+def lagrangians_of(main: solutions.Answer | None) -> Sequence[solutions.Lagrangian]:
     return () if main is None or main.lagrangian is None else (main.lagrangian, *main.other_lagrangians)
 
 
 def decided(
-    analysis: Analysis, kind: LagrangianKind, seed: int, deadline: float, even: SecondOrderSystem | None = None
+    analysis: deciding.Analysis, kind: LagrangianKind, seed: int, deadline: float, even: SecondOrderSystem | None = None
 ) -> KindAnswer:
     """By the conditions on all multipliers of the kind; those of a system `even` where the kind speaks of that."""
     if now() > deadline:
         return KindAnswer("undetermined", _NO_TIME)
     with_time, limits = analysis.system.depends_on_time, Limits(deadline=deadline)
     own = None if even is not None else analysis
-    found = decide(even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations)
+    found = deciding.decide(even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations)
     if found.verdict == "undetermined":
         return KindAnswer("undetermined", found.reason)
     certificate = certify.of_decision(analysis, found, kind=kind)
@@ -88,4 +90,4 @@ def decided(
 
 def is_valid(certificate: Mapping[str, Any], deadline: float) -> bool:
     """Whether the checker confirms it in the time that is left."""
-    return check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
+    return checker.check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"

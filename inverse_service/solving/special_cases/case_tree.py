@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 
 from inverse_service import bounds
 from inverse_service.deadline import now
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Arbitrary, Expression, Number, Power, Product, Symbol, walk
+from inverse_service.expressions import printing
+from inverse_service.expressions import tree as ex
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.solving.special_cases import splitting
 from inverse_service.solving.special_cases.cases import (
     UNDEFINED,
     Case,
@@ -27,7 +28,6 @@ from inverse_service.solving.special_cases.cases import (
     equation_texts,
     examine,
 )
-from inverse_service.solving.special_cases.splitting import split
 from inverse_service.solving.special_cases.strata import ParameterSpace, Stratum
 
 MOST_CASES = 120
@@ -109,7 +109,7 @@ def _grouped(reasons: Sequence[tuple[str, str]]) -> Iterator[str]:
 
 def _constants(system: SecondOrderSystem) -> dict[str, tuple[str, ...]]:
     """For each function that occurs, unused names for its coefficients as a polynomial."""
-    occurring = {node.name for f in system.accelerations for node in walk(f) if isinstance(node, Arbitrary)}
+    occurring = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Arbitrary)}
     used = {*system.parameters, *system.coordinates}
     found: dict[str, tuple[str, ...]] = {}
     for name, arguments in system.functions:
@@ -144,7 +144,7 @@ def _unused(question: Question, functions: FunctionCase) -> list[str]:
 
 def _zero(question: Question, names: Sequence[str]) -> Stratum:
     space = question.space
-    return split(space, [space.context.gen(space.names.index(name)) for name in names])[0]
+    return splitting.split(space, [space.context.gen(space.names.index(name)) for name in names])[0]
 
 
 def _stopped(work: _Exploration, most: int) -> bool:
@@ -190,9 +190,9 @@ def _inside(question: Question, case: Case) -> list[Stratum]:
     ideals = [ideal.polynomials for ideal in case.ideals if ideal.polynomials]
     ideals += [(factor,) for factor in stratum.excluded]
     if case.unsettled:
-        occurring = {node.name for f in case.system.accelerations for node in walk(f) if isinstance(node, Symbol)}
+        occurring = {node.name for f in case.system.accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
         ideals += [(space.context.gen(space.names.index(name)),) for name in stratum.free if name in occurring]
-    found = [split(space, [*stratum.equations, *polynomials]) for polynomials in ideals]
+    found = [splitting.split(space, [*stratum.equations, *polynomials]) for polynomials in ideals]
     return [inner for pieces in found for inner in pieces if not inner.contains(stratum)]
 
 
@@ -206,9 +206,9 @@ def _reasons(case: Case) -> list[tuple[str, str]]:
     return found
 
 
-def _together(trees: Sequence[Expression]) -> str:
+def _together(trees: Sequence[ex.Expression]) -> str:
     """Equations that hold together; the first of them where they fill pages."""
-    texts = sorted((f"{to_text(tree)} = 0" for tree in trees), key=len)
+    texts = sorted((f"{printing.to_text(tree)} = 0" for tree in trees), key=len)
     whole = " and ".join(texts)
     if len(whole) <= bounds.SHOWN:
         return whole
@@ -216,14 +216,14 @@ def _together(trees: Sequence[Expression]) -> str:
     return shown if len(texts) == 1 else f"{shown} and {len(texts) - 1} more equations hold with it"
 
 
-def _is_covered(question: Question, tree: Expression) -> bool:
+def _is_covered(question: Question, tree: ex.Expression) -> bool:
     """Whether the tree vanishes only for polynomials of the degrees that are cases of their own."""
     match tree:
-        case Product(parts):
-            return all(isinstance(part, Number) or _is_covered(question, part) for part in parts)
-        case Power(base, Number()):
+        case ex.Product(parts):
+            return all(isinstance(part, ex.Number) or _is_covered(question, part) for part in parts)
+        case ex.Power(base, ex.Number()):
             return _is_covered(question, base)
-        case Arbitrary(name, _, orders):
+        case ex.Arbitrary(name, _, orders):
             return len(orders) == 1 and orders[0] <= len(question.constants.get(name, ()))
     return False
 

@@ -8,39 +8,18 @@ from dataclasses import dataclass, replace
 
 from flint import fmpq, fmpq_mpoly
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.deadline import now, until
-from inverse_service.decision.deciding import Analysis, analyze, decide
+from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Verdict
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.explanation.hierarchy import smallest_sufficient_set
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import (
-    ZERO,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Symbol,
-    add,
-    number,
-    rebuild,
-    substitute,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, TooLarge, as_fraction, factor_polynomial
+from inverse_service.explanation import hierarchy
+from inverse_service.expressions import collecting, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.solving.special_cases.side_conditions import (
-    Ideal,
-    all_conditions,
-    has_one_everywhere,
-    of_conditions,
-    regularity,
-)
+from inverse_service.solving.special_cases import side_conditions
 from inverse_service.solving.special_cases.strata import ParameterSpace, Stratum
 
 Progress = Callable[[str], None]
@@ -86,7 +65,7 @@ class Case:
     with_time: Verdict | None
     statement: str = ""
     reason: str = ""
-    ideals: tuple[Ideal, ...] = ()
+    ideals: tuple[side_conditions.Ideal, ...] = ()
     unsettled: str = ""
     time_settled: bool = False
 
@@ -107,44 +86,45 @@ def specialised(question: Question, stratum: Stratum, functions: FunctionCase) -
     table = stratum.trees()
     polynomials = {name: question.constants[name] for name in functions}
     accelerations = tuple(
-        collect(substitute(_with_polynomials(f, polynomials), table)) for f in question.system.accelerations
+        collecting.collect(ex.substitute(_with_polynomials(f, polynomials), table))
+        for f in question.system.accelerations
     )
     kept = tuple(function for function in question.system.functions if function[0] not in functions)
     return replace(question.system, accelerations=accelerations, parameters=stratum.free, functions=kept, branch=None)
 
 
-def _with_polynomials(tree: Expression, polynomials: Mapping[str, tuple[str, ...]]) -> Expression:
-    if isinstance(tree, Arbitrary) and tree.name in polynomials:
-        return _polynomial(tree, [Symbol(name) for name in polynomials[tree.name]])
-    return rebuild(tree, lambda part: _with_polynomials(part, polynomials)) if polynomials else tree
+def _with_polynomials(tree: ex.Expression, polynomials: Mapping[str, tuple[str, ...]]) -> ex.Expression:
+    if isinstance(tree, ex.Arbitrary) and tree.name in polynomials:
+        return _polynomial(tree, [ex.Symbol(name) for name in polynomials[tree.name]])
+    return ex.rebuild(tree, lambda part: _with_polynomials(part, polynomials)) if polynomials else tree
 
 
-def _polynomial(node: Arbitrary, constants: Sequence[Symbol]) -> Expression:
+def _polynomial(node: ex.Arbitrary, constants: Sequence[ex.Symbol]) -> ex.Expression:
     """A_0 + A_1 u + A_2 u^2 with as many terms as there are constants, or a derivative of it."""
     order = sum(node.orders)
     if order and len(node.arguments) > 1:
-        return ZERO
+        return ex.ZERO
     terms = []
     for degree, constant in enumerate(constants):
         if degree >= order:
-            falling = number(math.perm(degree, order))
+            falling = ex.number(math.perm(degree, order))
             terms.append(falling * constant * node.arguments[0] ** (degree - order))
-    return add(*terms)
+    return ex.add(*terms)
 
 
 def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Case:
     """Decide the system on a stratum and find where its verdict may change."""
     system = specialised(question, stratum, functions)
     try:
-        if any(_has_no_value(node) for f in system.accelerations for node in walk(f)):
+        if any(_has_no_value(node) for f in system.accelerations for node in ex.walk(f)):
             raise ZeroDivisionError
-        motion_in_ring(system, 0, Budget())  # refuses a division by zero
-        analysis = analyze(system)
+        motion_in_ring(system, 0, exact_field.Budget())  # refuses a division by zero
+        analysis = deciding.analyze(system)
         case = _decided(question, analysis, Case(question, stratum, functions, system, None, None))
-    except IrreducibleAtoms as problem:
+    except errors.IrreducibleAtoms as problem:
         return Case(question, stratum, functions, system, *_undetermined(question), reason=problem.detail,
                     unsettled=problem.detail)  # fmt: skip
-    except TooLarge as problem:
+    except exact_field.TooLarge as problem:
         return Case(question, stratum, functions, system, *_undetermined(question), reason=str(problem),
                     unsettled=str(problem))  # fmt: skip
     except ZeroDivisionError:
@@ -155,12 +135,12 @@ def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Ca
     return _with_ideals(question, analysis, case)
 
 
-def _has_no_value(node: Expression) -> bool:
+def _has_no_value(node: ex.Expression) -> bool:
     """1/0, a root of a negative number, or the logarithm of a number that is not positive."""
     match node:
-        case Power(Number(base), Number(exponent)):
+        case ex.Power(ex.Number(base), ex.Number(exponent)):
             return (base == 0 and exponent < 0) or (base < 0 and exponent.denominator % 2 == 0)
-        case Apply("log", Number(value)):
+        case ex.Apply("log", ex.Number(value)):
             return value <= 0
     return False
 
@@ -172,7 +152,7 @@ def _undetermined(question: Question) -> tuple[Verdict | None, Verdict | None]:
     )
 
 
-def _decided(question: Question, analysis: Analysis, case: Case) -> Case:
+def _decided(question: Question, analysis: deciding.Analysis, case: Case) -> Case:
     """Both verdicts as far as asked; an L(q, v) is an L(t, q, v)."""
     limits = Limits(deadline=question.deadline)
     depends = analysis.system.depends_on_time
@@ -181,26 +161,26 @@ def _decided(question: Question, analysis: Analysis, case: Case) -> Case:
     with_time: Verdict | None = None
     statement = reason = ""
     if question.time_dependent is not True and not depends:
-        decision = decide(analysis.system, False, question.seed, limits, analysis=analysis)
+        decision = deciding.decide(analysis.system, False, question.seed, limits, analysis=analysis)
         autonomous = decision.verdict
         statement, reason = "" if decision.space is None else decision.space.statement, decision.reason
         if decision.verdict == "variational" and wants_time:
             with_time = "variational"
     if wants_time and with_time is None:
-        decision = decide(analysis.system, True, question.seed, limits, analysis=analysis)
+        decision = deciding.decide(analysis.system, True, question.seed, limits, analysis=analysis)
         with_time = decision.verdict
         statement = statement or ("" if decision.space is None else decision.space.statement)
         reason = reason or decision.reason
     return replace(case, autonomous=autonomous, with_time=with_time, statement=statement, reason=reason)
 
 
-def _with_ideals(question: Question, analysis: Analysis, case: Case) -> Case:
+def _with_ideals(question: Question, analysis: deciding.Analysis, case: Case) -> Case:
     asked = [verdict for verdict in case.verdicts if verdict is not None]
     if "undetermined" in asked:
         return replace(case, ideals=_of_rank(question, analysis), unsettled=case.reason or "undetermined")
     if set(asked) == {"not_variational"}:
         return _negative(question, analysis, case)
-    if "not_variational" not in asked and has_one_everywhere(analysis.system):
+    if "not_variational" not in asked and side_conditions.has_one_everywhere(analysis.system):
         return replace(case, time_settled=True)
     ideals = list(_of_rank(question, analysis))
     sure = {False: False, True: False}
@@ -215,33 +195,37 @@ def _with_ideals(question: Question, analysis: Analysis, case: Case) -> Case:
     return replace(case, ideals=tuple(ideals), unsettled="" if settled else text, time_settled=sure[True])
 
 
-def _budget(question: Question) -> Budget:
-    return Budget(bounds.TERMS, min(question.deadline, now() + _EXACT_SECONDS))
+def _budget(question: Question) -> exact_field.Budget:
+    return exact_field.Budget(bounds.TERMS, min(question.deadline, now() + _EXACT_SECONDS))
 
 
-def _negative(question: Question, analysis: Analysis, case: Case) -> Case:
+def _negative(question: Question, analysis: deciding.Analysis, case: Case) -> Case:
     """The divisors of the elimination that proves it; without one, those of all algebraic conditions."""
     try:
-        chosen = smallest_sufficient_set(analysis, question.seed)
+        chosen = hierarchy.smallest_sufficient_set(analysis, question.seed)
         if chosen is not None:
-            found = of_conditions(analysis, question.space, chosen.equations, _budget(question), question.seed)
+            found = side_conditions.of_conditions(
+                analysis, question.space, chosen.equations, _budget(question), question.seed
+            )
             return replace(case, ideals=found.ideals, unsettled=_DOUBTFUL if found.doubtful else "")
-    except (TooLarge, IrreducibleAtoms) as problem:
+    except (exact_field.TooLarge, errors.IrreducibleAtoms) as problem:
         detail = f"the side conditions could not be computed: {problem}"
         return replace(case, ideals=_of_rank(question, analysis), unsettled=detail)
     return replace(case, ideals=_of_rank(question, analysis), unsettled=_DIFFERENTIAL.format("negative verdict"))
 
 
-def _of_rank(question: Question, analysis: Analysis) -> tuple[Ideal, ...]:
+def _of_rank(question: Question, analysis: deciding.Analysis) -> tuple[side_conditions.Ideal, ...]:
     """Where the algebraic conditions leave more multipliers than at generic values."""
     try:
-        names = all_conditions(analysis, _DEPTH, question.seed)
-        return of_conditions(analysis, question.space, names, _budget(question), question.seed).ideals
-    except (TooLarge, ZeroDivisionError, IrreducibleAtoms):
+        names = side_conditions.all_conditions(analysis, _DEPTH, question.seed)
+        return side_conditions.of_conditions(analysis, question.space, names, _budget(question), question.seed).ideals
+    except (exact_field.TooLarge, ZeroDivisionError, errors.IrreducibleAtoms):
         return ()
 
 
-def _positive(question: Question, analysis: Analysis, with_time: bool) -> tuple[Sequence[Ideal], bool]:
+def _positive(
+    question: Question, analysis: deciding.Analysis, with_time: bool
+) -> tuple[Sequence[side_conditions.Ideal], bool]:
     """The ideals of a Lagrangian with letters, and whether they are all; (), False where none is found."""
     from inverse_service.search.ladder import search
 
@@ -250,13 +234,15 @@ def _positive(question: Question, analysis: Analysis, with_time: bool) -> tuple[
     if outcome.found is None:
         return (), False
     try:
-        found = regularity(analysis.system, outcome.found.lagrangians[0], question.space, _budget(question))
-    except (TooLarge, ZeroDivisionError, KeyError):
+        found = side_conditions.regularity(
+            analysis.system, outcome.found.lagrangians[0], question.space, _budget(question)
+        )
+    except (exact_field.TooLarge, ZeroDivisionError, KeyError):
         return (), False
     return found.ideals, found.proved
 
 
-Equation = tuple[Expression, Expression]
+Equation = tuple[ex.Expression, ex.Expression]
 
 
 def conditions(case: Case) -> list[Equation]:
@@ -267,21 +253,24 @@ def conditions(case: Case) -> list[Equation]:
 
 def condition_texts(case: Case) -> list[str]:
     """The conditions as texts."""
-    return [f"{to_text(left)} = {to_text(right)}" for left, right in conditions(case)]
+    return [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in conditions(case)]
 
 
 def equation_texts(stratum: Stratum, equations: Sequence[fmpq_mpoly]) -> list[str]:
     """Polynomial equations as texts."""
-    return [f"{to_text(left)} = {to_text(right)}" for left, right in (sides(stratum, e) for e in equations)]
+    return [
+        f"{printing.to_text(left)} = {printing.to_text(right)}"
+        for left, right in (sides(stratum, e) for e in equations)
+    ]
 
 
 def sides(stratum: Stratum, equation: fmpq_mpoly) -> Equation:
     """The equation with positive terms on both sides; integers without a common factor."""
-    content = fmpq(*factor_polynomial(equation)[0].as_integer_ratio()) if not equation.is_zero() else 1
+    content = fmpq(*exact_field.factor_polynomial(equation)[0].as_integer_ratio()) if not equation.is_zero() else 1
     terms = {exponents: value / content for exponents, value in (equation).terms()}
     owner = equation.context()
-    left = owner.from_dict({e: v for e, v in terms.items() if as_fraction(v) > 0})
-    right = owner.from_dict({e: -v for e, v in terms.items() if as_fraction(v) < 0})
+    left = owner.from_dict({e: v for e, v in terms.items() if exact_field.as_fraction(v) > 0})
+    right = owner.from_dict({e: -v for e, v in terms.items() if exact_field.as_fraction(v) < 0})
     if left.is_zero():
         left, right = right, left
     return stratum.space.tree(left), stratum.space.tree(right)
@@ -290,18 +279,18 @@ def sides(stratum: Stratum, equation: fmpq_mpoly) -> Equation:
 def _polynomial_conditions(name: str, arguments: tuple[str, ...], case: Case) -> Equation:
     """A = A_0 for a constant function, A = A_0 + A_1 u for a linear one, and so on."""
     solved = case.stratum.trees()
-    constants = list(enumerate(map(Symbol, case.question.constants[name])))
-    kept = [(degree, constant) for degree, constant in constants if not degree or solved.get(constant) != ZERO]
-    terms = [constant * Symbol(arguments[0]) ** degree for degree, constant in kept]
-    return Arbitrary(name, tuple(map(Symbol, arguments)), (0,) * len(arguments)), add(*terms)
+    constants = list(enumerate(map(ex.Symbol, case.question.constants[name])))
+    kept = [(degree, constant) for degree, constant in constants if not degree or solved.get(constant) != ex.ZERO]
+    terms = [constant * ex.Symbol(arguments[0]) ** degree for degree, constant in kept]
+    return ex.Arbitrary(name, tuple(map(ex.Symbol, arguments)), (0,) * len(arguments)), ex.add(*terms)
 
 
 def _of_parameters(case: Case) -> list[Equation]:
     """Values of the solved parameters where these are polynomials, else the equations."""
     stratum, hidden = case.stratum, case.hidden
     if not stratum.roots and all(value.denominator.is_constant() for value in stratum.values.values()):
-        table = {name: tree for name, tree in stratum.trees().items() if isinstance(name, Symbol)}
-        order = [Symbol(name) for name in stratum.space.names if name not in hidden]
+        table = {name: tree for name, tree in stratum.trees().items() if isinstance(name, ex.Symbol)}
+        order = [ex.Symbol(name) for name in stratum.space.names if name not in hidden]
         return [(name, table[name]) for name in order if name in table]
     generators = [stratum.space.context.gen(stratum.space.names.index(name)) for name in hidden]
     shown = [e for e in stratum.equations if not any(e == g for g in generators)]

@@ -17,31 +17,15 @@ from dataclasses import dataclass
 from flint import fmpq, fmpq_mpoly
 
 from inverse_service.decision.deciding import Analysis
+from inverse_service.explanation import negative
 from inverse_service.explanation.hierarchy import EquationName, eliminate, hierarchy, local_motion, tensors_at
-from inverse_service.explanation.negative import exact_equations
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    TIME,
-    ZERO,
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Symbol,
-    Velocity,
-    add,
-    children,
-    walk,
-)
-from inverse_service.field.exact_field import Budget, ExactRing, Quotient, coefficients_of, exact_ring, polynomial_tree
-from inverse_service.field.matrices import determinant
-from inverse_service.mechanics.conditions import motion_in_ring
-from inverse_service.mechanics.euler_lagrange import hessian
+from inverse_service.expressions import collecting, derivative
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, matrices
+from inverse_service.mechanics import conditions, euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search.reductions import decoupled_blocks
-from inverse_service.solving.special_cases.strata import ParameterSpace, factors
+from inverse_service.search import reductions
+from inverse_service.solving.special_cases import strata
 
 
 @dataclass(frozen=True)
@@ -49,7 +33,7 @@ class Ideal:
     """What vanishes together in a special case: polynomials in the parameters, or trees that hold functions."""
 
     polynomials: tuple[fmpq_mpoly, ...]
-    functional: tuple[Expression, ...] = ()
+    functional: tuple[ex.Expression, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,14 +45,18 @@ class SideConditions:
 
 
 def of_conditions(
-    analysis: Analysis, space: ParameterSpace, names: Sequence[EquationName], budget: Budget, seed: int = 1
+    analysis: Analysis,
+    space: strata.ParameterSpace,
+    names: Sequence[EquationName],
+    budget: exact_field.Budget,
+    seed: int = 1,
 ) -> SideConditions:
     """Those of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
     depth = max((name.condition.order for name in names), default=2) - 2
-    exact = motion_in_ring(analysis.system, depth + 2, budget)
+    exact = conditions.motion_in_ring(analysis.system, depth + 2, budget)
     table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
     tensors = hierarchy(exact.motion, depth)
-    equations = exact_equations(exact, tensors, names)
+    equations = negative.exact_equations(exact, tensors, names)
     reader = Reader.of(exact.ring, space)
     result = eliminate({name: equations[name] for name in names if equations[name]}, table)
     divisors = [part for step in result.solved for part in (step.content, step.divisor)]
@@ -84,32 +72,32 @@ class Reader:
     the coordinates these depend on.
     """
 
-    ring: ExactRing
-    space: ParameterSpace
+    ring: exact_field.ExactRing
+    space: strata.ParameterSpace
     kept: Mapping[int, int]
     jets: frozenset[int]
 
     @classmethod
-    def of(cls, ring: ExactRing, space: ParameterSpace) -> Reader:
+    def of(cls, ring: exact_field.ExactRing, space: strata.ParameterSpace) -> Reader:
         kept, jets = {}, set[int]()
-        arguments: set[Expression] = set()
+        arguments: set[ex.Expression] = set()
         for index, tree in ring.trees.items():
-            if isinstance(tree, Symbol) and tree.name in space.names:
+            if isinstance(tree, ex.Symbol) and tree.name in space.names:
                 kept[index] = space.names.index(tree.name)
-            if isinstance(tree, Arbitrary):
+            if isinstance(tree, ex.Arbitrary):
                 jets.add(index)
-                arguments |= {node for node in walk(tree) if isinstance(node, Symbol | Velocity)}
+                arguments |= {node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)}
         jets |= {index for index, tree in ring.trees.items() if tree in arguments} if jets else set()
         return cls(ring, space, kept, frozenset(jets - kept.keys()))
 
     @property
     def parametric(self) -> list[int]:
         """Generators that are functions, roots or powers of something with a parameter in it."""
-        names = {Symbol(name) for name in self.space.names}
+        names = {ex.Symbol(name) for name in self.space.names}
         return [
             index
             for index, tree in self.ring.trees.items()
-            if isinstance(tree, Apply | Power) and names & set(walk(tree))
+            if isinstance(tree, ex.Apply | ex.Power) and names & set(ex.walk(tree))
         ]
 
     def inside_functions(self) -> list[Ideal]:
@@ -117,12 +105,12 @@ class Reader:
         found: list[Ideal] = []
         for index in self.parametric:
             tree = self.ring.trees[index]
-            for part in children(tree):
-                found += self._special_values(part, isinstance(tree, Power) and part == children(tree)[1])
+            for part in ex.children(tree):
+                found += self._special_values(part, isinstance(tree, ex.Power) and part == ex.children(tree)[1])
         return found
 
-    def _special_values(self, tree: Expression, is_exponent: bool) -> list[Ideal]:
-        if isinstance(tree, Number):
+    def _special_values(self, tree: ex.Expression, is_exponent: bool) -> list[Ideal]:
+        if isinstance(tree, ex.Number):
             return []
         try:
             value = self.ring.value(tree)
@@ -135,7 +123,7 @@ class Reader:
         moving = Ideal(tuple(polynomial for _, polynomial in constant))
         return [*self.ideals(value), *([moving] if constant and not any(p.is_constant() for _, p in constant) else [])]
 
-    def is_doubtful(self, quotient: Quotient) -> bool:
+    def is_doubtful(self, quotient: exact_field.Quotient) -> bool:
         """Whether the element may vanish for parameters at which functions in it become dependent.
 
         One exp, log, sin or cos of a moving argument is independent of rational functions for all
@@ -146,9 +134,9 @@ class Reader:
         if len(shapes) < 2:
             return False
         trees = [self.ring.trees[k] for k in involved]
-        return any(isinstance(tree, Power) for tree in trees) or len({children(tree) for tree in trees}) > 1
+        return any(isinstance(tree, ex.Power) for tree in trees) or len({ex.children(tree) for tree in trees}) > 1
 
-    def ideals(self, quotient: Quotient) -> list[Ideal]:
+    def ideals(self, quotient: exact_field.Quotient) -> list[Ideal]:
         """Their zero sets together are where the numerator vanishes identically."""
         numerator = quotient.numerator
         if any(e and index in self.jets for index, e in enumerate(numerator.degrees())):
@@ -174,15 +162,15 @@ class Reader:
     def _functional(self, polynomial: fmpq_mpoly) -> list[Ideal]:
         """One for each common factor of the coefficients, and one for all that is left of them."""
         others = [k for k in range(len(polynomial.degrees())) if k not in self.jets and k not in self.kept]
-        parts = list(coefficients_of(polynomial, others).values())
+        parts = list(exact_field.coefficients_of(polynomial, others).values())
         common = functools.reduce(lambda a, b: a.gcd(b), parts)
-        found = [self._of_parts([factor]) for factor in factors(common)]
+        found = [self._of_parts([factor]) for factor in strata.factors(common)]
         left = [part / common for part in parts]
         return found if any(part.is_constant() for part in left) else [*found, self._of_parts(left)]
 
     def _of_parts(self, parts: Sequence[fmpq_mpoly]) -> Ideal:
         if any(e and index in self.jets for part in parts for index, e in enumerate(part.degrees())):
-            return Ideal((), tuple(polynomial_tree(self.ring, part) for part in parts))
+            return Ideal((), tuple(exact_field.polynomial_tree(self.ring, part) for part in parts))
         return Ideal(tuple(self.coefficients(part)[0] for part in parts))
 
 
@@ -200,24 +188,26 @@ class Regularity:
     proved: bool
 
 
-def regularity(system: SecondOrderSystem, lagrangian: Expression, space: ParameterSpace, budget: Budget) -> Regularity:
+def regularity(
+    system: SecondOrderSystem, lagrangian: ex.Expression, space: strata.ParameterSpace, budget: exact_field.Budget
+) -> Regularity:
     """For a Lagrangian of the system; raises TooLarge or ZeroDivisionError."""
-    entries = hessian(lagrangian, system.coordinates)
+    entries = euler_lagrange.hessian(lagrangian, system.coordinates)
     names = system.coordinates
-    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names)]
-    ring = exact_ring([*(entry for row in entries for entry in row), lagrangian], variables, 0, budget)
+    variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
+    ring = exact_field.exact_ring([*(entry for row in entries for entry in row), lagrangian], variables, 0, budget)
     matrix = [[ring.value(entry) for entry in row] for row in entries]
     # The value of L itself lists its denominators.
     ring.value(lagrangian)
     reader = Reader.of(ring, space)
-    whole = determinant(matrix, ring.constant(1))
+    whole = matrices.determinant(matrix, ring.constant(1))
     ideals = [*reader.ideals(whole), *_denominators(reader), *reader.inside_functions()]
     return Regularity(tuple(ideals), not reader.is_doubtful(whole))
 
 
 def _denominators(reader: Reader) -> list[Ideal]:
     """Where a denominator of L vanishes identically."""
-    found = [Quotient(reader.ring.field, denominator, ()) for denominator in reader.ring.field.denominators]
+    found = [exact_field.Quotient(reader.ring.field, denominator, ()) for denominator in reader.ring.field.denominators]
     return [ideal for quotient in found for ideal in reader.ideals(quotient)]
 
 
@@ -229,27 +219,27 @@ def has_one_everywhere(system: SecondOrderSystem) -> bool:
     q'' = A q' + B q + c has one where A and B are polynomials in one real matrix: one is a number times 1, or
     n = 2 and A B = B A.
     """
-    blocks = () if system.depends_on_time else decoupled_blocks(system)
+    blocks = () if system.depends_on_time else reductions.decoupled_blocks(system)
     return bool(blocks) and all(len(block.coordinates) == 1 or _is_over_an_algebra(block) for block in blocks)
 
 
 def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
-    names: list[Symbol | Velocity] = [*map(Symbol, system.coordinates), *map(Velocity, system.coordinates)]
-    rows = [[collect(differentiate(f, name)) for name in names] for f in system.accelerations]
-    if any(node in names or isinstance(node, Arbitrary) for row in rows for entry in row for node in walk(entry)):
+    names: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates)]
+    rows = [[collecting.collect(derivative.differentiate(f, name)) for name in names] for f in system.accelerations]
+    if any(node in names or isinstance(node, ex.Arbitrary) for row in rows for entry in row for node in ex.walk(entry)):
         return False
     n = len(system.coordinates)
     stiffness, damping = [row[:n] for row in rows], [row[n:] for row in rows]
     if _is_scalar(damping) or _is_scalar(stiffness):
         return True
     return n == 2 and all(
-        collect(add(*(damping[i][k] * stiffness[k][j] for k in range(2)),
-                    *(-(stiffness[i][k] * damping[k][j]) for k in range(2)))) == ZERO
+        collecting.collect(ex.add(*(damping[i][k] * stiffness[k][j] for k in range(2)),
+                    *(-(stiffness[i][k] * damping[k][j]) for k in range(2)))) == ex.ZERO
         for i in range(2) for j in range(2)
     )  # fmt: skip
 
 
-def _is_scalar(matrix: Sequence[Sequence[Expression]]) -> bool:
+def _is_scalar(matrix: Sequence[Sequence[ex.Expression]]) -> bool:
     """Whether it is a number times the unit matrix."""
     entries = [(i, j, entry) for i, row in enumerate(matrix) for j, entry in enumerate(row)]
-    return all((entry == matrix[0][0]) if i == j else entry == ZERO for i, j, entry in entries)
+    return all((entry == matrix[0][0]) if i == j else entry == ex.ZERO for i, j, entry in entries)

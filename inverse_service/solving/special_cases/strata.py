@@ -11,8 +11,8 @@ from functools import cached_property
 
 from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
 
-from inverse_service.expressions.tree import Expression, Symbol, add, multiply, number, square_root, substitute
-from inverse_service.field.exact_field import as_fraction, coefficients_of, factor_polynomial
+from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field
 
 
 @dataclass(frozen=True)
@@ -25,12 +25,15 @@ class ParameterSpace:
     def context(self) -> fmpq_mpoly_ctx:
         return fmpq_mpoly_ctx.get(self.names or ("none",), Ordering.lex)
 
-    def tree(self, polynomial: fmpq_mpoly) -> Expression:
+    def tree(self, polynomial: fmpq_mpoly) -> ex.Expression:
         """The polynomial as a sum of monomials."""
-        symbols = [Symbol(name) for name in self.names]
-        return add(
+        symbols = [ex.Symbol(name) for name in self.names]
+        return ex.add(
             *(
-                multiply(number(as_fraction(c)), *(s ** int(e) for s, e in zip(symbols, exponents, strict=False)))
+                ex.multiply(
+                    ex.number(exact_field.as_fraction(c)),
+                    *(s ** int(e) for s, e in zip(symbols, exponents, strict=False)),
+                )
                 for exponents, c in polynomial.terms()
             )
         )
@@ -73,23 +76,23 @@ class Stratum:
         gone = {*self.values, *(root[0] for root in self.roots)}
         return tuple(name for index, name in enumerate(self.space.names) if index not in gone)
 
-    def trees(self) -> dict[Expression, Expression]:
+    def trees(self) -> dict[ex.Expression, ex.Expression]:
         """Each solved parameter as a tree in the free ones."""
-        table: dict[Expression, Expression] = {}
+        table: dict[ex.Expression, ex.Expression] = {}
         for index, high, middle, low in self.roots:
             root = self._root(middle * middle - high * low * 4) - self.space.tree(middle)
-            table[Symbol(self.space.names[index])] = root / (2 * self.space.tree(high))
-        values = {Symbol(self.space.names[index]): self._fraction(value) for index, value in self.values.items()}
-        return table | {name: substitute(tree, table) for name, tree in values.items()}
+            table[ex.Symbol(self.space.names[index])] = root / (2 * self.space.tree(high))
+        values = {ex.Symbol(self.space.names[index]): self._fraction(value) for index, value in self.values.items()}
+        return table | {name: ex.substitute(tree, table) for name, tree in values.items()}
 
-    def _root(self, radicand: fmpq_mpoly) -> Expression:
+    def _root(self, radicand: fmpq_mpoly) -> ex.Expression:
         """The square root, squares taken out (the other sign is the conjugate, with the same verdict)."""
-        content, parts = factor_polynomial(radicand)
+        content, parts = exact_field.factor_polynomial(radicand)
         outside = [self.space.tree(base) ** (exponent // 2) for base, exponent in parts]
         inside = [self.space.tree(base) for base, exponent in parts if exponent % 2]
-        return multiply(*outside, square_root(multiply(number(content), *inside)))
+        return ex.multiply(*outside, ex.square_root(ex.multiply(ex.number(content), *inside)))
 
-    def _fraction(self, value: Fraction) -> Expression:
+    def _fraction(self, value: Fraction) -> ex.Expression:
         if value.denominator.is_constant():
             return self.space.tree(value.numerator / value.denominator.leading_coefficient())
         return self.space.tree(value.numerator) / self.space.tree(value.denominator)
@@ -118,7 +121,7 @@ class Stratum:
 
 def coefficients_in(polynomial: fmpq_mpoly, index: int) -> list[fmpq_mpoly]:
     """Coefficients of 1, x, x^2, … for the generator x of this index."""
-    found = coefficients_of(polynomial, [index])
+    found = exact_field.coefficients_of(polynomial, [index])
     return [found.get((degree,), polynomial * 0) for degree in range(max(found, default=(-1,))[0] + 1)]
 
 
@@ -144,5 +147,5 @@ def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
     """The distinct irreducible factors over Q that are not numbers."""
     if polynomial.is_constant():
         return []
-    found = [factor for factor, _ in factor_polynomial(polynomial)[1] if not factor.is_constant()]
+    found = [factor for factor, _ in exact_field.factor_polynomial(polynomial)[1] if not factor.is_constant()]
     return [factor / factor.leading_coefficient() for factor in found]

@@ -12,14 +12,13 @@ from markupsafe import Markup, escape
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service import errors
 from inverse_service.catalogue import atlas
-from inverse_service.errors import InputError
 from inverse_service.reading.names import Names
-from inverse_service.service.documents.text_page import conditions_of
-from inverse_service.web.pages import forms, typesetting
-from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.service.documents import text_page
+from inverse_service.web import routes_atlas
+from inverse_service.web.pages import forms, rendering, typesetting
 from inverse_service.web.problems import Refusal
-from inverse_service.web.routes_atlas import CITE, LICENSE, found_by
 
 router = APIRouter()
 FIRST_SHOWN, MOST_SHOWN = 20, 200
@@ -69,10 +68,10 @@ async def shown(request: Request) -> HTMLResponse:
     most = MOST_SHOWN if query.get("all") else FIRST_SHOWN
     problem, found = "", []
     try:
-        found = await found_by(request, sent["q"], sent["tag"], sent["equations"])
-    except (Refusal, InputError) as error:
+        found = await routes_atlas.found_by(request, sent["q"], sent["tag"], sent["equations"])
+    except (Refusal, errors.InputError) as error:
         problem = str(getattr(error, "detail", error))
-    return page(
+    return rendering.page(
         "atlas.html",
         active="/atlas",
         sent=sent,
@@ -83,7 +82,7 @@ async def shown(request: Request) -> HTMLResponse:
         whole=len(atlas.entries()),
         tags=list(atlas.tags().items())[:24],
         pictures=() if any(sent.values()) else pictures(),
-        license=LICENSE,
+        license=routes_atlas.LICENSE,
     )
 
 
@@ -108,19 +107,19 @@ async def entry(name: str) -> HTMLResponse:
     names = _names(found["document"])
     formulas = [typesetting.proposition(text, names) for text in found["equations"]]
     answers = [(letter, found[key]) for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")) if found[key]]
-    return page(
+    return rendering.page(
         "atlas_entry.html",
         active="/atlas",
         entry=found,
         equations=formulas,
         answers=[(letter, typesetting.equation(letter, text, names), f"{letter} = {text}") for letter, text in answers],
-        domain=typesetting.conditions(conditions_of({"lagrangian": {"domain": found["domain"]}}), names),
+        domain=typesetting.conditions(text_page.conditions_of({"lagrangian": {"domain": found["domain"]}}), names),
         source=referenced(found["source"]),
         body=body_of(name),
         alike=[one for one in atlas.search(form=found["form"]) if one["name"] != name][:12] if found["form"] else [],
         question=forms.question_address(found["document"]),
-        can_simulate=can_simulate(),
-        cite=CITE,
+        can_simulate=rendering.can_simulate(),
+        cite=routes_atlas.CITE,
     )
 
 

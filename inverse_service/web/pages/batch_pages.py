@@ -12,17 +12,12 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service.reading.document_names import GUESS
-from inverse_service.service.documents.text_page import branches_of, common_verdict, conditions_of, first_answer
+from inverse_service.reading import document_names
+from inverse_service.service.documents import text_page
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.statements import BatchAnswer
-from inverse_service.web.asking import FACTORS
-from inverse_service.web.clients import viewer_of
-from inverse_service.web.pages.own_calls import SMALL_FORM, call, read_form
-from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.result_pages import IDENTIFIER, missing
-from inverse_service.web.pages.sheets import proof_of
-from inverse_service.web.routes_jobs import engine_of
+from inverse_service.web import asking, clients, routes_jobs
+from inverse_service.web.pages import own_calls, rendering, result_pages, sheets
 
 router = APIRouter()
 SHOWN_LINES = 300
@@ -51,21 +46,21 @@ class Row:
 @router.get("/batch")
 async def form() -> HTMLResponse:
     """The form with four lines in it."""
-    return page("batch.html", active="/batch", typed=EXAMPLE, problem=None)
+    return rendering.page("batch.html", active="/batch", typed=EXAMPLE, problem=None)
 
 
 @router.post("/batch")
 async def submit(request: Request) -> Response:
     """Store the batch; on to its page."""
-    sent = await read_form(request, FACTORS["batch"] * request.app.state.engine.settings.max_body)
+    sent = await own_calls.read_form(request, asking.FACTORS["batch"] * request.app.state.engine.settings.max_body)
     upload = sent.files.get("file")
     body = upload.data if upload is not None else as_documents(sent.text("lines")).encode()
     is_array = body.lstrip()[:1] == b"["
     kind = "application/json" if is_array else "application/x-ndjson"
-    answer = await call(request, "POST", "/v1/batches", body, {"Content-Type": kind})
+    answer = await own_calls.call(request, "POST", "/v1/batches", body, {"Content-Type": kind})
     if answer.is_problem:
         typed = sent.text("lines") or EXAMPLE
-        return page("batch.html", answer.status, active="/batch", typed=typed, problem=answer.value["detail"])
+        return rendering.page("batch.html", answer.status, active="/batch", typed=typed, problem=answer.value["detail"])
     return RedirectResponse(f"/batch/{answer.value['id']}", 303)
 
 
@@ -74,7 +69,7 @@ def as_documents(text: str) -> str:
     if text.lstrip()[:1] in ("[", ""):
         return text
     lines = [line.strip() for line in text.split("\n") if line.strip()]
-    plain = {"parameters": GUESS}
+    plain = {"parameters": document_names.GUESS}
     documents = [line if line[0] == "{" else json.dumps({"id": line[:80], "equations": line} | plain) for line in lines]
     return "\n".join(documents)
 
@@ -82,10 +77,10 @@ def as_documents(text: str) -> str:
 @router.get("/batch/{identifier}/results.csv")
 async def as_table(request: Request, identifier: str) -> Response:
     """What is answered as CSV: line, name, verdict, L or the reason, and what the checker said."""
-    answers = await _answers(request, identifier, engine_of(request).settings.max_lines)
+    answers = await _answers(request, identifier, routes_jobs.engine_of(request).settings.max_lines)
     if answers is None:
-        return missing()
-    return Response(await engine_of(request).in_thread(_csv, answers), media_type="text/csv")
+        return result_pages.missing()
+    return Response(await routes_jobs.engine_of(request).in_thread(_csv, answers), media_type="text/csv")
 
 
 def _csv(answers: list[BatchAnswer]) -> str:
@@ -103,22 +98,22 @@ def _csv(answers: list[BatchAnswer]) -> str:
 async def batch(request: Request, identifier: str) -> HTMLResponse:
     """The batch, as far as it is."""
     values = await _values(request, identifier)
-    return missing() if values is None else page("batch_result.html", active="/batch", **values)
+    return result_pages.missing() if values is None else rendering.page("batch_result.html", active="/batch", **values)
 
 
 @router.get("/batch/{identifier}/table")
 async def table(request: Request, identifier: str) -> HTMLResponse:
     """Progress and table alone, for the script."""
     values = await _values(request, identifier)
-    return missing() if values is None else page("batch_table.html", **values)
+    return result_pages.missing() if values is None else rendering.page("batch_table.html", **values)
 
 
 @router.post("/batch/{identifier}/cancel")
 async def cancel(request: Request, identifier: str) -> Response:
     """Stop what is still open."""
-    await read_form(request, SMALL_FORM)
-    if IDENTIFIER.fullmatch(identifier):
-        await call(request, "DELETE", f"/v1/batches/{identifier}")
+    await own_calls.read_form(request, own_calls.SMALL_FORM)
+    if result_pages.IDENTIFIER.fullmatch(identifier):
+        await own_calls.call(request, "DELETE", f"/v1/batches/{identifier}")
     return RedirectResponse(f"/batch/{identifier}", 303)
 
 
@@ -128,18 +123,18 @@ async def line(request: Request, identifier: str, number: int) -> Response:
     for answer in await _answers(request, identifier) or []:
         if answer.number == number and answer.status == "successful":
             return RedirectResponse(f"/results/{answer.job}", 303)
-    return missing()
+    return result_pages.missing()
 
 
 async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
-    if not IDENTIFIER.fullmatch(identifier):
+    if not result_pages.IDENTIFIER.fullmatch(identifier):
         return None
-    found = await call(request, "GET", f"/v1/batches/{identifier}")
+    found = await own_calls.call(request, "GET", f"/v1/batches/{identifier}")
     if found.is_problem:
         return None
     counts = found.value["counts"]
     answers = await _answers(request, identifier) or []
-    rows = await engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
+    rows = await routes_jobs.engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
     is_open = bool(counts.get("accepted", 0) + counts.get("running", 0))
     done = found.value["total"] - counts.get("accepted", 0) - counts.get("running", 0)
     return {"batch": found.value, "rows": rows[:SHOWN_LINES], "is_open": is_open, "done": done, "all_rows": len(rows)}
@@ -147,8 +142,11 @@ async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
 
 async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer] | None:
     """The answers that are there now; the call under /v1 would wait for all. None where there is no such batch."""
-    engine = engine_of(request)
-    if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, viewer_of(request)) is None:
+    engine = routes_jobs.engine_of(request)
+    if (
+        not result_pages.IDENTIFIER.fullmatch(identifier)
+        or await engine.batch(identifier, clients.viewer_of(request)) is None
+    ):
         return None
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
@@ -161,10 +159,10 @@ def row_of(answer: BatchAnswer) -> Row:
     name = "\u2013" if found["id"] is None else str(found["id"])
     if "error" in found:
         return Row(answer.number, name, "failed", reason=found["detail"])
-    first = first_answer(found)
+    first = text_page.first_answer(found)
     lagrangian = (first.get("lagrangian") or {}).get("text", "")
-    where = ", ".join(conditions_of(first))
+    where = ", ".join(text_page.conditions_of(first))
     others = len(found.get("branches") or ()) - 1
     where += f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else ""
-    verdict = common_verdict(branches_of(found)) or "done"  # results of other kinds have none
-    return Row(answer.number, name, verdict, lagrangian, found.get("reason", ""), proof_of(first) or "", where)
+    verdict = text_page.common_verdict(text_page.branches_of(found)) or "done"  # results of other kinds have none
+    return Row(answer.number, name, verdict, lagrangian, found.get("reason", ""), sheets.proof_of(first) or "", where)

@@ -20,18 +20,14 @@ from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.errors import InputError
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, substitute, walk
-from inverse_service.reading.reader import read_formula
-from inverse_service.service.jobs.model import split_options, write_json
-from inverse_service.service.jobs.tasks import check_task, solve_task
-from inverse_service.web.clients import client_of
+from inverse_service.expressions import tree as ex
+from inverse_service.reading import reader
+from inverse_service.service.jobs import model, tasks
+from inverse_service.web import clients
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages import forms, reading_back, sheets, typesetting
-from inverse_service.web.pages.preview import motion_of_result
-from inverse_service.web.pages.rendering import POLICY, page
-from inverse_service.web.pages.solve import fields_of_job
+from inverse_service.web.pages import forms, preview, reading_back, rendering, sheets, solve, typesetting
 
 router = APIRouter()
 # What is asked, the question, the letter before the box, and what the choice of an answer is called.
@@ -61,9 +57,9 @@ class Exercise:
 def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) -> Exercise:
     """The exercise of a link with what is said of an answer: "none", or "one" with a formula."""
     try:
-        document = split_options(forms.document_of_fields(fields))[0]
-        result = solve_task(document, SolveOptions(time_limit=reading_back.GLANCE))
-    except InputError as error:
+        document = model.split_options(forms.document_of_fields(fields))[0]
+        result = tasks.solve_task(document, SolveOptions(time_limit=reading_back.GLANCE))
+    except errors.InputError as error:
         return Exercise([], "", problem=reading_back.sentence(error.places[0]) if error.places else str(error))
     system, names = result["system"], typesetting.names_of(result["system"])
     sheet = sheets.sheet_of(result, brief=True)
@@ -77,7 +73,7 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
         [f.math for f in sheet.asked],
         Markup(", ").join(sheet.about),
         hints_of(result, names),
-        motion_of_result(result),
+        preview.motion_of_result(result),
         judged,
         wanted,
     )
@@ -96,8 +92,8 @@ def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sh
     """What the checker says of a student's L, or of the L that belongs to a student's H."""
     try:
         lagrangian = lagrangian_of(own, names) if ask == "hamiltonian" else forms.right_side(own)
-        found = check_task(write_json({"system": document, "lagrangian": lagrangian}))
-    except InputError as error:
+        found = tasks.check_task(model.write_json({"system": document, "lagrangian": lagrangian}))
+    except errors.InputError as error:
         reasons = [reading_back.sentence(place) for place in error.places] or [str(error)]
         return sheets.judged_of({"verdict": "unread", "lagrangian": own, "reasons": reasons}, names)
     judged = sheets.judged_of({**found, "lagrangian": lagrangian}, names)
@@ -116,22 +112,24 @@ def lagrangian_of(hamiltonian: str, names: Any) -> str:
     from inverse_service.expressions.printing import to_text
 
     text = forms.right_side(hamiltonian.replace("H =", "L =").replace("H=", "L="))
-    tree = read_formula(text, names)
-    momenta: dict[Expression, Expression] = {Symbol(f"p_{name}"): Velocity(name) for name in names.coordinates}
-    if any(isinstance(node, Velocity) for node in walk(tree)):
-        raise InputError("A Hamiltonian has momenta such as p_x, and no velocities.")
+    tree = reader.read_formula(text, names)
+    momenta: dict[ex.Expression, ex.Expression] = {
+        ex.Symbol(f"p_{name}"): ex.Velocity(name) for name in names.coordinates
+    }
+    if any(isinstance(node, ex.Velocity) for node in ex.walk(tree)):
+        raise errors.InputError("A Hamiltonian has momenta such as p_x, and no velocities.")
     document = {
         "coordinates": list(names.coordinates),
         "parameters": [
             name for name in names.parameters if not name.startswith(("p_", "g_", "h_")) and name not in "LH"
         ],
-        "lagrangian": to_text(substitute(tree, momenta)),
+        "lagrangian": to_text(ex.substitute(tree, momenta)),
     }
-    found = solve_task(document, SolveOptions(time_limit=reading_back.GLANCE))["hamiltonian"]
+    found = tasks.solve_task(document, SolveOptions(time_limit=reading_back.GLANCE))["hamiltonian"]
     if found.get("implicit"):
-        raise InputError("The velocities of this H could not be solved for the momenta in closed form.")
-    back = read_formula(found["text"], names)
-    return to_text(substitute(back, momenta))
+        raise errors.InputError("The velocities of this H could not be solved for the momenta in closed form.")
+    back = reader.read_formula(found["text"], names)
+    return to_text(ex.substitute(back, momenta))
 
 
 def hints_of(result: Mapping[str, Any], names: Any) -> list[Markup]:
@@ -171,19 +169,21 @@ async def exercise(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     answer, own = query.get("answer", ""), query.get("own", "")[:6_000]
     found = await engine.made(
-        client_of(request), exercise_task, fields, ask, answer, own, late=LATE, seconds=4 * reading_back.GLANCE
+        clients.client_of(request), exercise_task, fields, ask, answer, own, late=LATE, seconds=4 * reading_back.GLANCE
     )
     student = query.get("student", "").strip()[:80]
     code = ""
     if found.judged is not None and found.judged.verdict == sheets.YES and student:
         code = code_of(question_of(query), student, datetime.now(UTC).date().isoformat())
-    shown = page(
+    shown = rendering.page(
         "exercise.html", active="", exercise=found, fields=fields, title=query.get("title", "")[:120],
         ask=ask, question=ASKED[ask][1], letter=ASKED[ask][2], answer=answer, own=own, student=student, code=code,
         hints=query.get("hints", "yes") != "no", kept=dict(parse_qsl(question_of(query))),
     )  # fmt: skip
     origins = " ".join(("'self'", *engine.settings.frame_origins))
-    shown.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {origins}")
+    shown.headers["Content-Security-Policy"] = rendering.POLICY.replace(
+        "frame-ancestors 'none'", f"frame-ancestors {origins}"
+    )
     shown.headers["X-Frame-Options"] = "SAMEORIGIN"
     return shown
 
@@ -204,12 +204,12 @@ def code_of(question: str, student: str, day: str) -> str:
 async def make(request: Request) -> HTMLResponse:
     """The page of a teacher: what is asked, the link, the code to embed."""
     query = request.query_params
-    fields = await fields_of_job(request, query["job"]) if query.get("job") else forms.fields_of_link(query)
+    fields = await solve.fields_of_job(request, query["job"]) if query.get("job") else forms.fields_of_link(query)
     fields = fields or forms.fields_from({"equations": "x'' = -x - c*x'"})
     chosen = {name: query.get(name, "") for name in ("title", "ask", "hints")}
     kept = {name: value for name, value in fields.items() if value and name in forms.LINKED}
     link = f"{str(request.base_url).rstrip('/')}/exercise?{question_of({**kept, **chosen})}"
-    return page("exercise_new.html", active="/teach", fields=kept, chosen=chosen, asked=ASKED, link=link)
+    return rendering.page("exercise_new.html", active="/teach", fields=kept, chosen=chosen, asked=ASKED, link=link)
 
 
 @router.get("/teach")
@@ -223,4 +223,4 @@ async def teach(request: Request) -> HTMLResponse:
         verdict = "yes" if hmac.compare_digest(code.encode(), code_of(asked, student, day).encode()) else "no"
     sent = {"link": link, "student": student, "code": code}
     service = str(request.base_url).rstrip("/")
-    return page("teach.html", active="/teach", sent=sent, verdict=verdict, service=service)
+    return rendering.page("teach.html", active="/teach", sent=sent, verdict=verdict, service=service)

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import parse_qs, parse_qsl, urlencode
 
-from inverse_service.errors import DocumentRefused, InputError, Place
+from inverse_service import errors
 from inverse_service.reading.document_names import AND_GUESS, GUESS, Declared, document_names
-from inverse_service.service.documents.plain_data import read_document, read_json, refuse_surrogates
-from inverse_service.service.jobs.tasks import UNREADABLE
+from inverse_service.service.documents import plain_data
+from inverse_service.service.jobs import tasks
 
 MAX_FIELDS = 120
 _BOUNDARY = re.compile(r'boundary="?([^";]{1,70})"?', re.IGNORECASE)
@@ -90,10 +90,10 @@ def _take(part: bytes, fields: dict[str, tuple[str, ...]], files: dict[str, Uplo
         raise unreadable() from None
 
 
-def unreadable() -> InputError:
+def unreadable() -> errors.InputError:
     """The body is no form."""
     detail = "The form was not sent as a browser sends it."
-    return DocumentRefused((Place(detail, code=UNREADABLE),))
+    return errors.DocumentRefused((errors.Place(detail, code=tasks.UNREADABLE),))
 
 
 KINDS = ("equations", "nonholonomic")
@@ -150,22 +150,22 @@ def document_of(form: Form) -> dict[str, Any]:
     """
     upload = form.files.get("document")
     if upload is not None:
-        return _as_object(read_document(upload.data, upload.name))
+        return _as_object(plain_data.read_document(upload.data, upload.name))
     fields = fields_of(form)
     if fields["kind"] == "equations" and fields["equations"].startswith("{") and '"' in fields["equations"]:
-        return _as_object(read_json(fields["equations"]))
+        return _as_object(plain_data.read_json(fields["equations"]))
     return document_of_fields(fields)
 
 
 def _as_object(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise InputError("The document is not an object; it must have coordinates and equations.")
+        raise errors.InputError("The document is not an object; it must have coordinates and equations.")
     return value
 
 
 def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
     """The document; names that were not declared are guessed where it is read."""
-    refuse_surrogates(dict(fields))
+    plain_data.refuse_surrogates(dict(fields))
     nonholonomic = fields["kind"] == "nonholonomic"
     constraints = [line.strip() for line in re.split(r"[\n;]", fields["constraints"]) if line.strip()]
     document: dict[str, Any] = {"name": fields["name"]} if fields["name"] else {}
@@ -218,7 +218,7 @@ def _seconds(text: str) -> float:
     except ValueError:
         seconds = math.nan
     if not math.isfinite(seconds):
-        raise InputError("The time limit must be a number of seconds such as 30.", "/options/time_limit")
+        raise errors.InputError("The time limit must be a number of seconds such as 30.", "/options/time_limit")
     return seconds
 
 
@@ -256,7 +256,7 @@ def functions_of(text: str) -> dict[str, tuple[str, ...]]:
         match = _FUNCTION.match(rest.lstrip(" ,;\n"))
         if match is None:
             detail = "The functions must be written as A(r1), V(x, y): a name and its coordinates."
-            raise InputError(detail, "/functions")
+            raise errors.InputError(detail, "/functions")
         found[match.group(1)] = tuple(_names(match.group(2)))
         rest = rest.lstrip(" ,;\n")[match.end() :]
     return found
@@ -333,7 +333,7 @@ def lean_fields(document: Mapping[str, Any]) -> dict[str, str]:
     lean = fields | dict.fromkeys(("coordinates", "parameters", "functions"), "")
     try:
         same = _names_of(document_of_fields(lean)) == _names_of(document)
-    except InputError:
+    except errors.InputError:
         return fields
     return lean if same else fields
 

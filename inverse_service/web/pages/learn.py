@@ -17,8 +17,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import __version__
 from inverse_service.reading.names import Names
-from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.rendering import can_simulate, page
+from inverse_service.web.pages import rendering, typesetting
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -32,7 +31,9 @@ NAMES = Names(("x", "y", "phi", "theta"), ("R", "L"))
 @router.get("/learn")
 async def learn() -> HTMLResponse:
     """The six screens."""
-    return page("learn.html", active="/learn", names=NAMES, manual=PAGES, can_simulate=can_simulate())
+    return rendering.page(
+        "learn.html", active="/learn", names=NAMES, manual=PAGES, can_simulate=rendering.can_simulate()
+    )
 
 
 # (name in the address, title) of the pages in web/manual; the first page are the six screens.
@@ -54,7 +55,7 @@ PAPER = """@article{mestdag_bloch_fernandez_2009,
 @open_router.get("/about")
 async def about() -> HTMLResponse:
     """What this is, whose method it extends, and how to cite both."""
-    return page("about.html", active="", version=__version__, citation=CITATION, paper=PAPER)
+    return rendering.page("about.html", active="", version=__version__, citation=CITATION, paper=PAPER)
 
 
 @open_router.get("/learn/{name}")
@@ -80,7 +81,9 @@ async def documentation(request: Request) -> HTMLResponse:
 def _manual(request: Request, name: str, calls: Sequence[tuple[str, str, str]] = ()) -> HTMLResponse:
     body = _body(name, str(request.base_url).rstrip("/"))
     active = "/docs" if calls else "/learn"
-    return page("manual.html", active=active, title=dict(PAGES)[name], body=body, pages=PAGES, name=name, calls=calls)
+    return rendering.page(
+        "manual.html", active=active, title=dict(PAGES)[name], body=body, pages=PAGES, name=name, calls=calls
+    )
 
 
 def _body(name: str, address: str) -> Markup:

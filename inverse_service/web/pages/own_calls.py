@@ -14,11 +14,9 @@ from typing import Any, TypeVar
 import httpx
 from starlette.requests import Request
 
-from inverse_service.web.asking import body_of
-from inverse_service.web.clients import client_of, is_of_own_page
+from inverse_service.web import asking, clients, journal
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
-from inverse_service.web.journal import REQUEST
-from inverse_service.web.pages.forms import Form, form_of
+from inverse_service.web.pages import forms
 from inverse_service.web.problems import Refusal
 
 T = TypeVar("T")
@@ -53,7 +51,7 @@ async def call(
 ) -> Answer:
     """One call of this service, made inside the process; `document` is sent as JSON, bytes as they are."""
     sent = {name: request.headers[name] for name in PASSED_ON if name in request.headers} | dict(headers or {})
-    sent["X-Request-Id"] = REQUEST.get()
+    sent["X-Request-Id"] = journal.REQUEST.get()
     content = document
     if document is not None and not isinstance(document, bytes):
         content = json.dumps(document, default=str).encode()
@@ -75,20 +73,20 @@ def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
 SMALL_FORM = 10_000
 
 
-async def read_form(request: Request, limit: int) -> Form:
+async def read_form(request: Request, limit: int) -> forms.Form:
     """The sent form; refuses one of another site (403), too large (413), not written by a browser (400)."""
-    return await read_sent(request, limit, form_of)
+    return await read_sent(request, limit, forms.form_of)
 
 
 async def read_sent(
     request: Request, limit: int, task: Callable[[bytes, str], T], seconds: float = QUICK_DEADLINE
 ) -> T:
     """What a task of `form_tasks` makes of the sent form; refuses as `read_form` does."""
-    if not is_of_own_page(request):
+    if not clients.is_of_own_page(request):
         raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
     engine: Engine = request.app.state.engine
     content_type = request.headers.get("content-type", "")
-    async with body_of(request, limit) as body:
+    async with asking.body_of(request, limit) as body:
         if limit <= SMALL_FORM:
             return task(body, content_type)
-        return await engine.read_body(client_of(request), task, body, content_type, seconds=seconds)
+        return await engine.read_body(clients.client_of(request), task, body, content_type, seconds=seconds)

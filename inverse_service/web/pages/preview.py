@@ -8,12 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.errors import InputError
+from inverse_service import errors
+from inverse_service.expressions import derivative, letters
 from inverse_service.expressions import tree as trees
-from inverse_service.expressions.derivative import define_functions
-from inverse_service.expressions.letters import greek_letter
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import has_acceleration, read_condition, read_formula
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene_data import Scene
@@ -46,7 +45,7 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
         return {"reason": LONG}
     return {
         "coordinates": list(scene.coordinates),
-        "labels": {name: greek_letter(name) or name for name in (*scene.coordinates, *scene.values)},
+        "labels": {name: letters.greek_letter(name) or name for name in (*scene.coordinates, *scene.values)},
         "values": dict(scene.values),
         "equations": [listed(formula) for formula in found],
         "constraints": [listed(formula) for formula in scene.constraints],
@@ -116,7 +115,7 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> d
     """
     system = result["system"]
     constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
-    if system is None or any(has_acceleration(text) for text in system["equations"].values()):
+    if system is None or any(reader.has_acceleration(text) for text in system["equations"].values()):
         return None
     parameters, functions = tuple(system["parameters"]), system.get("functions") or {}
     time = system.get("time", "t")
@@ -125,25 +124,25 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> d
     lines = [equations.get(name) or system["equations"][name] for name in system["coordinates"]]
     constraints = [one["text"] for one in (result.get("nonholonomic") or {}).get("constraints") or ()]
     try:
-        formulas = [read_formula(text, names) for text in (*lines, *constraints)]
-        sides = [(read_condition(text, names), " > " in text or " < " in text) for text in domain]
-    except (InputError, ValueError):
+        formulas = [reader.read_formula(text, names) for text in (*lines, *constraints)]
+        sides = [(reader.read_condition(text, names), " > " in text or " < " in text) for text in domain]
+    except (errors.InputError, ValueError):
         return None
-    definitions = {name: (tuple(of), read_formula(f"1 + {of[0]}^2/4", names)) for name, of in functions.items()}
-    formulas = [define_functions(tree, definitions) for tree in formulas] if definitions else formulas
+    definitions = {name: (tuple(of), reader.read_formula(f"1 + {of[0]}^2/4", names)) for name, of in functions.items()}
+    formulas = [derivative.define_functions(tree, definitions) for tree in formulas] if definitions else formulas
     if sum(map(trees.node_count, formulas)) > MOST_NODES:
         return None
     split = len(lines)
     try:
         listed_formulas = [listed(formula) for formula in formulas]
-        listed_sides = [(listed(define_functions(side, definitions)), sign) for side, sign in sides]
-    except InputError:
+        listed_sides = [(listed(derivative.define_functions(side, definitions)), sign) for side, sign in sides]
+    except errors.InputError:
         return None
     given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
     values = given if isinstance(given, Mapping) else {}
     return {
         "coordinates": list(system["coordinates"]),
-        "labels": {name: greek_letter(name) or name for name in (*system["coordinates"], *parameters)},
+        "labels": {name: letters.greek_letter(name) or name for name in (*system["coordinates"], *parameters)},
         "time": time,
         "values": {name: float(Fraction(values[name])) if values.get(name) else 1 for name in parameters},
         "equations": listed_formulas[:split],
@@ -172,7 +171,7 @@ def listed(tree: trees.Expression) -> Any:
             return ["^", listed(base), listed(exponent)]
         case trees.Apply(function, argument):
             return [function, listed(argument)]
-    raise InputError("A function of the equations was given no formula.")
+    raise errors.InputError("A function of the equations was given no formula.")
 
 
 def angles_of(coordinates: Iterable[str], formulas: Iterable[trees.Expression]) -> list[str]:
@@ -194,8 +193,8 @@ def angles_of_texts(system: Mapping[str, Any]) -> list[str]:
     names = Names(tuple(system["coordinates"]), tuple(system["parameters"]))
     texts = [system["lagrangian"] or "0", *system["constraints"], *(system["equations"] or {}).values()]
     try:
-        return angles_of(system["coordinates"], [read_formula(text, names) for text in texts])
-    except InputError:
+        return angles_of(system["coordinates"], [reader.read_formula(text, names) for text in texts])
+    except errors.InputError:
         return []
 
 

@@ -9,19 +9,14 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from inverse_service import catalogue
+from inverse_service import catalogue, errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.errors import InputError, Place
-from inverse_service.expressions.letters import LETTER_COMMANDS, PRIMES
-from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service.expressions import letters, printing_mathml
 from inverse_service.expressions.tree import Acceleration, Symbol
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import equation_line, has_acceleration
-from inverse_service.service.jobs.model import split_options
-from inverse_service.service.jobs.tasks import solve_task
-from inverse_service.web.pages import sheets, typesetting
-from inverse_service.web.pages.forms import Form, document_of, document_of_fields, fields_from, fields_of, form_of
-from inverse_service.web.pages.preview import motion_of_result
+from inverse_service.service.jobs import model, tasks
+from inverse_service.web.pages import forms, preview, sheets, typesetting
 
 FIELD_NAMES = {
     "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
@@ -35,7 +30,7 @@ AROUND = 40
 LONGEST_LABEL = 60
 # What may stand between a formula and the sign after it and belongs to neither.
 _AFTER_FORMULA = re.compile(r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$")
-_LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(LETTER_COMMANDS, reverse=True))})(?![A-Za-z])")
+_LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(letters.LETTER_COMMANDS, reverse=True))})(?![A-Za-z])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +94,11 @@ def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]
 def _equations(answer: Mapping[str, Any]) -> list[Line]:
     lines = []
     for coordinate, found in answer["equations"].items():
-        left = to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
+        left = printing_mathml.to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
         right = str(typesetting.spaced(found["mathml"])).partition(">")[2].removesuffix("</math>")
-        solved = not has_acceleration(found["text"])
+        solved = not reader.has_acceleration(found["text"])
         line = f"{left}<mo>=</mo>{right}" if solved else f"{right}<mo>=</mo><mn>0</mn>"
-        lines.append(Line(equation_line(coordinate, found["text"]), typesetting.math(f"<mrow>{line}</mrow>")))
+        lines.append(Line(reader.equation_line(coordinate, found["text"]), typesetting.math(f"<mrow>{line}</mrow>")))
     return lines
 
 
@@ -143,7 +138,7 @@ def _names(answer: Mapping[str, Any]) -> list[tuple[str, Markup, str]]:
 
 
 def _symbols(names: list[str]) -> Markup:
-    return Markup(", ").join(Markup(to_mathml(Symbol(name))) for name in names)
+    return Markup(", ").join(Markup(printing_mathml.to_mathml(Symbol(name))) for name in names)
 
 
 def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
@@ -152,12 +147,12 @@ def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
     return Problem("There is a problem with your input", places or [ShownPlace(body["detail"])])
 
 
-def problem_of_error(error: InputError, fields: Mapping[str, str]) -> Problem:
+def problem_of_error(error: errors.InputError, fields: Mapping[str, str]) -> Problem:
     """A fault found while the form was read."""
     return Problem("There is a problem with your input", [_place(place, fields) for place in error.places])
 
 
-def sentence(place: Place, fields: Collection[str] = (), is_marked: bool = False) -> str:
+def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool = False) -> str:
     """What is wrong, for a form with these fields, which may be fewer than the members of a document.
 
     The column is said where it is not marked.
@@ -171,15 +166,15 @@ def sentence(place: Place, fields: Collection[str] = (), is_marked: bool = False
     return said[:1].upper() + said[1:] if said.startswith(("the ", "a ", "an ", "this ", "what ", "where ")) else said
 
 
-def _fault(place: Mapping[str, Any]) -> Place:
+def _fault(place: Mapping[str, Any]) -> errors.Place:
     span, instead = place.get("span"), tuple(place["instead"])
     parts = place.get("plain") or "", place.get("declare") or ""
-    return Place(
+    return errors.Place(
         place["detail"], place["pointer"], place["column"], "", instead, (span[0], span[1]) if span else None, *parts
     )
 
 
-def _place(error: Place, fields: Mapping[str, str]) -> ShownPlace:
+def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
     column = error.column
     steps = error.pointer.split("/")[1:]
     field = steps[0] if steps else ""
@@ -203,7 +198,7 @@ def _place(error: Place, fields: Mapping[str, str]) -> ShownPlace:
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices)
 
 
-def _choices(error: Place, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
+def _choices(error: errors.Place, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
     """The readings of what stands at the place of an error, each as the line that it makes and what a button sends.
 
     Those of a name end with one that declares it a constant. In LaTeX a reading is written as LaTeX.
@@ -223,7 +218,7 @@ def _choices(error: Place, text: str, start: int, line: str, at: str) -> tuple[t
     found = [
         (made if len(made) <= LONGEST_LABEL else one, f"{at}:{place + 1}{until}:{one}") for one, made in whole.items()
     ]
-    is_name = found and not error.span and text[first + len(piece) :][:1] not in PRIMES and "\\" not in piece
+    is_name = found and not error.span and text[first + len(piece) :][:1] not in letters.PRIMES and "\\" not in piece
     return (*found, *([(f"a constant {piece}", f"parameters:0:0:{piece}")] if is_name else []))
 
 
@@ -274,35 +269,35 @@ def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:
 def glance_of_fields(fields: Fields) -> dict[str, Any] | None:
     """The same of the fields of a link; None where they cannot be read, too."""
     try:
-        return glance_of(document_of_fields(fields))
-    except InputError:
+        return glance_of(forms.document_of_fields(fields))
+    except errors.InputError:
         return None
 
 
 def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
     """The sheet of a document without its proofs, and its motion; None where nothing was settled."""
-    found = solve_task(split_options(document)[0], SolveOptions(time_limit=GLANCE))
+    found = tasks.solve_task(model.split_options(document)[0], SolveOptions(time_limit=GLANCE))
     sheet = sheets.sheet_of(found, brief=True)
-    return None if sheet.verdict == sheets.OPEN else {"sheet": sheet, "motion": motion_of_result(found)}
+    return None if sheet.verdict == sheets.OPEN else {"sheet": sheet, "motion": preview.motion_of_result(found)}
 
 
 def sent_task(body: bytes, content_type: str) -> Sent:
     """The sent solve form to what it says."""
-    form = form_of(body, content_type)
-    fields, example = fields_of(form), form.text("example")
+    form = forms.form_of(body, content_type)
+    fields, example = forms.fields_of(form), form.text("example")
     try:
-        document = _example(example) if example else document_of(form)
-    except InputError as error:
+        document = _example(example) if example else forms.document_of(form)
+    except errors.InputError as error:
         return Sent(fields, fields, problem=problem_of_error(error, fields))
     is_shown = example or "document" in form.files
-    return Sent(fields, fields_from(document) if is_shown else fields, document)
+    return Sent(fields, forms.fields_from(document) if is_shown else fields, document)
 
 
 def _example(name: str) -> dict[str, Any]:
     try:
         return catalogue.document(name)
-    except InputError:
-        raise InputError("The catalogue has no system of this name; /atlas shows them.") from None
+    except errors.InputError:
+        raise errors.InputError("The catalogue has no system of this name; /atlas shows them.") from None
 
 
 def echo_sent_task(body: bytes, content_type: str) -> tuple[Fields, dict[str, Any]]:
@@ -316,8 +311,8 @@ def echo_sent_task(body: bytes, content_type: str) -> tuple[Fields, dict[str, An
 def echo_task(fields: Fields) -> dict[str, Any]:
     """The fields of the solve form to how they are understood."""
     try:
-        document = document_of(Form({name: (value,) for name, value in fields.items()}))
-    except InputError as error:
+        document = forms.document_of(forms.Form({name: (value,) for name, value in fields.items()}))
+    except errors.InputError as error:
         return {"problem": problem_of_error(error, fields)}
     return _understood(fields, document)
 
@@ -330,7 +325,7 @@ def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
     from inverse_service.service.documents.documents import parse_document
 
     try:
-        answer = parse_document(split_options(document)[0])
-    except InputError as error:
+        answer = parse_document(model.split_options(document)[0])
+    except errors.InputError as error:
         return {"problem": problem_of_error(error, fields)} if typed else {}
     return {"understood": understood(answer)}

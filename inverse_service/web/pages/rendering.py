@@ -22,10 +22,10 @@ from markupsafe import Markup, escape
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
-from inverse_service.expressions.letters import greek_letter
+from inverse_service.expressions import letters
 from inverse_service.kernels.machine_code import code_store
-from inverse_service.service.jobs.tasks import KINDS
-from inverse_service.web.clients import client_of, require_client
+from inverse_service.service.jobs import tasks
+from inverse_service.web import clients
 from inverse_service.web.pages import typesetting
 from inverse_service.web.problems import Refusal
 
@@ -135,13 +135,13 @@ async def require_visitor(request: Request) -> None:
     """A dependency of the pages that ask the service: on to /login without a good key, where keys are set."""
     keys = request.app.state.engine.keys.are_asked
     try:
-        require_client(request)
+        clients.require_client(request)
     except Refusal:
         if request.headers.get("sec-fetch-mode", "") not in NAVIGATE:
             raise
         place = f"/login?next={quote(_address(request), safe='/')}"
         raise Refusal(303, "key", "This service asks for a key: log in.", headers={"Location": place}) from None
-    VISITOR.set(_visitor(request, client_of(request) if keys else ""))
+    VISITOR.set(_visitor(request, clients.client_of(request) if keys else ""))
 
 
 def _visitor(request: Request, client: str) -> Visitor:
@@ -220,7 +220,9 @@ def environment() -> Environment:
     found.globals |= {"address": address, "style": style, "navigation": shown}
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
-    found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: greek_letter(word[0]) or word[0], name)
+    found.filters["greek"] = lambda name: re.sub(
+        r"[A-Za-z]+", lambda word: letters.greek_letter(word[0]) or word[0], name
+    )
     found.filters["short_number"] = short_number
     found.filters["duration"] = duration
     found.filters["code_marks"] = code_marks
@@ -255,7 +257,7 @@ def duration(seconds: Any) -> str:
 
 def can_simulate() -> bool:
     """Whether this installation runs scenes."""
-    return "simulate" in KINDS
+    return "simulate" in tasks.KINDS
 
 
 def progress_text(progress: Any) -> str:

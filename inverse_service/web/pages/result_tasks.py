@@ -16,16 +16,11 @@ from typing import Any, TypeVar
 
 from starlette.responses import HTMLResponse
 
-from inverse_service.errors import InputError
+from inverse_service import errors
+from inverse_service.service.documents import text_page
 from inverse_service.service.documents.latex_page import latex_page
-from inverse_service.service.documents.text_page import branches_of, conditions_of
-from inverse_service.service.jobs.model import write_json
-from inverse_service.service.jobs.opening import stored_answer
-from inverse_service.service.jobs.tasks import check_task
-from inverse_service.web.pages import reading_back, sheets, simulations, typesetting
-from inverse_service.web.pages.forms import lean_fields, question_address, right_side
-from inverse_service.web.pages.preview import motion_of_result
-from inverse_service.web.pages.rendering import VISITOR, Visitor, can_simulate, page
+from inverse_service.service.jobs import model, opening, tasks
+from inverse_service.web.pages import forms, preview, reading_back, rendering, sheets, simulations, typesetting
 
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
@@ -97,15 +92,15 @@ def _about_size(result: Mapping[str, Any]) -> list[Advice]:
 class Look:
     """What a page depends on besides its result: who looks, at which address, and what the service gives."""
 
-    visitor: Visitor
+    visitor: rendering.Visitor
     address: str
     time_limit: float
 
 
 def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None) -> HTMLResponse:
     """The page of a successful job, with the verdict of the checker, or that on a visitor's own L."""
-    VISITOR.set(look.visitor)
-    document, body = stored_answer(store, id)
+    rendering.VISITOR.set(look.visitor)
+    document, body = opening.stored_answer(store, id)
     whole = {**job, "result": json.loads(body)}
     if job["kind"] == "solve":
         return solve_result(look, whole, check)
@@ -114,27 +109,27 @@ def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Ma
     if job["kind"] == "work-precision":
         return simulations.precision_result(whole, simulations.pretty(document))
     # A job whose result has no page of its own: its JSON.
-    return page("plain.html", active="", job=whole, text=simulations.pretty(body))
+    return rendering.page("plain.html", active="", job=whole, text=simulations.pretty(body))
 
 
 def so_far_task(job: Mapping[str, Any], look: Look, waited: int) -> HTMLResponse:
     """The page of a job that has a confirmed answer while more is sought."""
-    VISITOR.set(look.visitor)
+    rendering.VISITOR.set(look.visitor)
     return solve_result(look, {**job, "result": job["progress"]["so_far"], "waited": waited}, None)
 
 
-def embed_task(store: str, id: str, visitor: Visitor) -> HTMLResponse:
+def embed_task(store: str, id: str, visitor: rendering.Visitor) -> HTMLResponse:
     """The short page of a solved system that other pages show in a frame."""
-    VISITOR.set(visitor)
-    return page("embed.html", active="", sheet=sheets.sheet_of(_result(store, id), brief=True), id=id)
+    rendering.VISITOR.set(visitor)
+    return rendering.page("embed.html", active="", sheet=sheets.sheet_of(_result(store, id), brief=True), id=id)
 
 
 def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
     """The verdict on a visitor's Lagrangian for the equations of a stored result, with the `lagrangian` itself."""
     given = _result(store, id)["system"]["given"]
     try:
-        found = check_task(write_json({"system": given, "lagrangian": right_side(text)}))
-    except InputError as error:
+        found = tasks.check_task(model.write_json({"system": given, "lagrangian": forms.right_side(text)}))
+    except errors.InputError as error:
         reasons = [reading_back.sentence(place) for place in error.places]
         found = {"verdict": "unread", "reasons": reasons, "residual": None, "equations": None}
     return {**found, "lagrangian": text}
@@ -171,7 +166,7 @@ def file_task(store: str, id: str, label: str, ending: str) -> bytes | None:
     """Every recorded point of a method as a file; None where there are none."""
     from inverse_service.service.scenes.simulating import csv_bytes, every_point, npz_bytes
 
-    text, body = stored_answer(store, id)
+    text, body = opening.stored_answer(store, id)
     document, found = json.loads(text), json.loads(body)
     columns = every_point(document, found, label)
     if columns is None:
@@ -205,7 +200,7 @@ def certificate_task(store: str, id: str) -> str:
 def fields_task(store: str, id: str) -> dict[str, str] | None:
     """The solve form filled with the document of a result; None where it has none."""
     given = (_result(store, id).get("system") or {}).get("given")
-    return lean_fields(given) if isinstance(given, dict) else None
+    return forms.lean_fields(given) if isinstance(given, dict) else None
 
 
 def part_task(store: str, id: str, choose: Callable[[Any], T]) -> T:
@@ -214,7 +209,7 @@ def part_task(store: str, id: str, choose: Callable[[Any], T]) -> T:
 
 
 def _result(store: str, id: str) -> Any:
-    return json.loads(stored_answer(store, id)[1])
+    return json.loads(opening.stored_answer(store, id)[1])
 
 
 def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None) -> HTMLResponse:
@@ -223,23 +218,23 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     is_open = job["status"] != "successful"
     sheet = sheets.sheet_of(found, grows=is_open)
     judged = sheets.judged_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None
-    return page(
+    return rendering.page(
         "sheet.html",
         active="",
         sheet=sheet,
         job=job,
         open=is_open,
         waited=int(job.get("waited", 0)),
-        question=question_address(system["given"]) if system and not is_open else "",
+        question=forms.question_address(system["given"]) if system and not is_open else "",
         address_of_result=f"{look.address}/results/{job['id']}",
-        motion=motion_of_result(found, _conditions_shown(found)),
+        motion=preview.motion_of_result(found, _conditions_shown(found)),
         own=judged,
         can_judge=bool(system) and "verdict" in found and not sheets.is_constrained(found) and not is_open,
         advice=advice_for(found, look.time_limit) if "verdict" in found and not is_open else [],
         more_words=_words_of_more(sheet),
         exports=[(key, LABELS.get(key, key)) for key in exported(found)],
         certified=bool(found.get("certificate") or (found.get("any_associated") or {}).get("certificate")),
-        can_simulate=can_simulate() and system is not None,
+        can_simulate=rendering.can_simulate() and system is not None,
     )
 
 
@@ -247,7 +242,7 @@ def _conditions_shown(result: Mapping[str, Any]) -> tuple[str, ...]:
     """Where the formulas that are shown hold; the picture begins there."""
     if "verdict" not in result or sheets.is_constrained(result):
         return ()
-    return conditions_of(sheets.answers_of(branches_of(result)[0], result)[0])
+    return text_page.conditions_of(sheets.answers_of(text_page.branches_of(result)[0], result)[0])
 
 
 def _words_of_more(sheet: sheets.Sheet) -> str:

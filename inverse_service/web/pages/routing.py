@@ -9,19 +9,19 @@ from fastapi import APIRouter, Depends
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service.web.clients import COOKIE, LARGEST_KEY, cookie_of_key
+from inverse_service.web import clients
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import (
     atlas_pages,
     batch_pages,
     exercises,
     learn,
+    own_calls,
     rendering,
     result_pages,
     simulate,
     solve,
 )
-from inverse_service.web.pages.own_calls import SMALL_FORM, read_form
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -58,28 +58,30 @@ async def login_form(request: Request) -> Response:
 @account.post("/login")
 async def login(request: Request) -> Response:
     """The key, checked as in the header, kept in a cookie until the browser is closed."""
-    sent = await read_form(request, SMALL_FORM)
+    sent = await own_calls.read_form(request, own_calls.SMALL_FORM)
     place, key = rendering.local_address(sent.text("next")), sent.text("key")
-    if len(key) > LARGEST_KEY or _engine(request).keys.client_of(key) is None:
+    if len(key) > clients.LARGEST_KEY or _engine(request).keys.client_of(key) is None:
         return _form(place, "This key is not known here.", 401)
     answer = RedirectResponse(place, 303)
-    answer.set_cookie(COOKIE, cookie_of_key(key), httponly=True, samesite="strict", secure=_is_secure(request))
+    answer.set_cookie(
+        clients.COOKIE, clients.cookie_of_key(key), httponly=True, samesite="strict", secure=_is_secure(request)
+    )
     return answer
 
 
 @account.post("/logout")
 async def logout(request: Request) -> Response:
     """The cookie taken back."""
-    await read_form(request, SMALL_FORM)
+    await own_calls.read_form(request, own_calls.SMALL_FORM)
     answer = RedirectResponse("/login", 303)
-    answer.delete_cookie(COOKIE, httponly=True, samesite="strict", secure=_is_secure(request))
+    answer.delete_cookie(clients.COOKIE, httponly=True, samesite="strict", secure=_is_secure(request))
     return answer
 
 
 @account.post("/theme")
 async def theme(request: Request) -> Response:
     """Light, dark, or as the system says; remembered for a year."""
-    sent = await read_form(request, SMALL_FORM)
+    sent = await own_calls.read_form(request, own_calls.SMALL_FORM)
     answer = RedirectResponse(rendering.local_address(sent.text("back")), 303)
     if sent.text("theme") in rendering.THEMES:
         answer.set_cookie(

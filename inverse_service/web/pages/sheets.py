@@ -11,14 +11,13 @@ from typing import Any
 
 from markupsafe import Markup
 
+from inverse_service import errors
 from inverse_service.certificate.formulas import FORMAT
-from inverse_service.errors import InputError
-from inverse_service.expressions.printing import to_text
+from inverse_service.expressions import printing
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import equation_line, read_equations
 from inverse_service.service.documents import text_page
-from inverse_service.web.pages import forms, typesetting
-from inverse_service.web.pages.rendering import duration
+from inverse_service.web.pages import forms, rendering, typesetting
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
@@ -143,7 +142,7 @@ def title_of(result: Mapping[str, Any]) -> str:
     """What tells this result from others in tabs, bookmarks and the history: its first line, and the verdict."""
     system = result["system"] or {}
     lines = list((system.get("equations") or {}).items())
-    first = equation_line(*lines[0]) if lines else "A system"
+    first = reader.equation_line(*lines[0]) if lines else "A system"
     given = (system.get("given") or {}).get("lagrangian")
     named = system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")
     if given:
@@ -363,15 +362,15 @@ def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
     if not isinstance(given, str) or len(given) > typesetting.MAX_CHARACTERS or "t" not in (system.get("time") or "t"):
         return _equations(system, names)
     try:
-        pairs = read_equations(given, names)
-        lines = [f"{to_text(left)} = {to_text(right)}" for left, right in pairs]
-    except InputError:
+        pairs = reader.read_equations(given, names)
+        lines = [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in pairs]
+    except errors.InputError:
         return _equations(system, names)
     return [Formula("", typesetting.formula(line, names), line) for line in lines] or _equations(system, names)
 
 
 def _equations(system: Mapping[str, Any], names: Names) -> list[Formula]:
-    lines = [equation_line(*pair) for pair in system["equations"].items()]
+    lines = [reader.equation_line(*pair) for pair in system["equations"].items()]
     return [Formula("", typesetting.formula(line, names), line) for line in lines]
 
 
@@ -491,13 +490,13 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     spent = seconds.get("all", sum(value for value in seconds.values() if isinstance(value, int | float)))
     if spent:
-        yield Row("Time", f"Computed in {duration(spent)}.")
+        yield Row("Time", f"Computed in {rendering.duration(spent)}.")
 
 
 def _clock_row(clock: Mapping[str, Any], result: Mapping[str, Any], names: Names, name: str = "Another clock") -> Row:
     verdict = VERDICTS.get(clock["verdict"], OPEN)
     factor = typesetting.formula(clock["factor"], names)
-    equations = [typesetting.formula(equation_line(*pair), names) for pair in clock["equations"].items()]
+    equations = [typesetting.formula(reader.equation_line(*pair), names) for pair in clock["equations"].items()]
     steps = (Markup("With dτ = {} dt the equations become {}.").format(factor, Markup(", ").join(equations)),)
     return Row(
         name, Markup("dτ = {} dt").format(factor), verdict, WORDS[verdict],
@@ -640,7 +639,7 @@ def _rows(
         return
     own = VERDICTS.get(reduced["verdict"], OPEN)
     over = _listed(reduced["coordinates"], names)
-    equations = [typesetting.formula(equation_line(*pair), names) for pair in reduced["equations"].items()]
+    equations = [typesetting.formula(reader.equation_line(*pair), names) for pair in reduced["equations"].items()]
     steps = [Markup("The equations {}.").format(Markup(", ").join(equations)), Markup(reduced.get("statement") or "")]
     steps += [*_steps(reduced, names), *([Markup(_capital(reduced["reason"]))] if reduced.get("reason") else [])]
     yield Row(
@@ -664,7 +663,7 @@ def _associated_row(one: Mapping[str, Any], result: Mapping[str, Any], names: Na
         return Row(_capital(one["kind"]), hint, "", "Not defined", (), (why,))
     found = _common((one["verdict"], one["verdict_with_time"]))
     time = found == YES and one["verdict"] != "variational"
-    equations = [typesetting.formula(equation_line(*pair), names) for pair in one["equations"].items()]
+    equations = [typesetting.formula(reader.equation_line(*pair), names) for pair in one["equations"].items()]
     where = _listed(one.get("domain") or (), names)
     steps = [Markup("The system {}{}.").format(
         Markup(", ").join(equations), Markup(" where {}").format(where) if where else "")]  # fmt: skip
@@ -772,7 +771,7 @@ def _with_own_names(lagrangian: str, names: Names) -> Names:
     try:
         declared = Declared(names.coordinates, GUESS, names.functions)
         found = known_names(declared, {"": right_side(lagrangian)}, order=1).names
-    except InputError:
+    except errors.InputError:
         return names
     parameters = tuple(dict.fromkeys((*names.parameters, *found.parameters)))
     return replace(names, parameters=parameters, functions=found.functions)

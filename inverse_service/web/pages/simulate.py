@@ -15,21 +15,23 @@ from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 
-from inverse_service import catalogue
-from inverse_service.errors import DocumentRefused, InputError, Place
-from inverse_service.reading.reader import equation_line, has_acceleration
-from inverse_service.service.documents.text_page import answers_of
-from inverse_service.web.clients import client_of
+from inverse_service import catalogue, errors
+from inverse_service.reading import reader
+from inverse_service.service.documents import text_page
+from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, Engine
-from inverse_service.web.pages import reading_back, typesetting
-from inverse_service.web.pages.atlas_pages import body_of
+from inverse_service.web.pages import (
+    atlas_pages,
+    own_calls,
+    reading_back,
+    rendering,
+    result_pages,
+    result_tasks,
+    solve,
+    typesetting,
+)
 from inverse_service.web.pages.forms import Form
-from inverse_service.web.pages.own_calls import call, read_form
 from inverse_service.web.pages.preview import preview_task, price_task
-from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.result_pages import made, result_address, stored_job, successful
-from inverse_service.web.pages.result_tasks import part_task
-from inverse_service.web.pages.solve import example_document
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -56,26 +58,26 @@ async def form(request: Request) -> HTMLResponse:
 @router.post("/simulate")
 async def run(request: Request) -> Response:
     """The job of the scene; on to its page, or back with what to change."""
-    sent = await read_form(request, request.app.state.engine.settings.max_body)
+    sent = await own_calls.read_form(request, request.app.state.engine.settings.max_body)
     filled, base = await _sent_form(request, sent)
     try:
         scene = changed_scene(base, scene_document(filled, base["system"]))
         await _refuse_unreadable(request, scene)
-    except InputError as error:
+    except errors.InputError as error:
         return simulate_page(filled, reading_back.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
-    answer = await call(request, "POST", CALLS[kind], scene, {"Prefer": "respond-async"})
+    answer = await own_calls.call(request, "POST", CALLS[kind], scene, {"Prefer": "respond-async"})
     if answer.is_problem:
         return simulate_page(filled, reading_back.problem_of(answer.value, {}), answer.status)
-    return RedirectResponse(result_address(answer), 303)
+    return RedirectResponse(result_pages.result_address(answer), 303)
 
 
 async def _refuse_unreadable(request: Request, scene: dict[str, Any]) -> None:
     """InputError where a value of the form cannot be read: it is told beside its field, and no job is made."""
     engine: Engine = request.app.state.engine
-    outcome = await engine.run_quick(client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
+    outcome = await engine.run_quick(clients.client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
     if outcome.places:
-        raise DocumentRefused(tuple(outcome.places))
+        raise errors.DocumentRefused(tuple(outcome.places))
 
 
 # Where a document says it, and the field of the form that is about it.
@@ -109,19 +111,19 @@ async def price(request: Request) -> Response:
 
 async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Response:
     """What a task makes of the form as it stands, or what is wrong beside which field."""
-    sent = await read_form(request, request.app.state.engine.settings.max_body)
+    sent = await own_calls.read_form(request, request.app.state.engine.settings.max_body)
     form, base = await _sent_form(request, sent)
     engine: Engine = request.app.state.engine
     try:
         scene = changed_scene(base, scene_document(form, base["system"]))
-        outcome = await engine.run_quick(client_of(request), task, scene, seconds=LONG_DEADLINE)
+        outcome = await engine.run_quick(clients.client_of(request), task, scene, seconds=LONG_DEADLINE)
         found = outcome.value if outcome.status == "done" else _told(outcome.places)
-    except InputError as error:
+    except errors.InputError as error:
         found = _told(error.places)
     return JSONResponse(found)
 
 
-def _told(places: Sequence[Place]) -> dict[str, Any]:
+def _told(places: Sequence[errors.Place]) -> dict[str, Any]:
     """What is wrong, and beside which fields it is said."""
     faults = {field_of(place.pointer): reading_back.sentence(place) for place in places}
     return {"reason": " ".join(faults.values()), "faults": {name: said for name, said in faults.items() if name}}
@@ -140,12 +142,12 @@ async def _sent_form(request: Request, sent: Form) -> tuple[SceneForm, dict[str,
 def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, status: int = 200) -> HTMLResponse:
     """The page with the form filled in."""
     systems = [(name, catalogue.entry(name)["title"]) for name in catalogue.names("nonholonomic")]
-    return page(
+    return rendering.page(
         "simulate.html",
         status,
         active="/simulate",
         form=form,
-        body=body_of(form.system),
+        body=atlas_pages.body_of(form.system),
         systems=systems,
         methods=METHODS,
         observables=OBSERVABLES,
@@ -163,8 +165,8 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
     if not job:
         return form_of_system({"catalogue": system}), {"system": {"catalogue": system}}
     found = None
-    if await successful(request, job) is not None:
-        found = await made(request, job, part_task, partial(_form_of_result, job=job))
+    if await result_pages.successful(request, job) is not None:
+        found = await result_pages.made(request, job, result_tasks.part_task, partial(_form_of_result, job=job))
     if found is None:
         raise Refusal(404, "not-found", "There is no result with a system at this address.")
     form, base = found
@@ -193,7 +195,7 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
         return form, {"system": system_of_it, **found}
     base = {"system": {"result": result}}
     form = form_of_system(base["system"], job=job)
-    with_lagrangian = [answer for answer, _ in answers_of(result, result) if answer["lagrangian"]]
+    with_lagrangian = [answer for answer, _ in text_page.answers_of(result, result) if answer["lagrangian"]]
     return starts.with_good_start(form, base["system"], with_lagrangian[0] if with_lagrangian else {}), base
 
 
@@ -201,12 +203,12 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
     """The form for a scene's `system`: an entry of the catalogue, a document, a result, or a system written out."""
     if "catalogue" in system:
         name = system["catalogue"]
-        return scene_form(example_document(name), catalogue.entry(name)["title"], system=name, **address)
+        return scene_form(solve.example_document(name), catalogue.entry(name)["title"], system=name, **address)
     if "result" in system:
         shown = system["result"]["system"]
         kept = ("coordinates", "parameters", "functions", "equations")
         solved = {key: shown[key] for key in kept if key in shown}
-        unsolved = any(has_acceleration(text) for text in shown.get("equations", {}).values())
+        unsolved = any(reader.has_acceleration(text) for text in shown.get("equations", {}).values())
         form = scene_form(shown["given"] if unsolved else solved, shown["name"] or _title(shown), **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretize but the equations.
@@ -219,14 +221,16 @@ def _title(system: Mapping[str, Any]) -> str:
     """What tells a system without a name from others: its Lagrangian, its first equation, or its coordinates."""
     equations = system.get("equations") or {}
     first = next(iter(equations.items()), None) if isinstance(equations, dict) else None
-    formula = f"L = {system['lagrangian']}" if system.get("lagrangian") else equation_line(*first) if first else ""
+    formula = (
+        f"L = {system['lagrangian']}" if system.get("lagrangian") else reader.equation_line(*first) if first else ""
+    )
     title = f"motion of {formula or 'a system'}"
     return title if len(title) <= LONGEST_TITLE else f"motion of {', '.join(system['coordinates'])}"[:LONGEST_TITLE]
 
 
 async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:
     """The form filled with a scene that was run before, and that scene."""
-    job = await stored_job(request, identifier)
+    job = await result_pages.stored_job(request, identifier)
     if job is None or job.kind not in CALLS:
         raise Refusal(404, "not-found", "There is no scene at this address.")
     scene = json.loads(job.document)
@@ -364,9 +368,9 @@ def with_sent(form: SceneForm, sent: Form) -> SceneForm:
 def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]:
     """The Scene document of a system; InputError where nothing is ticked."""
     if not form.methods and not form.kept:
-        raise InputError("Tick at least one method.", "/methods")
+        raise errors.InputError("Tick at least one method.", "/methods")
     if not form.steps.isdigit() or len(form.steps) > 12:
-        raise InputError("The number of steps must be a positive integer.", "/steps")
+        raise errors.InputError("The number of steps must be a positive integer.", "/steps")
     scene: dict[str, Any] = {
         "name": form.title,
         "system": dict(system),

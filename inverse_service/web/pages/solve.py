@@ -13,17 +13,11 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from api_schemas.base import MAX_COORDINATES
-from inverse_service import catalogue
-from inverse_service.errors import InputError
-from inverse_service.web.clients import client_of
+from api_schemas import base
+from inverse_service import catalogue, errors
+from inverse_service.web import clients
 from inverse_service.web.engine import QUICK_DEADLINE, Engine
-from inverse_service.web.pages import forms, reading_back
-from inverse_service.web.pages.own_calls import call, read_sent
-from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.result_pages import made, result_address, successful
-from inverse_service.web.pages.result_tasks import fields_task
-from inverse_service.web.pages.sheets import KIND_NAMES
+from inverse_service.web.pages import forms, own_calls, reading_back, rendering, result_pages, result_tasks, sheets
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -85,7 +79,9 @@ async def ask(request: Request) -> Response:
     if query.get("kind") in forms.KINDS:
         fields |= {"kind": query["kind"]}
     found: dict[str, Any] = {"problem": None, "understood": None} | await understand(request, fields)
-    return page("ask.html", active="/", fields=fields, kinds=KIND_NAMES, most_coordinates=MAX_COORDINATES, **found)
+    return rendering.page(
+        "ask.html", active="/", fields=fields, kinds=sheets.KIND_NAMES, most_coordinates=base.MAX_COORDINATES, **found
+    )
 
 
 _GLANCES: dict[str, Any] = {}
@@ -97,7 +93,7 @@ async def glance_of(request: Request, fields: dict[str, str], patience: float) -
     key = json.dumps(fields, sort_keys=True)
     if key not in _GLANCES:
         engine: Engine = request.app.state.engine
-        asked = _ASKED.get(key) or asyncio.ensure_future(_keep_glance(engine, client_of(request), key, fields))
+        asked = _ASKED.get(key) or asyncio.ensure_future(_keep_glance(engine, clients.client_of(request), key, fields))
         _ASKED[key] = asked
         asked.add_done_callback(lambda _: _ASKED.pop(key, None))
         with suppress(TimeoutError):  # it goes on, and the next visitor has it at once
@@ -118,28 +114,28 @@ async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, 
 async def submit(request: Request) -> Response:
     """The job of the form; on to its page, or back with what to change."""
     try:
-        sent = await read_sent(request, request.app.state.engine.settings.max_body, reading_back.sent_task)
+        sent = await own_calls.read_sent(request, request.app.state.engine.settings.max_body, reading_back.sent_task)
     except Refusal as refusal:
         return _not_read(refusal)
     if sent.document is None:
         return await _refused(request, sent.fields, sent.problem, 422)
-    answer = await call(request, "POST", "/v1/solve", sent.document, {"Prefer": "respond-async"})
+    answer = await own_calls.call(request, "POST", "/v1/solve", sent.document, {"Prefer": "respond-async"})
     if answer.is_problem:
         return await _refused(request, sent.shown, reading_back.problem_of(answer.value, sent.shown), answer.status)
-    return RedirectResponse(result_address(answer), 303)
+    return RedirectResponse(result_pages.result_address(answer), 303)
 
 
 @router.post("/understood")
 async def echo(request: Request) -> Response:
     """What was understood of the form: the fragment for the script, else the form's link, whose page says it."""
     try:
-        fields, found = await read_sent(
+        fields, found = await own_calls.read_sent(
             request, request.app.state.engine.settings.max_body, reading_back.echo_sent_task
         )
     except Refusal as refusal:
         return _not_read(refusal)
     if request.query_params.get("fragment"):
-        return page("understood.html", **({"problem": None, "understood": None} | found))
+        return rendering.page("understood.html", **({"problem": None, "understood": None} | found))
     return (
         solve_page(fields, **found)
         if not forms.is_whole(fields)
@@ -160,18 +156,18 @@ async def _refused(
 async def answer_beside(request: Request) -> Response:
     """The answer next to the form: nothing is stored; one at a time for each client, and none where it takes long."""
     engine: Engine = request.app.state.engine
-    with engine.places.glance(client_of(request)) as is_free:
+    with engine.places.glance(clients.client_of(request)) as is_free:
         if not is_free:
             return Response(status_code=204)
         try:
-            found = await read_sent(
+            found = await own_calls.read_sent(
                 request, engine.settings.max_body, reading_back.glance_task, 2 * reading_back.GLANCE
             )
         except Refusal as refusal:
             if refusal.kind not in ("limit", "busy"):
                 raise
             found = None
-    return page("glance.html", glance=found)
+    return rendering.page("glance.html", glance=found)
 
 
 def _not_read(refusal: Refusal) -> HTMLResponse:
@@ -185,7 +181,7 @@ def _not_read(refusal: Refusal) -> HTMLResponse:
 async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
     """How the fields are understood, for the template; nothing where no worker has said it in `patience` seconds."""
     engine: Engine = request.app.state.engine
-    asked = engine.run_quick(client_of(request), reading_back.echo_task, fields, seconds=QUICK_DEADLINE)
+    asked = engine.run_quick(clients.client_of(request), reading_back.echo_task, fields, seconds=QUICK_DEADLINE)
     try:
         outcome = await asyncio.wait_for(asked, patience)
     except (Refusal, TimeoutError):
@@ -199,7 +195,7 @@ def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTML
     mode = "equations" if fields["kind"] == "equations" else "constraints" if fields["constraints"] else "lagrangian"
     shown: dict[str, Any] = {"problem": None, "understood": None, "notes": (), "glance": None} | values
     examples = [{**one, "is_shown": _same(one["fields"], fields)} for one in tiles()]
-    return page("solve.html", status, active="/", fields=fields, mode=mode, examples=examples, **shown)
+    return rendering.page("solve.html", status, active="/", fields=fields, mode=mode, examples=examples, **shown)
 
 
 def _same(one: Mapping[str, str], other: Mapping[str, str]) -> bool:
@@ -221,12 +217,14 @@ def example_document(name: str) -> dict[str, Any]:
     """The document of a catalogue entry; 404 where there is none."""
     try:
         return catalogue.document(name)
-    except InputError:
+    except errors.InputError:
         raise Refusal(404, "not-found", "The catalogue has no system of this name; /atlas shows them.") from None
 
 
 async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     """The form filled with the document of a result."""
-    if await successful(request, identifier) is None:
+    if await result_pages.successful(request, identifier) is None:
         raise Refusal(404, "not-found", "There is no result at this address.")
-    return await made(request, identifier, fields_task) or forms.fields_from({"equations": START})
+    return await result_pages.made(request, identifier, result_tasks.fields_task) or forms.fields_from(
+        {"equations": START}
+    )

@@ -11,13 +11,10 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.inequalities import needed
-from inverse_service.expressions.letters import greek_letter
-from inverse_service.expressions.notation import theory
-from inverse_service.expressions.printing_mathml import to_mathml
+from inverse_service import errors
+from inverse_service.expressions import inequalities, letters, notation, printing_mathml
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_condition, read_formula
 
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000
@@ -57,8 +54,8 @@ def inner_mathml(text: str, names: Names) -> str | None:
     if len(text) > MAX_CHARACTERS:
         return None
     try:
-        found = to_mathml(read_formula(text, names))
-    except InputError:
+        found = printing_mathml.to_mathml(reader.read_formula(text, names))
+    except errors.InputError:
         return None
     return spaced(found.partition(">")[2].removesuffix("</math>"))
 
@@ -114,11 +111,11 @@ def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
 def conditions(texts: Sequence[str], names: Names) -> list[Markup]:
     """The conditions of a domain without those that follow from the rest; the JSON has all of them."""
     try:
-        found = [read_condition(text, names) for text in texts]
-    except (InputError, ValueError):  # a sentence
+        found = [reader.read_condition(text, names) for text in texts]
+    except (errors.InputError, ValueError):  # a sentence
         return [formula(text, names) for text in texts]
     groups = [[k for k, text in enumerate(texts) if (" != " in text) is unequal] for unequal in (False, True)]
-    kept = needed(*([found[k] for k in group] for group in groups))
+    kept = inequalities.needed(*([found[k] for k in group] for group in groups))
     places = sorted(group[k] for group, chosen in zip(groups, kept, strict=True) for k in chosen)
     return [formula(texts[k], names) for k in places]
 
@@ -232,7 +229,7 @@ def _theory(text: str) -> str:
     for match in _SLOPE.finditer(text):
         found.append(_between(found, text[place : match.start()]))
         dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[4])]}</mo>"
-        below = f"<mi>{escape(greek_letter(match[2]) or match[2])}</mi>"
+        below = f"<mi>{escape(letters.greek_letter(match[2]) or match[2])}</mi>"
         below = f'<mover accent="true">{below}{dots}</mover>' if match[4] else below
         below = f"<msup>{below}<mi>{match[3]}</mi></msup>" if match[3] else below
         found.append(f"<mfrac><mrow><mi>∂</mi><mi>{match[1]}</mi></mrow><mrow><mi>∂</mi>{below}</mrow></mfrac>")
@@ -244,7 +241,7 @@ def _between(before: Sequence[str], text: str) -> str:
     """What is between fractions: after one a minus is a difference, and before one d/dt has a little room."""
     if not text.strip():
         return ""
-    found = theory(text).mathml.removeprefix("<mrow>").removesuffix("</mrow>")
+    found = notation.theory(text).mathml.removeprefix("<mrow>").removesuffix("</mrow>")
     found = found.replace("<msup><mi>d</mi><mn>2</mn></msup>", "<msup><mi>∂</mi><mn>2</mn></msup>")
     found = found.replace('<mo form="prefix">', "<mo>", 1) if before and found.startswith("<mo form") else found
     return found + '<mspace width="0.17em"/>' if found.endswith("</mfrac>") else found
