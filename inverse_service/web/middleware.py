@@ -43,11 +43,14 @@ TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
 QUIET = frozenset({"/livez", "/readyz", "/metrics"})
 
 
+CLIENT_LEFT = 499  # as nginx writes it: nothing was answered, since nobody waited any more
+
+
 @dataclass(slots=True)
 class _Answer:
-    """What was answered: its status, 500 where nothing was."""
+    """What was answered, and after how many seconds; CLIENT_LEFT and None where nothing was."""
 
-    status: int = 500
+    status: int = CLIENT_LEFT
     seconds: float | None = None
 
 
@@ -71,8 +74,11 @@ class Measured(Middleware):
 
         try:
             await self.app(scope, receive, send_measured)
+        except Exception:
+            if answer.seconds is None:  # what is outside of this one answers with 500
+                answer.status = 500
+            raise
         finally:
-            # Also where the application raised: what is outside of this one answers with 500 then.
             self._count(scope, answer.status, answer.seconds or time.monotonic() - began)
             _note(scope, answer.status, time.monotonic() - began)
             journal.REQUEST.reset(token)

@@ -215,6 +215,18 @@ def test_every_request_has_an_id_in_its_answer_and_in_the_access_log(client: htt
     assert [r["client"] for r in records if r["what"] == "request" and r["level"] == "warning"][-1] == "127.0.0.1"
 
 
+def test_a_page_that_is_left_while_it_is_answered_is_no_fault(client: httpx.Client, guarded: Guarded) -> None:
+    headers = ALICE | {"X-Request-Id": "left", "Sec-Fetch-Site": "same-origin"}
+    with pytest.raises(httpx.ReadTimeout):
+        client.post("/answer", data={"kind": "equations", "equations": json.dumps(HARD)}, headers=headers, timeout=0.3)
+    for _ in range(50):
+        lines = [json.loads(line) for line in guarded.log.read_text().splitlines()]
+        if found := [line for line in lines if line.get("request") == "left" and line["what"] == "request"]:
+            break
+        time.sleep(0.1)
+    assert [line["status"] for line in found] == [499]
+
+
 def test_an_operator_sees_what_holds_up_the_service(client: httpx.Client) -> None:
     client.post("/v1/parse", json=EASY, headers=ALICE)
     text = client.get("/metrics").text

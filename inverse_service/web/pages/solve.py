@@ -16,7 +16,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from api_schemas import base
 from inverse_service import catalogue, errors
 from inverse_service.web import clients
-from inverse_service.web.engine import QUICK_DEADLINE, Engine
+from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.pages import forms, own_calls, reading_back, rendering, result_pages, result_tasks, sheets
 from inverse_service.web.problems import Refusal
 
@@ -103,7 +103,7 @@ async def glance_of(request: Request, fields: dict[str, str], patience: float) -
 
 async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, str]) -> None:
     with suppress(Refusal):
-        outcome = await engine.run_quick(client, reading_back.glance_of_fields, fields, seconds=QUICK_DEADLINE)
+        outcome = await engine.run_quick(client, reading_back.glance_of_fields, fields, seconds=LONG_DEADLINE)
         if outcome.status == "done" and outcome.value is not None:
             if len(_GLANCES) >= MOST_GLANCES:
                 _GLANCES.pop(next(iter(_GLANCES)))
