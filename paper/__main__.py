@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from inverse_service import __version__
-from inverse_service.cli.exits import ExitCode
+from inverse_service.cli.command_line import ExitCode
 from inverse_service.cli.simulate_command import made_folder
 from paper.pages import counts, markdown, page, side_by_side
 from paper.paper import FIGURES, sections

@@ -114,7 +114,9 @@ class Absent:
         if name.partition(".")[0] in "llvmlite numba symengine matplotlib heyoka distributed psycopg".split():
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Absent())
-import inverse_service.cli.command_line, inverse_service.web.application
+import inverse_service.web.application
+from inverse_service.cli.command_line import load_commands
+load_commands()
 from inverse_service.service.jobs import tasks
 tasks.load_engine()
 """

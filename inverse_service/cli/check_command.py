@@ -1,71 +1,116 @@
-"""`inverse-service check`."""
+"""`inverse-service check`, `batch` and `table`: what the checker proves, and answers by the thousand."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+import signal
 import sys
 import tempfile
+import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+from xml.etree import ElementTree
 
-from inverse_service.cli.batching import NAMES, progress
-from inverse_service.cli.exits import ExitCode, read_bytes, write
+import typer
+
+from inverse_service import errors
+from inverse_service.cli import command_line as cli
+from inverse_service.cli import solve_command
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.errors import InputError
-from inverse_service.service.documents.own_lagrangian import document_of
-from inverse_service.service.documents.plain_data import decode, read_document, read_json
-from inverse_service.service.documents.special_values import left_out
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.batch import BatchPlan, Summary, open_source, read_answers, run_batch
-from inverse_service.service.jobs.model import JobOptions, split_options, write_json
+from inverse_service.service.documents import plain_data
+from inverse_service.service.jobs import batch as batches
+from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.service.jobs.outcome import value_of
-from inverse_service.service.jobs.workers import run_alone
 from inverse_service.settings import read_settings
 
 MAX_RESULT_BYTES = 200_000_000
+Report = Callable[[batches.Line], None]
+# Off a terminal, one line so often says how far the batch is; s.
+BETWEEN_LINES = 60.0
+NAMES = {"error": ("error line", "error lines"), "fault": ("fault of the program", "faults of the program")}
 
 
-def check_file(name: str, document: str | None = None, form: str | None = None) -> ExitCode:
-    """Run the checker in a process of its own; print what it proved and what it did not compare.
+@cli.application.command()
+def check(
+    file: Annotated[
+        str, typer.Argument(help="A result or a certificate, as JSON; - is standard input; an .ndjson of a batch.")
+    ],
+    document: Annotated[
+        str | None, typer.Option("--document", help="The system that was given; default the one in the result.")
+    ] = None,
+    lagrangian: Annotated[
+        str | None, typer.Option("--lagrangian", help="A Lagrangian of yours for the system in FILE: is it one?")
+    ] = None,
+    form: Annotated[
+        Literal["text", "json"] | None, typer.Option("--format", help="Default: text on a terminal, else json.")
+    ] = None,
+    exceptions: Annotated[
+        bool, typer.Option("--exceptions", help="Decide the values of parameters that the result leaves out.")
+    ] = False,
+) -> cli.ExitCode:
+    """What the independent checker proves of a result, or of a Lagrangian. Exit 0 valid, 1 else, 2 unreadable."""
+    if exceptions:
+        return _check_exceptions(file, form)
+    if lagrangian is None and document is None and is_batch(file):
+        return check_batch(file)
+    if lagrangian is not None:
+        from inverse_service.service.documents.own_lagrangian import document_of
 
-    `document` names the file of the system that was given; left out, it is the one that the result carries.
-    """
-    result = _read(name)
-    text = write_json(result)
-    if document is not None:
-        given, _ = split_options(read_document(read_bytes(document), document))
-        text = write_json({"document": given, "result": result})
-    return _told(_checked(text), form)
+        whole = file == "-" or file.lower().endswith(".json")
+        given, _ = model.split_options(document_of(_read(file) if whole else _document(file)))
+        text = model.write_json({"system": given, "lagrangian": lagrangian})
+    else:
+        result = _read(file)
+        text = model.write_json(result)
+        if document is not None:
+            given, _ = model.split_options(_document(document))
+            text = model.write_json({"document": given, "result": result})
+    settings = read_settings()
+    outcome = workers.run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
+    if outcome.status in ("deadline", "memory"):
+        reason = f"The check was stopped at its {outcome.status} limit."
+        found: dict[str, Any] = {"verdict": "incomplete", "reasons": [reason]}
+    else:
+        found = value_of(outcome)
+    _print(found, form, lambda: check_lines(found))
+    return cli.ExitCode.DONE if found["verdict"] == "valid" else cli.ExitCode.OPEN
 
 
-def check_own(name: str, lagrangian: str, form: str | None = None) -> ExitCode:
-    """Whether a Lagrangian has the equations of the document, or of the result, in the file."""
-    found = _read(name) if name.lower().endswith(".json") or name == "-" else read_document(read_bytes(name), name)
-    given, _ = split_options(document_of(found))
-    return _told(_checked(write_json({"system": given, "lagrangian": lagrangian})), form)
+def _print(found: dict[str, Any], form: str | None, lines: Callable[[], list[str]]) -> None:
+    """JSON into a pipe, lines on a terminal, unless the form is given."""
+    plain = form == "json" or (form is None and not sys.stdout.isatty())
+    cli.write((json.dumps(found, ensure_ascii=False, indent=2) if plain else "\n".join(lines())) + "\n")
 
 
-def check_exceptions(name: str, form: str | None = None) -> ExitCode:
+def _document(name: str) -> Any:
+    return plain_data.read_document(cli.read_bytes(name), name)
+
+
+def _check_exceptions(name: str, form: str | None) -> cli.ExitCode:
     """Solve the systems of a result at the values of the parameters that it leaves out."""
+    from inverse_service.service.documents.special_values import left_out
+
     result, settings = _read(name), read_settings()
     decided = list[dict[str, Any]]()
     for text, document in left_out(result):
         entry: dict[str, Any] = {"where": text, "verdict": "undetermined", "verdict_with_time": None}
         if document is not None:
             work = (document, SolveOptions(time_limit=settings.time_limit))
-            outcome = run_alone(tasks.solve_task, work, settings.time_limit, settings.memory_limit)
+            outcome = workers.run_alone(tasks.solve_task, work, settings.time_limit, settings.memory_limit)
             if outcome.status not in ("deadline", "memory"):
                 found = value_of(outcome)
                 entry |= {key: found[key] for key in ("verdict", "verdict_with_time", "checked", "domain")}
                 entry["lagrangian"] = (found["lagrangian"] or {}).get("text")
         decided.append(entry)
-    if form == "json" or (form is None and not sys.stdout.isatty()):
-        write(json.dumps({"exceptions": decided}, ensure_ascii=False, indent=2) + "\n")
-    else:
-        write("".join(f"{line}\n" for one in decided for line in _exception_lines(one)) or "no exceptions\n")
-    return ExitCode.DONE if all(one["verdict"] != "undetermined" for one in decided) else ExitCode.OPEN
+    lines = [line for one in decided for line in _exception_lines(one)]
+    _print({"exceptions": decided}, form, lambda: lines or ["no exceptions"])
+    return cli.ExitCode.DONE if all(one["verdict"] != "undetermined" for one in decided) else cli.ExitCode.OPEN
 
 
 def _exception_lines(one: dict[str, Any]) -> Iterator[str]:
@@ -77,21 +122,15 @@ def _exception_lines(one: dict[str, Any]) -> Iterator[str]:
 
 
 def _read(name: str) -> dict[str, Any]:
-    text = decode(read_bytes(name, MAX_RESULT_BYTES))
+    text = plain_data.decode(cli.read_bytes(name, MAX_RESULT_BYTES))
     if name.lower().endswith((".yaml", ".yml", ".toml")):
-        text = write_json(read_document(text, name))
-    found = read_json(text)
+        text = model.write_json(plain_data.read_document(text, name))
+    found = plain_data.read_json(text)
     if not isinstance(found, dict):
-        raise InputError("The file is not a result: a JSON object with verdict, system and certificate is needed.")
+        raise errors.InputError(
+            "The file is not a result: a JSON object with verdict, system and certificate is needed."
+        )
     return found
-
-
-def _told(found: dict[str, Any], form: str | None) -> ExitCode:
-    if form == "json" or (form is None and not sys.stdout.isatty()):
-        write(json.dumps(found, ensure_ascii=False, indent=2) + "\n")
-    else:
-        write("\n".join(check_lines(found)) + "\n")
-    return ExitCode.DONE if found["verdict"] == "valid" else ExitCode.OPEN
 
 
 def check_lines(found: dict[str, Any]) -> list[str]:
@@ -122,16 +161,6 @@ def _cell_lines(cell: dict[str, Any]) -> Iterator[str]:
             yield f"  {name}'' = {value}, by this L {cell['accelerations']['lagrangian'][name]}"
 
 
-def _checked(text: str) -> dict[str, Any]:
-    """The verdict of the checker in a process of its own."""
-    settings = read_settings()
-    outcome = run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
-    if outcome.status in ("deadline", "memory"):
-        return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
-    found: dict[str, Any] = value_of(outcome)
-    return found
-
-
 def is_batch(name: str) -> bool:
     """Whether the file is the output of a batch: by its ending, or because its first line is a whole object."""
     if name.endswith((".ndjson", ".jsonl", ".gz")):
@@ -144,39 +173,276 @@ def is_batch(name: str) -> bool:
         return False
 
 
-def check_batch(name: str) -> ExitCode:
+def check_batch(name: str) -> cli.ExitCode:
     """Check every line of a batch's output; prints what is not valid and the totals. 0: every claim is valid."""
     settings = read_settings()
-    options, summary, others = JobOptions(settings.time_limit, settings.memory_limit), Summary(), Counter[str]()
+    options, summary, others = (
+        model.JobOptions(settings.time_limit, settings.memory_limit),
+        batches.Summary(),
+        Counter[str](),
+    )
     with tempfile.TemporaryDirectory() as folder:
         claims, answers = Path(folder) / "claims.ndjson", Path(folder) / "answers.ndjson"
         ids = _claims(name, claims, others)
         if ids:
             with progress(summary, len(ids)) as report:
-                run_batch(BatchPlan(claims, answers, options, settings.workers, kind="check"), summary, report)
+                batches.run_batch(
+                    batches.BatchPlan(claims, answers, options, settings.workers, kind="check"), summary, report
+                )
             for answer in map(json.loads, answers.open(encoding="utf-8")):
                 if answer.get("verdict") != "valid":
                     number = answer["id"]
                     reasons = answer.get("reasons") or [answer["error"]["detail"]]
-                    write(f"line {number}, id {ids[number]}: {answer.get('verdict', 'error')}: {' '.join(reasons)}\n")
+                    cli.write(
+                        f"line {number}, id {ids[number]}: {answer.get('verdict', 'error')}: {' '.join(reasons)}\n"
+                    )
     named = {what: NAMES.get(what, (what, what)) for what in (*sorted(summary.labels), *others)}
     counts = [
         f"{count} {named[what][count != 1]}" for what, count in (*sorted(summary.labels.items()), *others.items())
     ]
-    write(f"{', '.join(counts) or 'no lines'}.\n")
-    return ExitCode.OPEN if others["error"] or summary.labels.keys() - {"valid"} else ExitCode.DONE
+    cli.write(f"{', '.join(counts) or 'no lines'}.\n")
+    return cli.ExitCode.OPEN if others["error"] or summary.labels.keys() - {"valid"} else cli.ExitCode.DONE
 
 
 def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
     """Write the results that claim something, by their line numbers; the ids as they are. Counts the others."""
     ids = {}
-    with open_source(Path(name)) as source, target.open("w", encoding="utf-8") as stream:
-        for line, result in read_answers(source):
+    with batches.open_source(Path(name)) as source, target.open("w", encoding="utf-8") as stream:
+        for line, result in batches.read_answers(source):
             if "error" in result:
                 others["error"] += 1
             elif "verdict" not in result:
                 others["without a verdict to check"] += 1
             else:
                 ids[line.number] = json.dumps(line.identifier)
-                stream.write(write_json({**result, "id": line.number}) + "\n")
+                stream.write(model.write_json({**result, "id": line.number}) + "\n")
     return ids
+
+
+@cli.application.command()
+def batch(
+    file: Annotated[Path, typer.Argument(help="NDJSON or .gz of it: one System a line, each with its own id; - too.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="NDJSON of results, or .gz of it, that a run goes on; - too.")
+    ],
+    processes: Annotated[
+        int | None, typer.Option("--workers", help="Processes; default one a core.", min=1, max=256)
+    ] = None,
+    time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
+    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")] = None,
+    again: Annotated[str, typer.Option(help="Also ask again: errors,undetermined of an earlier run.")] = "",
+    expect: Annotated[
+        Path | None, typer.Option("--expect", help="NDJSON of ids and what their answers should say, such as verdict.")
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", help="A report in JUnit's XML, one test case a line.")
+    ] = None,
+) -> cli.ExitCode:
+    """Many systems, one a line; started again it goes on where it was.
+
+    Exit 0 all answered (and as expected), 1 some error lines or other answers than expected, 2 bad files or nothing
+    but errors, 3 our fault, 130 interrupted.
+    """
+    if (expect or junit) and str(output) == "-":
+        raise errors.InputError("--expect and --junit read the output again: give a file with --output.")
+    settings = read_settings()
+    options = model.JobOptions(time_limit or settings.time_limit, settings.memory_limit)
+    kinds = frozenset(part.strip() for part in again.split(",") if part.strip())
+    if not kinds <= batches.AGAIN.keys():
+        raise errors.InputError(f"--again takes {' and '.join(batches.AGAIN)}, with a comma between them.")
+    count = processes or settings.workers
+    plan = batches.BatchPlan(file, output, options, count, cluster or settings.cluster, kinds)
+    summary, began = batches.Summary(), time.monotonic()
+    # Schedulers end a job by SIGTERM: it is the same as Ctrl-C.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    total = batches.count_lines(file)
+    solve_command.warm_alone(settings.memory_limit)
+    try:
+        with progress(summary, total) as report:
+            batches.run_batch(plan, summary, report)
+    except KeyboardInterrupt:
+        print(f"{_how_far(summary, total)}; the same command goes on where it was.", file=sys.stderr)
+        return cli.ExitCode.INTERRUPTED
+    _show(summary, plan, time.monotonic() - began)
+    code = cli.ExitCode.FAULT if summary.labels["fault"] else cli.ExitCode(min(1, summary.labels["error"]))
+    if expect is None and junit is None:
+        return code
+    lines = list(judged(output, expect))
+    if junit is not None:
+        write_junit(junit, lines)
+    differ = [line for line in lines if line.differences]
+    cli.write("".join(f"{line.name}: {difference}\n" for line in differ for difference in line.differences))
+    if expect is None or code is cli.ExitCode.FAULT:
+        return code
+    return cli.ExitCode(int(bool(differ) or any(line.error for line in lines)))
+
+
+def rows_of(summary: batches.Summary) -> list[tuple[str, int]]:
+    """What was counted, with its names; error lines also where there are none."""
+    counts = summary.labels | {"error": summary.labels["error"]}
+    order = sorted(counts, key=lambda label: (label in NAMES, label))
+    rows = [(NAMES.get(label, (label.replace("_", " "),) * 2)[counts[label] != 1], counts[label]) for label in order]
+    others = (
+        ("answered by an earlier run", summary.earlier),
+        ("computed once with another line", summary.duplicates),
+    )
+    return rows + [(name, count) for name, count in others if count]
+
+
+def summary_sentences(summary: batches.Summary, seconds: float) -> list[str]:
+    """All counts, the rate, and the first reason of what has no verdict."""
+    sentences = [", ".join(f"{count} {name}" for name, count in rows_of(summary)) + "."]
+    if summary.new:
+        lines = "line" if summary.new == 1 else "lines"
+        sentences.append(f"{summary.new} {lines} in {seconds:.1f} s, {summary.new / seconds:.3g} a second.")
+    for label in ("undetermined", "error", "fault"):
+        if label in summary.first:
+            sentences.append(f"The first {NAMES.get(label, (label,))[0]}: {summary.first[label]}")
+    return sentences
+
+
+def _show(summary: batches.Summary, plan: batches.BatchPlan, seconds: float) -> None:
+    """A table on a terminal, sentences elsewhere."""
+    sentences = summary_sentences(summary, seconds)
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.table import Table
+
+        table = Table("lines", "", title="Batch", caption=f"{seconds:.1f} s")
+        for name, count in rows_of(summary):
+            table.add_row(name, str(count))
+        Console(stderr=True).print(table)
+        sentences = sentences[1:]
+    if summary.replaced:
+        sentences.append(f"Answers that were replaced are in {batches.replaced_path(plan.output)}.")
+    print("\n".join(sentences), file=sys.stderr)
+
+
+def _how_far(summary: batches.Summary, total: int | None) -> str:
+    of_all = "" if total is None else f" of {total}"
+    return f"{summary.labels.total()}{of_all} lines answered"
+
+
+@contextmanager
+def progress(summary: batches.Summary, total: int | None) -> Iterator[Report]:
+    """A progress bar on a terminal, a line every minute elsewhere."""
+    if not sys.stderr.isatty():
+        said = time.monotonic()
+
+        def say(line: batches.Line) -> None:
+            nonlocal said
+            if time.monotonic() - said > BETWEEN_LINES:
+                said = time.monotonic()
+                print(f"{_how_far(summary, total)}.", file=sys.stderr)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True)) as progress:
+        task = progress.add_task("systems", total=total)
+        yield lambda line: progress.update(task, completed=line.number)
+
+
+@cli.application.command()
+def table(
+    file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON or .gz of it; - is standard input.")],
+) -> cli.ExitCode:
+    """The results of a batch as CSV: one row a line, with verdicts, L, H, reason and seconds."""
+    from inverse_service.sympy.result_objects import row_of  # for this command only
+
+    with batches.open_source(file) as source:
+        for place, (_, answer) in enumerate(batches.read_answers(source)):
+            row, text = row_of(answer), io.StringIO()
+            writer = csv.DictWriter(text, list(row))
+            if place == 0:
+                writer.writeheader()
+            writer.writerow(row)
+            cli.write(text.getvalue())
+    return cli.ExitCode.DONE
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A line with its verdict or its error, and in what it differs from what was expected."""
+
+    name: str
+    verdict: str
+    error: str = ""
+    differences: tuple[str, ...] = field(default=())
+
+
+def judged(output: Path, expected: Path | None) -> Iterator[Judged]:
+    """Each line of a batch's output, then those that were expected and are not there.
+
+    A line of `expected` has an `id` and keys of a result with their values, such as verdict. InputError for others.
+    """
+    wanted = {} if expected is None else _wanted(expected)
+    with batches.open_source(output) as stream:
+        for line, answer in batches.read_answers(stream):
+            name = _name(answer["id"], line.number)
+            yield _judged(name, answer, wanted.pop(name, {}))
+    yield from (Judged(name, "", differences=("no answer",)) for name in wanted)
+
+
+def _wanted(path: Path) -> dict[str, Mapping[str, Any]]:
+    found: dict[str, Mapping[str, Any]] = {}
+    with batches.open_source(path) as stream:
+        for line in batches.read_lines(stream):
+            value = _object(line.raw)
+            if value is None or len(value) < 2 or "id" not in value:
+                raise errors.InputError(
+                    f"Line {line.number} of the expected answers has no 'id' and key, such as 'verdict'."
+                )
+            found[_name(value["id"], line.number)] = value
+    return found
+
+
+def _object(raw: bytes) -> Mapping[str, Any] | None:
+    try:
+        value = json.loads(raw)
+    except ValueError:
+        return None
+    return value if isinstance(value, dict) else None
+
+
+def _name(identifier: Any, number: int) -> str:
+    return f"line {number}" if identifier is None else str(identifier)
+
+
+def _judged(name: str, answer: Mapping[str, Any], wanted: Mapping[str, Any]) -> Judged:
+    keys = [key for key in wanted if key != "id"]
+    differences = tuple(
+        f"{key} is {json.dumps(answer.get(key))}, expected {json.dumps(wanted[key])}"
+        for key in keys
+        if answer.get(key) != wanted[key]
+    )
+    error = answer.get("error")
+    detail = str(error.get("detail") or error.get("title") or "error") if isinstance(error, dict) else ""
+    return Judged(name, str(answer.get("verdict") or ""), detail if "error" not in wanted else "", differences)
+
+
+def write_junit(path: Path, lines: list[Judged]) -> None:
+    """The report: a failure for each line that differs, an error for each that has no answer."""
+    failed = [line for line in lines if line.differences]
+    bad = [line for line in lines if line.error and not line.differences]
+    counts = {"tests": str(len(lines)), "failures": str(len(failed)), "errors": str(len(bad))}
+    suite = ElementTree.Element("testsuite", {"name": "inverse-service", **counts})
+    for line in lines:
+        case = ElementTree.SubElement(suite, "testcase", classname="batch", name=_plain(line.name))
+        if line.differences:
+            ElementTree.SubElement(case, "failure", message=_plain("; ".join(line.differences)))
+        elif line.error:
+            ElementTree.SubElement(case, "error", message=_plain(line.error))
+        else:
+            ElementTree.SubElement(case, "system-out").text = line.verdict
+    try:
+        ElementTree.ElementTree(suite).write(path, encoding="utf-8", xml_declaration=True)
+    except OSError as error:
+        raise errors.InputError(f"The report cannot be written: {error.strerror}.") from None
+
+
+def _plain(text: str) -> str:
+    """Without the characters that XML cannot hold."""
+    return "".join(c if c >= " " and not 0xD800 <= ord(c) <= 0xDFFF and c not in "\ufffe\uffff" else "?" for c in text)

@@ -1,44 +1,59 @@
-"""The commands and their options; the work of each is in a module of its own, loaded when called."""
+"""The commands of `inverse-service` and what they share: the exit codes of the contract, reading, and writing.
+
+Each command is in a module of `COMMANDS`, which is loaded when its command is called, and all of them for `--help`.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import gc
+import importlib
 import logging
 import os
 import sys
-from enum import StrEnum
+from collections.abc import Iterator
+from enum import IntEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
 import typer
 
-from inverse_service import __version__
-from inverse_service.cli import administering, exits
+from inverse_service import __version__, errors
+
+# The module of each command, in the order of the help.
+COMMANDS = {
+    **dict.fromkeys(("solve", "catalogue", "warm"), "inverse_service.cli.solve_command"),
+    **dict.fromkeys(("check", "batch", "table"), "inverse_service.cli.check_command"),
+    **dict.fromkeys(("simulate", "work-precision"), "inverse_service.cli.simulate_command"),
+    **dict.fromkeys(("serve", "mcp", "admin"), "inverse_service.cli.serving"),
+}
+MAX_BYTES = 10_000_000
+MAX_TIME_LIMIT = 86_400.0
+
+
+class ExitCode(IntEnum):
+    """0 a definite verdict (valid, done), 1 undetermined (not valid), 2 bad input, 3 our fault."""
+
+    DONE = 0
+    OPEN = 1
+    BAD_INPUT = 2
+    FAULT = 3
+    INTERRUPTED = 130
+
+
+def _end(code: ExitCode | None, **_: Any) -> None:
+    """What a command returns is the exit code."""
+    sys.exit(code)
+
 
 application = typer.Typer(
     name="inverse-service",
-    help="Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["--help", "-h"]},
     rich_markup_mode=None,
+    result_callback=_end,
 )
-application.add_typer(administering.admin, name="admin")
-
-
-# How `solve` writes its result.
-Format = StrEnum(
-    "Format",
-    "json text latex sympy python jax julia modelingtoolkit matlab octave mathematica maple maxima c cpp fortran rust "
-    "javascript coq identities",
-)
-
-
-class CatalogueFormat(StrEnum):
-    """How `catalogue` writes."""
-
-    json = "json"
-    text = "text"
 
 
 def _version(wanted: bool) -> None:
@@ -56,14 +71,21 @@ def options(
     """Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."""
 
 
-def _names(incomplete: str) -> list[str]:
-    """The names of the catalogue that begin so, for the shell."""
-    from inverse_service import catalogue
+def _limit(given: float | None) -> float | None:
+    if given is not None and not 0 < given <= MAX_TIME_LIMIT:
+        raise errors.InputError(f"--time-limit must be a number of seconds above 0 and at most {MAX_TIME_LIMIT:.0f}.")
+    return given
 
-    return [name for name in catalogue.names() if name.startswith(incomplete)]
+
+def time_limit(default: str) -> Any:
+    """The option --time-limit, refused where it is no such time."""
+    return typer.Option("--time-limit", help=f"Seconds; default {default}.", callback=_limit)
 
 
-Seconds = Annotated[float | None, typer.Option("--time-limit", help="Seconds; default from the settings, 60.")]
+def load_commands(wanted: str | None = None) -> None:
+    """Load the module of a command, or of all commands where there is no such one."""
+    for module in dict.fromkeys([COMMANDS[wanted]] if wanted in COMMANDS else COMMANDS.values()):
+        importlib.import_module(module)
 
 
 def run() -> None:
@@ -82,200 +104,84 @@ def run() -> None:
         sys.argv[1] = f"--{sys.argv[1]}"
     # What goes wrong is said in one sentence; the log with its tracebacks belongs to the service.
     logging.getLogger("inverse_service").addHandler(logging.NullHandler())
-    with exits.exit_codes():
+    with exit_codes():
+        if sys.argv[1:] not in (["--version"], ["-V"]):
+            load_commands(next(iter(sys.argv[1:]), None))
         application()
 
 
-@application.command()
-def solve(
-    file: Annotated[
-        str,
-        typer.Argument(
-            help="A document (JSON, .yaml, .toml), a file of equations, - for standard input, a name of the catalogue, "
-            "or the equations themselves: \"x'' = -k*x\"."
-        ),
-    ],
-    format: Annotated[Format, typer.Option("--format", "-f", help="How to write the result.")] = Format.json,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="A file for the result.")] = None,
-    time_limit: Seconds = None,
-    seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
-    explain: Annotated[bool, typer.Option("--explain", help="With text and latex: conditions and every step.")] = False,
-    special_cases: Annotated[
-        bool, typer.Option("--special-cases", help="Also: for which parameters is the verdict another?")
-    ] = False,
-    kind: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--kind",
-            help="Also: is there an L of this kind? natural, riemannian, finsler, positive_definite, rayleigh, "
-            "invariant:x,y. Repeatable.",
-        ),
-    ] = None,
-    clock: Annotated[
-        str | None, typer.Option("--clock", help="Also: is there an L with dtau = N dt? A formula N(q), or search.")
-    ] = None,
-    guess: Annotated[
-        bool | None,
-        typer.Option(
-            "--guess/--no-guess",
-            help="Take undeclared names as constants, and say so; the default for equations on the command line only.",
-        ),
-    ] = None,
-    parameters: Annotated[str | None, typer.Option(help="Names of constants: q,r or q=1/2,r.")] = None,
-    functions: Annotated[str | None, typer.Option(help='Arbitrary functions: "V(x,y), f(t)".')] = None,
-    coordinates: Annotated[str | None, typer.Option(help="The coordinates, in their order: x,y.")] = None,
-    time: Annotated[str | None, typer.Option(help="The name of the independent variable, such as x.")] = None,
-    progress: Annotated[bool, typer.Option("--progress", help="A line for each part as it is finished.")] = False,
-) -> None:
-    """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
-    from inverse_service.cli.solve_command import solve_file
-
-    form = format.value
-    named = {"parameters": parameters, "functions": functions, "coordinates": coordinates, "time": time}
-    sys.exit(
-        solve_file(
-            file, form, time_limit, seed, explain, special_cases, guess, kind or (), clock, output, progress, named
-        )
-    )
+@contextlib.contextmanager
+def exit_codes() -> Iterator[None]:
+    """Turn every exception into one sentence on standard error and its exit code."""
+    try:
+        yield
+    except errors.InputError as error:
+        stop(f"{_place(error)}{error.detail}", ExitCode.BAD_INPUT)
+    except errors.InverseServiceError as error:
+        stop(error.detail, ExitCode.FAULT)
+    except KeyboardInterrupt:
+        stop("Interrupted.", ExitCode.INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output went away: not worth a word, but Python must not flush again at its end.
+        if sys.stdout is not None:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(ExitCode.DONE)
+    except Exception as error:  # the last boundary: a person gets a sentence, never a traceback
+        missing = errors.missing_extra(error) if isinstance(error, ImportError) else None
+        if missing is not None:
+            stop(missing.detail, ExitCode.BAD_INPUT)
+        stop(f"The program failed ({type(error).__name__}); that is a fault of the program.", ExitCode.FAULT)
 
 
-@application.command()
-def check(
-    file: Annotated[
-        str, typer.Argument(help="A result or a certificate, as JSON; - is standard input; an .ndjson of a batch.")
-    ],
-    document: Annotated[
-        str | None, typer.Option("--document", help="The system that was given; default the one in the result.")
-    ] = None,
-    lagrangian: Annotated[
-        str | None, typer.Option("--lagrangian", help="A Lagrangian of yours for the system in FILE: is it one?")
-    ] = None,
-    form: Annotated[
-        Literal["text", "json"] | None, typer.Option("--format", help="Default: text on a terminal, else json.")
-    ] = None,
-    exceptions: Annotated[
-        bool, typer.Option("--exceptions", help="Decide the values of parameters that the result leaves out.")
-    ] = False,
-) -> None:
-    """What the independent checker proves of a result, or of a Lagrangian. Exit 0 valid, 1 else, 2 unreadable."""
-    from inverse_service.cli.check_command import check_batch, check_exceptions, check_file, check_own, is_batch
-
-    if exceptions:
-        sys.exit(check_exceptions(file, form))
-
-    if is_batch(file) and lagrangian is None and document is None:
-        sys.exit(check_batch(file))
-    sys.exit(check_file(file, document, form) if lagrangian is None else check_own(file, lagrangian, form))
+def stop(sentence: str, code: ExitCode) -> None:
+    """Say it on standard error and end."""
+    printable = "".join(c if c.isprintable() else "?" for c in sentence)
+    print(printable.encode("utf-8", "replace").decode("utf-8"), file=sys.stderr)
+    sys.exit(code)
 
 
-@application.command()
-def batch(
-    file: Annotated[Path, typer.Argument(help="NDJSON or .gz of it: one System a line, each with its own id; - too.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="NDJSON of results, or .gz of it, that a run goes on; - too.")
-    ],
-    workers: Annotated[int | None, typer.Option(help="Processes; default one a core.", min=1, max=256)] = None,
-    time_limit: Seconds = None,
-    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")] = None,
-    again: Annotated[str, typer.Option(help="Also ask again: errors,undetermined of an earlier run.")] = "",
-    expect: Annotated[
-        Path | None, typer.Option("--expect", help="NDJSON of ids and what their answers should say, such as verdict.")
-    ] = None,
-    junit: Annotated[
-        Path | None, typer.Option("--junit", help="A report in JUnit's XML, one test case a line.")
-    ] = None,
-) -> None:
-    """Many systems, one a line; started again it goes on where it was.
-
-    Exit 0 all answered (and as expected), 1 some error lines or other answers than expected, 2 bad files or nothing
-    but errors, 3 our fault, 130 interrupted.
-    """
-    from inverse_service.cli.batching import batch_file
-
-    sys.exit(batch_file(file, output, workers, time_limit, cluster, again, expect, junit))
+def _place(error: errors.InputError) -> str:
+    column = f"column {error.column}" if error.column is not None else ""
+    if column in error.detail:  # once is enough
+        column = ""
+    place = ", ".join(part for part in (error.pointer, column) if part)
+    return f"{place}: " if place else ""
 
 
-@application.command()
-def mcp() -> None:
-    """Tools for other programs by the Model Context Protocol, on standard input and output (extra `mcp`)."""
-    from inverse_service.cli.mcp_command import serve_assistants
-
-    sys.exit(serve_assistants())
-
-
-@application.command()
-def table(
-    file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON or .gz of it; - is standard input.")],
-) -> None:
-    """The results of a batch as CSV: one row a line, with verdicts, L, H, reason and seconds."""
-    from inverse_service.cli.batching import write_table
-
-    sys.exit(write_table(file))
-
-
-@application.command()
-def simulate(
-    scene: Annotated[str, typer.Argument(help="A Scene document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Directory for CSV, NPZ, figures and summary.json.")
-    ] = None,
-    time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 600.")] = None,
-    figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
-    moving: Annotated[
-        Path | None, typer.Option("--animate", help="A moving picture of the first method: FILE.gif or FILE.mp4.")
-    ] = None,
-) -> None:
-    """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` says where a run is no motion."""
-    from inverse_service.cli.simulate_command import simulate_file
-
-    sys.exit(simulate_file(scene, output, time_limit, figures, moving))
+def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
+    """The bytes of a file or of standard input; raises InputError where there is none or too much."""
+    try:
+        if name == "-" and sys.stdin is None:
+            raise errors.InputError("Standard input is closed; name a file.")
+        if name == "-":
+            data = sys.stdin.buffer.read(limit + 1)
+        else:
+            with Path(name).open("rb") as stream:
+                data = stream.read(limit + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "the name is not a file name"
+        shown = "".join(c if c.isprintable() else "?" for c in name[:200])
+        raise errors.InputError(
+            f"The file '{shown}' cannot be read: {reason}; name a file, or - for standard input."
+        ) from None
+    if len(data) > limit:
+        raise errors.LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
+    return data
 
 
-@application.command("work-precision")
-def work_precision(
-    scene: Annotated[str, typer.Argument(help="A Scene document; its methods are run at many steps.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Directory for CSV, JSON and picture.")] = None,
-    long: Annotated[bool, typer.Option("--long", help="Also: a hundred times the time, what drifts.")] = False,
-    evaluations: Annotated[bool, typer.Option("--evaluations", help="A second panel: force evaluations.")] = False,
-    time_limit: Annotated[float | None, typer.Option("--time-limit", help="Seconds; default 300.")] = None,
-) -> None:
-    """What each error costs by each method of a scene: a table, a picture, all runs."""
-    from inverse_service.cli.simulate_command import measure_file
-
-    sys.exit(measure_file(scene, output, time_limit, long, evaluations))
-
-
-@application.command()
-def catalogue(
-    name: Annotated[
-        str | None, typer.Argument(help="One system; without it, all names.", autocompletion=_names)
-    ] = None,
-    format: Annotated[CatalogueFormat | None, typer.Option(help="Default: text for the list, json for one.")] = None,
-) -> None:
-    """The named systems.
-
-    With a NAME, that system as a document that `solve` takes.
-    """
-    from inverse_service.cli.solve_command import list_catalogue
-
-    sys.exit(list_catalogue(name, None if format is None else format.value))
-
-
-@application.command()
-def warm() -> None:
-    """Compile what this machine needs, once, after an installation, so that no question waits for it."""
-    from inverse_service.cli.solve_command import warm_alone
-    from inverse_service.settings import read_settings
-
-    sys.exit(warm_alone(read_settings().memory_limit))
-
-
-@application.command()
-def serve(
-    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
-) -> None:
-    """The HTTP service and its page."""
-    from inverse_service.cli.serving import serve_http
-
-    sys.exit(serve_http(host, port))
+def write(text: str, target: Path | None = None) -> None:
+    """Write to standard output, or to a file; raises InputError where it takes no more: a full disk, or closed."""
+    if target is None and sys.stdout is None:
+        raise errors.InputError("Standard output is closed; send it to a file.")
+    try:
+        if target is not None:
+            target.write_text(text, encoding="utf-8")
+            return
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise errors.InputError(
+            f"The output cannot be written: {(error.strerror or 'it is closed').lower()}."
+        ) from None

@@ -19,7 +19,6 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import BaseModel, Field
 
 from inverse_service import __version__, errors, settings
-from inverse_service.cli.exits import ExitCode
 from inverse_service.service.documents import answers, plain_data
 from inverse_service.service.jobs import model, tasks
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
@@ -231,9 +230,3 @@ def server() -> MCPServer[Any]:
         found.add_tool(tool, structured_output=True)
     found.resource("result://{name}", mime_type="application/json", description="A whole result.")(tools.read)
     return found
-
-
-def serve_assistants() -> ExitCode:
-    """Serve one client on standard input and output until it closes them."""
-    server().run("stdio")
-    return ExitCode.DONE

@@ -1,21 +1,29 @@
-"""`inverse-service serve`."""
+"""`inverse-service serve`, `mcp`, and `admin`: what runs until it is stopped, and its operator."""
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import gc
 import ipaddress
+import json
 import logging
 import os
 import signal
 import socket
 import threading
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Any, cast
+from collections.abc import Callable, Iterator
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
 
 from inverse_service import __version__, errors
-from inverse_service.cli.exits import ExitCode
+from inverse_service.cli import command_line as cli
 from inverse_service.settings import Settings, read_settings
+
+if TYPE_CHECKING:
+    from inverse_service.service.jobs.store import JobStore
 
 log = logging.getLogger(__name__)
 # Of the web process itself, in MiB and in times MAX_BODY: no request can make it take the memory of the others.
@@ -32,14 +40,18 @@ LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 EXAMPLE = '{"coordinates": ["x"], "equations": {"x": "-x"}}'
 
 
-def serve_http(host: str, port: int) -> ExitCode:
-    """Serve until stopped; raises InputError where the address cannot be listened on."""
+@cli.application.command()
+def serve(
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
+) -> cli.ExitCode:
+    """The HTTP service and its page."""
     settings = read_settings()
     # Documents of clients are in the database and in temporary folders: they are nobody else's on this machine.
     os.umask(0o077)
     if not settings.hosts and host in LOOPBACK_ADDRESSES:
         # Another name would be a page elsewhere that lets its own name point here.
-        settings = replace(settings, hosts=LOOPBACK)
+        settings = dataclasses.replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
     _start_loading()
     from inverse_service.service.jobs.workers import bound_data
@@ -64,7 +76,7 @@ def serve_http(host: str, port: int) -> ExitCode:
     log.info("stopped")
     # Collecting what is left would take longer than all that stopped before, and nothing could end it.
     gc.freeze()
-    return ExitCode.DONE
+    return cli.ExitCode.DONE
 
 
 def _start_loading() -> None:
@@ -145,7 +157,7 @@ def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
 
     def handle_exit(number: int, frame: Any) -> None:
         close_streams()
-        last = threading.Timer(LONGEST_END, os._exit, (ExitCode.DONE,))
+        last = threading.Timer(LONGEST_END, os._exit, (cli.ExitCode.DONE,))
         last.daemon = True
         last.start()
         handle(number, frame)
@@ -172,3 +184,103 @@ def _listen(host: str, port: int) -> socket.socket:
 def _address(host: str, port: int) -> str:
     shown = f"[{host}]" if ":" in host else host
     return f"http://{shown}:{port}"
+
+
+@cli.application.command()
+def mcp() -> cli.ExitCode:
+    """Tools for other programs by the Model Context Protocol, on standard input and output (extra `mcp`)."""
+    from inverse_service.cli.mcp_command import server
+
+    server().run("stdio")
+    return cli.ExitCode.DONE
+
+
+admin = typer.Typer(help="For operators: look at, drain and clear the store of a service.", no_args_is_help=True)
+cli.application.add_typer(admin, name="admin")
+Client = Annotated[str, typer.Argument(help="The name of a key, or an address where no keys are set.")]
+
+
+class Rank(StrEnum):
+    """When jobs begin: before, in turn with, or after those of all others."""
+
+    first = "first"
+    normal = "normal"
+    last = "last"
+
+
+RANKS = {Rank.first: -1, Rank.normal: 0, Rank.last: 1}
+
+
+@admin.command()
+def status() -> None:
+    """The version and size of the store, its jobs by status, whether it is drained."""
+    from inverse_service.service.jobs.statements import VERSION
+
+    with _store() as store:
+        _say({"version": VERSION, "bytes": store.size(), "jobs": store.counts(), "drained": store.is_drained()})
+
+
+@admin.command()
+def drain() -> None:
+    """Let no job begin; what runs ends, new questions wait, /readyz is 503. It holds until `resume`."""
+    with _store() as store:
+        store.drain(True)
+
+
+@admin.command()
+def resume() -> None:
+    """Let jobs begin again."""
+    with _store() as store:
+        store.drain(False)
+
+
+@admin.command()
+def clients() -> None:
+    """Each client: jobs that wait, run, are stored; rank; runs and processor seconds of today (UTC)."""
+    with _store() as store:
+        for use in store.clients():
+            _say(dataclasses.asdict(use))
+
+
+@admin.command()
+def priority(
+    name: Annotated[str, typer.Argument(help="A client, or with --batch the id of a batch.")],
+    rank: Annotated[Rank, typer.Argument(help="Before, in turn with, or after all others.")],
+    batch: Annotated[bool, typer.Option("--batch", help="NAME is a batch.")] = False,
+) -> None:
+    """When the jobs of a client, also those to come, or the open ones of a batch begin."""
+    from inverse_service.service.jobs.model import BULK
+
+    with _store() as store:
+        if not batch:
+            store.rank_client(name, RANKS[rank])
+        elif store.batch(name) is None:
+            raise errors.InputError("There is no batch of this id.")
+        else:
+            _say({"jobs": store.prioritise_batch(name, {-1: -1, 0: BULK, 1: BULK + 1}[RANKS[rank]])})
+
+
+@admin.command()
+def cancel(client: Client) -> None:
+    """Cancel all open jobs and batches of a client; what others wait for too goes on."""
+    with _store() as store:
+        _say({"jobs": len(store.dismiss_client(client))})
+
+
+@admin.command()
+def erase(client: Client) -> None:
+    """Forget all jobs, answers and batches of a client that no other one asked for."""
+    with _store() as store:
+        _say({"jobs": store.erase_client(client)})
+
+
+@contextlib.contextmanager
+def _store() -> Iterator[JobStore]:
+    from inverse_service.service.jobs.opening import open_store
+
+    with contextlib.closing(open_store(read_settings().database, guest=True)) as store:
+        yield store
+
+
+def _say(value: object) -> None:
+    cli.write(json.dumps(value, ensure_ascii=False) + "\n")

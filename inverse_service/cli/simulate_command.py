@@ -8,10 +8,12 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import get_terminal_size
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from inverse_service import errors, settings
-from inverse_service.cli import exits, solve_command
+from inverse_service.cli import command_line as cli
 from inverse_service.service.documents import plain_data, text_page
 from inverse_service.service.jobs import tasks, workers
 
@@ -29,29 +31,34 @@ LONG = ("seconds", "energy_error", "energy_drift", "constraint_error", "shape_ch
 NARROWEST = 80
 
 
-def simulate_file(
-    name: str, output: Path | None, time_limit: float | None, figures: bool, moving: Path | None = None
-) -> exits.ExitCode:
-    """Run the scene in a process of its own; write DIR, or the summary on standard output.
-
-    Exit 0 where at least one method got through, 1 where none did.
-    """
-    limit = solve_command.time_limit_or(DEFAULT_SECONDS, time_limit)
-    document = plain_data.read_document(exits.read_bytes(name), name)
+@cli.application.command()
+def simulate(
+    scene: Annotated[str, typer.Argument(help="A Scene document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Directory for CSV, NPZ, figures and summary.json.")
+    ] = None,
+    time_limit: Annotated[float | None, cli.time_limit(f"{DEFAULT_SECONDS:.0f}")] = None,
+    figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
+    moving: Annotated[
+        Path | None, typer.Option("--animate", help="A moving picture of the first method: FILE.gif or FILE.mp4.")
+    ] = None,
+) -> cli.ExitCode:
+    """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` says where a run is no motion."""
+    document = plain_data.read_document(cli.read_bytes(scene), scene)
     folder = None if output is None else made_folder(output)
-    found = value_in_time(tasks.simulate_task, document, limit)
+    found = value_in_time(tasks.simulate_task, document, time_limit or DEFAULT_SECONDS)
     summary = without_points(found["result"])
     if moving is not None:
         from inverse_service.service.figures.drawing import animate
 
         animate(moving, summary, found["tables"])
     if folder is None:
-        exits.write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
+        cli.write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
     else:
         write_files(folder, document, found, summary, figures)
         _show(page(summary), folder)
     completed = any(method["outcome"] in ("completed", "partly") for method in summary["methods"])
-    return exits.ExitCode.DONE if completed else exits.ExitCode.OPEN
+    return cli.ExitCode.DONE if completed else cli.ExitCode.OPEN
 
 
 def value_in_time(task: Any, document: Any, limit: float) -> Any:
@@ -213,22 +220,25 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def measure_file(
-    name: str, output: Path | None, time_limit: float | None, long: bool = False, evaluations: bool = False
-) -> exits.ExitCode:
-    """Measure the scene in a process of its own: the table of prices on a terminal, JSON into a pipe, and all runs with
-    the picture into DIR."""
-    limit = solve_command.time_limit_or(MEASURING_SECONDS, time_limit)
-    document = plain_data.read_document(exits.read_bytes(name), name)
+@cli.application.command("work-precision")
+def work_precision(
+    scene: Annotated[str, typer.Argument(help="A Scene document; its methods are run at many steps.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Directory for CSV, JSON and picture.")] = None,
+    long: Annotated[bool, typer.Option("--long", help="Also: a hundred times the time, what drifts.")] = False,
+    evaluations: Annotated[bool, typer.Option("--evaluations", help="A second panel: force evaluations.")] = False,
+    time_limit: Annotated[float | None, cli.time_limit(f"{MEASURING_SECONDS:.0f}")] = None,
+) -> cli.ExitCode:
+    """What each error costs by each method of a scene: a table, a picture, all runs."""
+    document = plain_data.read_document(cli.read_bytes(scene), scene)
     folder = None if output is None else made_folder(output)
     if long and isinstance(document, dict):
         document = document | {"long": True}
-    result = value_in_time(tasks.work_precision_task, document, limit)
+    result = value_in_time(tasks.work_precision_task, document, time_limit or MEASURING_SECONDS)
     if folder is None:
-        exits.write(
+        cli.write(
             price_list(result) if sys.stdout.isatty() else json.dumps(result, ensure_ascii=False, indent=2) + "\n"
         )
-        return exits.ExitCode.DONE
+        return cli.ExitCode.DONE
     from inverse_service.service.figures.style import save
     from inverse_service.service.figures.time_series import precision_figure
 
@@ -238,11 +248,11 @@ def measure_file(
     (folder / "work-precision.json").write_text(text + "\n", encoding="utf-8")
     (folder / "work-precision.csv").write_text(comma_table(result), encoding="utf-8")
     _show(price_list(result), folder)
-    return exits.ExitCode.DONE
+    return cli.ExitCode.DONE
 
 
 def _show(page: str, folder: Path) -> None:
-    exits.write(page)
+    cli.write(page)
     print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
 
 

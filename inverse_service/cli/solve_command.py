@@ -1,4 +1,4 @@
-"""`inverse-service solve`, and `catalogue`, the documents that come with the package."""
+"""`inverse-service solve`; `catalogue`, the documents that come with the package; `warm`."""
 
 from __future__ import annotations
 
@@ -6,69 +6,100 @@ import functools
 import json
 import re
 import sys
-import time
-from collections.abc import Iterable, Mapping, Sequence
+import time as clocks
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from inverse_service import catalogue, errors
-from inverse_service.cli import exits
+import typer
+
+from inverse_service import catalogue as catalog
+from inverse_service import errors
+from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names
 from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import model, tasks, warming, workers
 from inverse_service.settings import read_settings
 
-MAX_TIME_LIMIT = 86_400.0
 STAGE_WIDTH, LINE_WIDTH = 78, 118
 _CALLED = re.compile(r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]")  # SymPy's and Mathematica's equations
 PROOFS = ("coq", "identities")
+# How `solve` writes its result.
+Format = StrEnum(
+    "Format",
+    "json text latex sympy python jax julia modelingtoolkit matlab octave mathematica maple maxima c cpp fortran rust "
+    "javascript coq identities",
+)
+CatalogueFormat = StrEnum("CatalogueFormat", "json text")
 
 
-def solve_file(
-    name: str,
-    form: str,
-    time_limit: float | None,
-    seed: int,
-    explain: bool,
-    special_cases: bool = False,
-    guess: bool | None = None,
-    kinds: Sequence[str] = (),
-    clock: str | None = None,
-    output: Path | None = None,
-    progress: bool = False,
-    named: Mapping[str, str | None] | None = None,
-) -> exits.ExitCode:
-    """Solve the document in a process of its own and print the result, or write it to a file.
-
-    `progress`: a line on standard error for each part as it is finished. `named` declares names, as a document does.
-    """
+@cli.application.command()
+def solve(
+    file: Annotated[
+        str,
+        typer.Argument(
+            help="A document (JSON, .yaml, .toml), a file of equations, - for standard input, a name of the catalogue, "
+            "or the equations themselves: \"x'' = -k*x\"."
+        ),
+    ],
+    form: Annotated[Format, typer.Option("--format", "-f", help="How to write the result.")] = Format.json,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="A file for the result.")] = None,
+    time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
+    explain: Annotated[bool, typer.Option("--explain", help="With text and latex: conditions and every step.")] = False,
+    special_cases: Annotated[
+        bool, typer.Option("--special-cases", help="Also: for which parameters is the verdict another?")
+    ] = False,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--kind",
+            help="Also: is there an L of this kind? natural, riemannian, finsler, positive_definite, rayleigh, "
+            "invariant:x,y. Repeatable.",
+        ),
+    ] = None,
+    clock: Annotated[
+        str | None, typer.Option("--clock", help="Also: is there an L with dtau = N dt? A formula N(q), or search.")
+    ] = None,
+    guess: Annotated[
+        bool | None,
+        typer.Option(
+            "--guess/--no-guess",
+            help="Take undeclared names as constants, and say so; the default for equations on the command line only.",
+        ),
+    ] = None,
+    parameters: Annotated[str | None, typer.Option(help="Names of constants: q,r or q=1/2,r.")] = None,
+    functions: Annotated[str | None, typer.Option(help='Arbitrary functions: "V(x,y), f(t)".')] = None,
+    coordinates: Annotated[str | None, typer.Option(help="The coordinates, in their order: x,y.")] = None,
+    time: Annotated[str | None, typer.Option(help="The name of the independent variable, such as x.")] = None,
+    progress: Annotated[bool, typer.Option("--progress", help="A line for each part as it is finished.")] = False,
+) -> cli.ExitCode:
+    """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
+    named = {"parameters": parameters, "functions": functions, "coordinates": coordinates, "time": time}
     settings = read_settings()
-    limit = time_limit_or(settings.time_limit, time_limit)
-    document, given = model.split_options(with_declared(given_document(name, guess), named or {}))
-    asked = model.read_options(given, model.JobOptions(limit, settings.memory_limit, seed))
-    if special_cases and isinstance(document, dict):
-        document = {**document, "special_cases": True}
-    if kinds and isinstance(document, dict):
-        document = {**document, "kinds": [*document.get("kinds", ()), *map(kind_of_option, kinds)]}
-    if clock is not None and isinstance(document, dict):
-        document = {**document, "clock": clock}
+    document, given = model.split_options(with_declared(given_document(file, guess), named))
+    asked = model.read_options(given, model.JobOptions(time_limit or settings.time_limit, settings.memory_limit, seed))
+    if isinstance(document, dict):
+        document = {
+            **document,
+            **({"special_cases": True} if special_cases else {}),
+            **({"kinds": [*document.get("kinds", ()), *map(kind_of_option, kind)]} if kind else {}),
+            **({} if clock is None else {"clock": clock}),
+        }
     warm_alone(settings.memory_limit)
     options = SolveOptions(seed=asked.seed, time_limit=asked.time_limit)
     result = _solve(document, options, asked.memory_limit, progress)
-    exits.write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
+    cli.write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
     if (result.get("guessed") or result.get("readings")) and form != "text":
-        _say_what_was_guessed(result)
-    return exits.ExitCode.OPEN if _is_open(result) else exits.ExitCode.DONE
+        from inverse_service.service.documents.text_page import guessed_words
 
-
-def _say_what_was_guessed(result: dict[str, Any]) -> None:
-    from inverse_service.service.documents.text_page import guessed_words
-
-    for words in guessed_words(result):
-        print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
+        for words in guessed_words(result):
+            print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
+    return cli.ExitCode.OPEN if _is_open(result) else cli.ExitCode.DONE
 
 
 def kind_of_option(text: str) -> str | dict[str, list[str]]:
@@ -90,11 +121,11 @@ def _is_open(result: dict[str, Any]) -> bool:
     return bool(result.get("not_answered")) or any(answer.get("verdict") == "undetermined" for answer in answers)
 
 
-def warm_alone(memory_limit: int) -> exits.ExitCode:
+def warm_alone(memory_limit: int) -> cli.ExitCode:
     """Compile what is missing in a process of its own, before any clock starts; said on standard error."""
     say = functools.partial(print, file=sys.stderr, flush=True)
     warming.warm_first(say, lambda: workers.run_alone(warming.warm_up, (), warming.PATIENCE, memory_limit))
-    return exits.ExitCode.DONE
+    return cli.ExitCode.DONE
 
 
 def given_document(name: str, guess: bool | None) -> Any:
@@ -103,14 +134,14 @@ def given_document(name: str, guess: bool | None) -> Any:
     `guess`: whether undeclared names are constants; left out, they are where equations are given as they are.
     """
     if name == "-" or _is_file(name):
-        document = plain_data.read_document(exits.read_bytes(name), name)
+        document = plain_data.read_document(cli.read_bytes(name), name)
     elif "=" in name or "''" in name or name.startswith("{") or _CALLED.match(name):
         document = plain_data.read_document(name, "") if "=" in name or name.startswith("{") else {"equations": name}
         guess = guess if guess is not None else "equations" in document and "parameters" not in document
-    elif name in catalogue.names():
-        document = catalogue.document(name)
+    elif name in catalog.names():
+        document = catalog.document(name)
     else:
-        document = plain_data.read_document(exits.read_bytes(name), name)
+        document = plain_data.read_document(cli.read_bytes(name), name)
     return with_guess(document) if guess and isinstance(document, dict) else document
 
 
@@ -153,14 +184,6 @@ def _is_file(name: str) -> bool:
         return False
 
 
-def time_limit_or(default: float, given: float | None) -> float:
-    """The time limit that was given, or the default; raises InputError where it is no such time."""
-    limit = default if given is None else given
-    if not 0 < limit <= MAX_TIME_LIMIT:
-        raise errors.InputError(f"--time-limit must be a number of seconds above 0 and at most {MAX_TIME_LIMIT:.0f}.")
-    return limit
-
-
 def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bool) -> dict[str, Any]:
     """The result, or what is finished of it where a limit ended the process."""
     shown = _Shown(progress, sys.stderr.isatty())
@@ -183,7 +206,7 @@ class _Shown:
 
     def __init__(self, parts: bool, stages: bool) -> None:
         self._parts, self._stages = parts, stages
-        self._began, self._told = time.monotonic(), set[str]()
+        self._began, self._told = clocks.monotonic(), set[str]()
         self.so_far: dict[str, Any] | None = None
 
     def report(self, value: Any) -> None:
@@ -211,7 +234,7 @@ class _Shown:
             self._told.add(part)
             self.clear()
             text = summaries(found).get(part, "")
-            line = f"{time.monotonic() - self._began:7.2f} s  {part.replace('_', ' ')}{': ' if text else ''}{text}"
+            line = f"{clocks.monotonic() - self._began:7.2f} s  {part.replace('_', ' ')}{': ' if text else ''}{text}"
             print(line if len(line) <= LINE_WIDTH else f"{line[: LINE_WIDTH - 3]}...", file=sys.stderr, flush=True)
 
 
@@ -268,28 +291,45 @@ def _written(result: dict[str, Any], form: str, explain: bool) -> str:
     return text_page(result, explain)
 
 
-def list_catalogue(name: str | None, form: str | None) -> exits.ExitCode:
-    """Print the list of names, or one system; raises InputError for a name that is not there."""
-    exits.write((_all(form or "text") if name is None else _one(name, form or "json")) + "\n")
-    return exits.ExitCode.DONE
+def _names(incomplete: str) -> list[str]:
+    """The names of the catalogue that begin so, for the shell."""
+    return [name for name in catalog.names() if name.startswith(incomplete)]
 
 
-def _all(form: str) -> str:
-    entries = [catalogue.entry(name) for name in catalogue.names()]
-    if form == "json":
-        lines = [{key: entry.get(key, "") for key in ("name", "title", "group")} for entry in entries]
-        return json.dumps({"systems": lines}, ensure_ascii=False, indent=2)
-    width = max((len(entry["name"]) for entry in entries), default=0)
-    return "\n".join(f"{entry['name']:<{width}}  {entry.get('title', '')}" for entry in entries)
+@cli.application.command()
+def catalogue(
+    name: Annotated[
+        str | None, typer.Argument(help="One system; without it, all names.", autocompletion=_names)
+    ] = None,
+    form: Annotated[
+        CatalogueFormat | None, typer.Option("--format", help="Default: text for the list, json for one.")
+    ] = None,
+) -> cli.ExitCode:
+    """The named systems.
+
+    With a NAME, that system as a document that `solve` takes.
+    """
+    if name is None:
+        entries = [catalog.entry(each) for each in catalog.names()]
+        width = max((len(entry["name"]) for entry in entries), default=0)
+        lines = [f"{entry['name']:<{width}}  {entry.get('title', '')}" for entry in entries]
+        plain = {"systems": [{key: entry.get(key, "") for key in ("name", "title", "group")} for entry in entries]}
+        text = _indented(plain) if form == "json" else "\n".join(lines)
+    else:
+        entry = catalog.entry(name)
+        expected = [(key, value) for key, value in entry.get("expected", {}).items() if isinstance(value, str)]
+        lines = [entry.get("title", name), f"source: {entry.get('source', '')}"]
+        lines += [f"expected: {key} = {value}" for key, value in expected]
+        text = "\n".join([*(lines if form == "text" else ()), _indented(entry["document"])])
+    cli.write(f"{text}\n")
+    return cli.ExitCode.DONE
 
 
-def _one(name: str, form: str) -> str:
-    entry = catalogue.entry(name)
-    document = entry["document"]
-    if form == "json":
-        return json.dumps(document, ensure_ascii=False, indent=2)
-    lines = [entry.get("title", name), f"source: {entry.get('source', '')}"]
-    lines += [
-        f"expected: {key} = {value}" for key, value in entry.get("expected", {}).items() if isinstance(value, str)
-    ]
-    return "\n".join([*lines, json.dumps(document, ensure_ascii=False, indent=2)])
+def _indented(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, indent=2)
+
+
+@cli.application.command()
+def warm() -> cli.ExitCode:
+    """Compile what this machine needs, once, after an installation, so that no question waits for it."""
+    return warm_alone(read_settings().memory_limit)

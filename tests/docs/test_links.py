@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import inverse_service
-from inverse_service.cli.command_line import application
+from inverse_service.cli.command_line import application, load_commands
 from tests.docs.blocks import PAGES, ROOT, name
 
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
@@ -53,6 +53,7 @@ def test_every_file_that_is_named_is_there(page: Path) -> None:
 
 def test_every_command_is_on_its_page() -> None:
     page = (ROOT / "docs/reference/cli.md").read_text(encoding="utf-8")
+    load_commands()
     for command in application.registered_commands:
         name = command.name or command.callback.__name__
         assert re.search(rf"^\| .*`{name}[ `].* \|$", page, re.MULTILINE), name

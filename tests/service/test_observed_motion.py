@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from inverse_service.cli.simulate_command import simulate_file
+from inverse_service.cli import simulate_command
 from inverse_service.service.scenes.simulating import simulate
 
 PENDULUM: dict[str, Any] = {
@@ -79,5 +79,5 @@ def test_bodies_are_columns_and_a_moving_picture(tmp_path: Path) -> None:
     assert columns["bob_y"] == pytest.approx(-2 * np.cos(columns["a"]))
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(scene))
-    assert simulate_file(str(path), tmp_path, None, False, tmp_path / "bob.gif") == 0
+    assert simulate_command.simulate(str(path), tmp_path, None, False, tmp_path / "bob.gif") == 0
     assert (tmp_path / "bob.gif").read_bytes().startswith(b"GIF8")

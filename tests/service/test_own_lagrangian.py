@@ -10,7 +10,7 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from inverse_service.cli.command_line import application
+from inverse_service.cli.command_line import application, load_commands
 from inverse_service.service.documents.checking import check_document
 
 OSCILLATOR = {"equations": "x'' = -k*x", "parameters": ["k"]}
@@ -112,6 +112,7 @@ def test_a_singular_lagrangian_is_none_even_where_its_equations_hold() -> None:
 def test_the_command_says_what_is_left_and_what_l_gives(tmp_path: Path) -> None:
     path = tmp_path / "system.json"
     path.write_text(json.dumps(OSCILLATOR))
+    load_commands("check")
     wrong = CliRunner().invoke(application, ["check", "--format", "text", "--lagrangian", "x'^2/2", str(path)])
     assert wrong.exit_code == 1
     assert "= -k*x, where it should be 0" in wrong.output
