@@ -28,8 +28,7 @@ from inverse_service.field.tower import draw_point, to_kernels
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
-from inverse_service.mechanics.legendre import on_constraints
-from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
+from inverse_service.mechanics.legendre.transform import LegendreTransform, constraint_images, legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["holds", "fails", "not settled"]
@@ -151,7 +150,7 @@ def hamiltonise(
         return Hamiltonisation(lagrangian, None, (), (), None)
     images = tuple(known_images) or tuple(
         without_constants(writing.tidied(image))
-        for image in on_constraints.constraint_images(motion.system.constraints, transform, names)
+        for image in constraint_images(motion.system.constraints, transform, names)
     )
     work = _Work(motion, associated, lagrangian, transform, images, seed)
     statements = [work.restriction(), work.euler_lagrange()]

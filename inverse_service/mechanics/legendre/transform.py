@@ -6,28 +6,17 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
+from itertools import islice, product
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import collecting, collecting_trees, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import real_point
 from inverse_service.mechanics import euler_lagrange, quadratic_forms, writing
-from inverse_service.mechanics.legendre import momentum_families, short_forms
-from inverse_service.mechanics.legendre.blocks import Block, Branch, Parts, resolved, split
-from inverse_service.mechanics.legendre.points import (
-    Claim,
-    Judgment,
-    Point,
-    is_singular,
-    judge,
-    sample_points,
-    signs_of_momenta,
-    vanishes_at,
-)
+from inverse_service.mechanics.legendre import blocks, sampling, short_forms
 
 _MANY, _FEW = 16, 4
 TIME_LIMIT = 3.0
@@ -68,8 +57,8 @@ class LegendreTransform:
 class _Chosen:
     """A checked branch of a block."""
 
-    branch: Branch
-    judgment: Judgment
+    branch: blocks.Branch
+    judgment: sampling.Judgment
 
 
 def legendre(
@@ -81,26 +70,24 @@ def legendre(
     """The Legendre transform of L(t, q, v) where all trees of `positive` are > 0.
 
     InputError where d2L/dv_i dv_j is singular everywhere. The search for an inverse of p = dL/dv starts nothing new
-    after `time_limit` seconds
-    of processor time.
+    after `time_limit` seconds of processor time.
     """
-    reach = momentum_families.Reach(deadline=deadline.now() + time_limit)
+    reach = Reach(end=deadline.now() + time_limit)
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
-    slopes = euler_lagrange.gradient(
-        lagrangian, map(ex.Velocity, names)
-    )  # u log u has log u + 1 for a slope, if it is not expanded
+    # u log u has log u + 1 for a slope, if it is not expanded
+    slopes = euler_lagrange.gradient(lagrangian, map(ex.Velocity, names))
     given = [slopes.get(ex.Velocity(name), ex.ZERO) for name in names]
     functions = tuple(
         short_forms.shortest([short_forms.inside(short_forms.related(short_forms.simplified(slope))), slope])
         for slope in given
     )
-    parts = split(lagrangian, names, dict(zip(names, symbols, strict=True)))
+    parts = blocks.split(lagrangian, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
-    points = sample_points([lagrangian, *functions], positive)
+    points = sampling.sample_points([lagrangian, *functions], positive)
     if not points:
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
-    if any(is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks):
+    if any(sampling.is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks):
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
     few = points[-_FEW:] if len(parts.blocks) > _MANY else []
@@ -112,12 +99,12 @@ def legendre(
     closed = _closed(implicit, names, parts, branches)
     table = _shifts(implicit, names, parts)
     conditions = [ex.substitute(condition, table) for chosen in branches for condition in chosen.judgment.conditions]
-    if judge(claim_of(closed, names), conditions, points) is None:
+    if sampling.judge(_claim_of(closed, names), conditions, points) is None:
         return _noted(implicit, _implicit(_no_closed_form(list(found))))
     # Each block needs its own; few points would not show that of one in the presence of another.
     every = [ex.substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
-    every += signs_of_momenta(claim_of(closed, names), table, positive, points)
-    return replace(on_branch(closed, tuple(dict.fromkeys(conditions)), names), conditions=tuple(every))
+    every += sampling.signs_of_momenta(_claim_of(closed, names), table, positive, points)
+    return replace(_noted(closed, _branch_note(tuple(dict.fromkeys(conditions)), names)), conditions=tuple(every))
 
 
 def momentum_symbols(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[tuple[ex.Symbol, ...], str]:
@@ -134,7 +121,7 @@ def momentum_symbols(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[t
     return tuple(symbols), " ".join(notes)
 
 
-def _energy(parts: Parts) -> ex.Expression:
+def _energy(parts: blocks.Parts) -> ex.Expression:
     """sum v dL/dv - L block by block, in the velocities; linear terms drop out."""
     terms = [-parts.free]
     for block in parts.blocks:
@@ -145,12 +132,12 @@ def _energy(parts: Parts) -> ex.Expression:
 
 
 def _of_blocks(
-    blocks: Sequence[Block], best: Callable[[Block], _Chosen | None]
+    given: Sequence[blocks.Block], best: Callable[[blocks.Block], _Chosen | None]
 ) -> dict[tuple[str, ...], _Chosen | None]:
     """That of each block; those of one velocity that are the same function of theirs share one."""
-    known: dict[ex.Expression, tuple[Block, _Chosen | None]] = {}
+    known: dict[ex.Expression, tuple[blocks.Block, _Chosen | None]] = {}
     found: dict[tuple[str, ...], _Chosen | None] = {}
-    for block in blocks:
+    for block in given:
         single = ex.Velocity(block.names[0]) if len(block.names) == 1 else None
         key = ex.substitute(block.function, {single: _ANY}) if single else block.function
         if single is None or key not in known:
@@ -163,7 +150,7 @@ def _of_blocks(
 _ANY = ex.Velocity("the velocity of a block")
 
 
-def _renamed(chosen: _Chosen, first: Block, block: Block) -> _Chosen:
+def _renamed(chosen: _Chosen, first: blocks.Block, block: blocks.Block) -> _Chosen:
     """The branch of the first block for another that is the same function of its velocity."""
     if first is block:
         return chosen
@@ -178,32 +165,31 @@ def _renamed(chosen: _Chosen, first: Block, block: Block) -> _Chosen:
 
     branch, judgment = chosen.branch, chosen.judgment
     (energy,) = renamed([branch.hamiltonian])
-    moved = Branch(renamed(branch.velocities), energy, renamed(branch.conditions))
+    moved = blocks.Branch(renamed(branch.velocities), energy, renamed(branch.conditions))
     return _Chosen(moved, replace(judgment, conditions=renamed(judgment.conditions)))
 
 
 def _best(
-    block: Block, points: Sequence[Point], reach: momentum_families.Reach, few: Sequence[Point]
+    block: blocks.Block, points: Sequence[sampling.Point], reach: Reach, few: Sequence[sampling.Point]
 ) -> _Chosen | None:
     """The branch that holds at most points, the shortest among those."""
     functions = euler_lagrange.momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
-    best: _Chosen | None = None
-    for branch in _with_variants(islice(momentum_families.block_branches(block, reach), bounds.CANDIDATES)):
-        velocities = resolved(branch.velocities, block.names)
-        claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
-        quick = judge(claim, (), few) if few and not branch.conditions else None
-        judgment = quick or judge(claim, branch.conditions, points)
+    found: list[_Chosen] = []
+    for branch in _with_variants(islice(block_branches(block, reach), bounds.CANDIDATES)):
+        velocities = blocks.resolved(branch.velocities, block.names)
+        claim = sampling.Claim(block.function, block.names, known, velocities, branch.hamiltonian)
+        quick = sampling.judge(claim, (), few) if few and not branch.conditions else None
+        judgment = quick or sampling.judge(claim, branch.conditions, points)
         if judgment is None:
             continue
         if not judgment.conditions:
             return _Chosen(branch, judgment)
-        if best is None or _rank(branch, judgment) > _rank(best.branch, best.judgment):
-            best = _Chosen(branch, judgment)
-    return best
+        found.append(_Chosen(branch, judgment))
+    return max(found, key=lambda one: (one.judgment.holding, -ex.node_count(one.branch.hamiltonian)), default=None)
 
 
-def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
+def _with_variants(branches: Iterator[blocks.Branch]) -> Iterator[blocks.Branch]:
     """Each branch after shorter forms of it that hold on parts of its domain only; all are checked."""
     for branch in branches:
         forms: list[Callable[[ex.Expression], ex.Expression]] = [
@@ -213,18 +199,14 @@ def _with_variants(branches: Iterator[Branch]) -> Iterator[Branch]:
             partial(short_forms.cancelled, -1),
         ]
         for form in forms:
-            other = Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
+            other = blocks.Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
             if ex.node_count(other.hamiltonian) < ex.node_count(branch.hamiltonian):
                 yield other
         yield branch
 
 
-def _rank(branch: Branch, judgment: Judgment) -> tuple[int, int]:
-    return judgment.holding, -ex.node_count(branch.hamiltonian)
-
-
 def _closed(
-    implicit: LegendreTransform, names: Sequence[str], parts: Parts, chosen: Sequence[_Chosen]
+    implicit: LegendreTransform, names: Sequence[str], parts: blocks.Parts, chosen: Sequence[_Chosen]
 ) -> LegendreTransform:
     """The blocks put together, each momentum less its linear term A_i."""
     table = _shifts(implicit, names, parts)
@@ -236,24 +218,24 @@ def _closed(
         collecting_trees.minus_inside(short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)))
         for found in chosen
     ]
-    whole = writing.joined(
-        short_forms.without_cancelling(
-            short_forms.inside(_collected_if_shorter(ex.add(*energies, ex.negated(parts.free))))
-        )
-    )
+    plain = ex.add(*energies, ex.negated(parts.free))
+    short = short_forms.inside(short_forms.shortest([plain, collecting.collect(plain)]))
+    whole = writing.joined(short_forms.without_cancelling(short))
     return replace(
         implicit,
         hamiltonian=quadratic_forms.shortest_form(whole, implicit.symbols),
         velocities=tuple(
-            writing.joined(collecting_trees.merge_powers(velocity)) for velocity in resolved(chained, names)
+            writing.joined(collecting_trees.merge_powers(velocity)) for velocity in blocks.resolved(chained, names)
         ),
         implicit=False,
         chained=chained,
     )
 
 
-def _shifts(implicit: LegendreTransform, names: Sequence[str], parts: Parts) -> dict[ex.Expression, ex.Expression]:
-    return momentum_families.momentum_shifts(parts.linear, dict(zip(names, implicit.symbols, strict=True)))
+def _shifts(
+    implicit: LegendreTransform, names: Sequence[str], parts: blocks.Parts
+) -> dict[ex.Expression, ex.Expression]:
+    return momentum_shifts(parts.linear, dict(zip(names, implicit.symbols, strict=True)))
 
 
 def _placed(tree: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> ex.Expression:
@@ -262,13 +244,9 @@ def _placed(tree: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> e
     return placed if placed == tree else short_forms.shortest([placed, short_forms.simplified(placed)])
 
 
-def _collected_if_shorter(tree: ex.Expression) -> ex.Expression:
-    return short_forms.shortest([tree, collecting.collect(tree)])
-
-
-def claim_of(closed: LegendreTransform, names: tuple[str, ...]) -> Claim:
+def _claim_of(closed: LegendreTransform, names: tuple[str, ...]) -> sampling.Claim:
     known = dict(zip(closed.symbols, closed.momenta, strict=True))
-    return Claim(closed.lagrangian, names, known, closed.velocities or (), closed.hamiltonian)
+    return sampling.Claim(closed.lagrangian, names, known, closed.velocities or (), closed.hamiltonian)
 
 
 def _noted(transform: LegendreTransform, note: str) -> LegendreTransform:
@@ -283,13 +261,6 @@ def _implicit(reason: str) -> str:
     return f"{reason} H is given in the velocities, with the momenta as functions of them."
 
 
-def on_branch(
-    closed: LegendreTransform, conditions: tuple[ex.Expression, ...], names: Sequence[str]
-) -> LegendreTransform:
-    """The transform with these conditions, and a note that says so."""
-    return _noted(replace(closed, conditions=conditions), _branch_note(conditions, names))
-
-
 def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> str:
     if not conditions:
         return ""
@@ -302,13 +273,165 @@ def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> s
 
 
 def _degenerate(
-    implicit: LegendreTransform, parts: Parts, names: Sequence[str], points: Sequence[Point]
+    implicit: LegendreTransform, parts: blocks.Parts, names: Sequence[str], points: Sequence[sampling.Point]
 ) -> errors.InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
     lost = [name for name in names if not any(short_forms.velocities_in(p, [name]) for p in implicit.momenta)]
     if lost:
         detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
-    elif vanishes_at(implicit.hamiltonian + parts.free, points):
+    elif sampling.vanishes_at(implicit.hamiltonian + parts.free, points):
         detail += " (up to a potential L is homogeneous of degree 1 in the velocities)"
     return errors.InputError(f"{detail}: give one whose momenta determine the velocities.")
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How deep blocks may be split into smaller problems, and until when (`now`)."""
+
+    depth: int = 4
+    end: float = float("inf")
+
+    @property
+    def exhausted(self) -> bool:
+        return self.depth <= 0 or deadline.now() > self.end
+
+
+def block_branches(block: blocks.Block, reach: Reach) -> Iterator[blocks.Branch]:
+    """Candidates for one block without linear terms; none of them is checked here."""
+    yield from blocks.quadratic_branches(block)
+    if blocks.form_matrix(collecting.expand(block.function), block.names) is not None:
+        return
+    # Most Lagrangians are quadratic: what solves the others is loaded for them.
+    from inverse_service.mechanics.legendre import one_velocity, several_velocities
+
+    inner = partial(solve, reach=Reach(reach.depth - 1, reach.end))
+    for family in (
+        several_velocities.radial_branches,
+        several_velocities.ratio_branches,
+        several_velocities.homogeneous_branches,
+        several_velocities.routh_branches,
+        several_velocities.linear_branches,
+        one_velocity.scalar_branches,
+    ):
+        if reach.exhausted:
+            return
+        yield from family(block, inner)
+    if not reach.exhausted:
+        yield from one_velocity.elimination_branches(block)
+
+
+def solve(
+    function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol], reach: Reach
+) -> Iterator[blocks.Branch]:
+    """Candidates for any function of the velocities: products of those of its blocks."""
+    parts = blocks.split(function, names, momenta)
+    found = [_up_to_certain(block, reach) for block in parts.blocks]
+    table = momentum_shifts(parts.linear, momenta)
+    for choice in islice(product(*found), bounds.CANDIDATES):
+        rates = {
+            name: ex.substitute(tree, table)
+            for block, branch in zip(parts.blocks, choice, strict=True)
+            for name, tree in zip(block.names, blocks.resolved(branch.velocities, block.names), strict=True)
+        }
+        energies = [ex.substitute(branch.hamiltonian, table) for branch in choice]
+        conditions = tuple(ex.substitute(condition, table) for branch in choice for condition in branch.conditions)
+        velocities = tuple(rates[name] for name in names)
+        yield blocks.Branch(velocities, ex.add(*energies, -parts.free), conditions)
+
+
+def _up_to_certain(block: blocks.Block, reach: Reach) -> list[blocks.Branch]:
+    """The candidates up to the first that claims to hold everywhere."""
+    found = []
+    for branch in islice(block_branches(block, reach), bounds.CANDIDATES):
+        found.append(branch)
+        if not branch.conditions:
+            break
+    return found
+
+
+def momentum_shifts(
+    linear: Mapping[str, ex.Expression], momenta: Mapping[str, ex.Symbol]
+) -> dict[ex.Expression, ex.Expression]:
+    """p -> p - A for the terms A v of a Lagrangian."""
+    return {momenta[name]: momenta[name] - a for name, a in linear.items()}
+
+
+Table = dict[ex.Expression, ex.Expression]
+
+
+@dataclass(frozen=True, slots=True)
+class _PhaseSpace:
+    """Velocities of pivots stay in `first` and are replaced by `last`; `harmless` trees vanish nowhere."""
+
+    first: Table
+    last: Table
+    variables: frozenset[ex.Expression]
+    harmless: frozenset[ex.Expression]
+
+
+def constraint_images(
+    constraints: Sequence[ex.Expression], transform: LegendreTransform, coordinates: Sequence[str]
+) -> tuple[ex.Expression, ...]:
+    """The constraints w(t, q, v) = 0 as functions of (t, q, p) that vanish at the same points.
+
+    Denominators are cleared, and factors dropped that vanish nowhere on the domain of L: parameters,
+    exponentials, what L divides by and what stands under its roots. Where the transform is implicit
+    the constraints stay in the velocities. Values: one tree for each constraint.
+    """
+    if transform.velocities is None:
+        return tuple(map(short_forms.simplified, constraints))
+    place = _phase_space(transform, transform.velocities, coordinates)
+    return tuple(_image(constraint, place) for constraint in constraints)
+
+
+def _phase_space(
+    transform: LegendreTransform, velocities: Sequence[ex.Expression], coordinates: Sequence[str]
+) -> _PhaseSpace:
+    rates = [ex.Velocity(name) for name in coordinates]
+    pivots = {node for rate in transform.chained for node in ex.walk(rate) if isinstance(node, ex.Velocity)}
+    chained = zip(rates, transform.chained, strict=True)
+    first: Table = {leaf: rate for leaf, rate in chained if leaf not in pivots}
+    last: Table = dict(zip(rates, velocities, strict=True))
+    variables: frozenset[ex.Expression] = frozenset([*map(ex.Symbol, coordinates), *transform.symbols, *rates, ex.TIME])
+    divisors = [ex.substitute(tree, first) for tree in _divisors(transform.lagrangian)]
+    harmless = frozenset(_key(factor) for tree in divisors for factor, _ in ex.powers_of(short_forms.quotient(tree)))
+    return _PhaseSpace(first, last, variables, harmless)
+
+
+def _divisors(lagrangian: ex.Expression) -> Iterator[ex.Expression]:
+    """What L divides by or takes roots and logarithms of."""
+    for monomial, _ in collecting.expand(lagrangian):
+        for base, exponent in monomial:
+            if exponent < 0 or exponent.denominator != 1:
+                yield base
+            if isinstance(base, ex.Apply) and base.function == "log":
+                yield base.argument
+
+
+def _image(constraint: ex.Expression, place: _PhaseSpace) -> ex.Expression:
+    """The numerator without its harmless factors; the pivots' velocities are put in at the end."""
+    kept = []
+    for factor, exponent in ex.powers_of(short_forms.quotient(ex.substitute(constraint, place.first))):
+        if factor == ex.ZERO:
+            return ex.ZERO
+        if exponent > 0 and not _is_harmless(factor, place):
+            kept.append(collecting.collect(factor))
+    return collecting_trees.merge_powers(ex.substitute(ex.multiply(*kept), place.last))
+
+
+def _is_harmless(factor: ex.Expression, place: _PhaseSpace) -> bool:
+    """Whether a factor is constant, an exponential, or known not to vanish."""
+    if ex.is_exponential(factor):
+        return True
+    nodes = set(ex.walk(factor))
+    moves = bool(nodes & place.variables) or any(isinstance(node, ex.Arbitrary) for node in nodes)
+    return not moves or _key(factor) in place.harmless
+
+
+def _key(factor: ex.Expression) -> ex.Expression:
+    """The tree in a form that is the same for trees that differ by a number."""
+    terms = collecting.expand(factor)
+    if not terms:
+        return ex.ZERO
+    return collecting_trees.terms_tree([(monomial, value / terms[0][1]) for monomial, value in terms])

@@ -31,9 +31,8 @@ ENGINE = (
     "explanation.negative",
     "explanation.theorems",
     "search.ladder",
-    "mechanics.legendre.linear",
-    "mechanics.legendre.radial",
-    "mechanics.legendre.scalar",
+    "mechanics.legendre.one_velocity",
+    "mechanics.legendre.several_velocities",
 )
 
 

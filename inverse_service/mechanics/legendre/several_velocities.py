@@ -1,0 +1,482 @@
+"""Blocks that fall apart in other velocities y = M v, such as exp(x') + exp(x' + y').
+
+p_v = M^T p_y, so a transform in y with p_y = M^-T p_v gives H and v = M^-1 y.
+
+Blocks quadratic in some of their velocities w, with coefficients that depend on the others u.
+
+L = L_0(u) + A(u) w + w^T G(u) w/2 gives w = G^-1 (p_w - A). Routh's function
+R(u; p_w) = L - p_w w = L_0 - (p_w - A)^T G^-1 (p_w - A)/2 is a Lagrangian in u alone, and its
+H = p_u u - R is that of L (Routh 1877).
+
+
+Blocks L = F(S), S a quadratic form: relativistic, Finsler, radial quartic; and L = g(v_k) + v_k phi(w / v_k).
+
+For F(S), S = u^T G u/2 with u = v + h a shifted velocity, p = F'(S) G u. Let R = p^T G^-1 p. For F = k sqrt(b + s S),
+H_u^2 = b (k^2 - 2 R/s); else, with signs e, d and w = sqrt(2 e S), f(w) = F(e w^2/2) is a problem in one velocity with
+momentum e d sqrt(e R), and u = d w G^-1 p/sqrt(e R). Last, H = H_u - p h.
+
+For ratios, w the other velocities (the rational family of the paper), with u = w/v_k: p_w = phi'(u) and
+p_k = g'(v_k) + phi - u phi'(u). If phi* and g* are the Legendre transforms, then u = phi*'(p_w),
+v_k = g*'(p_k + phi*(p_w)) and H = g*(p_k + phi*(p_w)). For g = a v_k^2/2 and phi = u^T S u/2:
+H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
+
+
+Blocks of two velocities that are homogeneous of a degree d in them, such as Finsler functions.
+
+With u = w/v and L = v^d g(u), the momenta are p_w = v^(d-1) g'(u) and p_v = v^(d-1) (d g - u g'): their quotient
+F(u) = g'/(d g - u g') = p_w/p_v is an equation for u alone. Then v^(d-1) = p_w/g'(u), and by Euler's theorem
+d L = p_v v + p_w w, H = (d - 1) (p_v + p_w u) v/d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations, product
+
+from inverse_service import bounds
+from inverse_service.expressions import collecting, collecting_trees, derivative
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics import quadratic_forms
+from inverse_service.mechanics.legendre import blocks, one_velocity, short_forms
+
+Form = tuple[ex.Expression, ...]
+Table = dict[ex.Expression, ex.Expression]
+
+
+def linear_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+    """The branches after a change to the linear forms under functions and powers, completed by velocities."""
+    found = _forms(block) if len(block.names) > 1 else ()
+    units = tuple(tuple(ex.number(int(a == b)) for b in block.names) for a in block.names)
+    if not found or set(found) <= set(units):
+        return
+    for chosen in combinations(units, len(block.names) - len(found)):
+        inverse = blocks.invert((*found, *chosen))
+        if inverse is not None:
+            yield from _after_change(block, (*found, *chosen), inverse, solve)
+
+
+def _after_change(
+    block: blocks.Block, forms: Sequence[Form], inverse: blocks.Inverse, solve: blocks.Solver
+) -> Iterator[blocks.Branch]:
+    """The branches with the forms in the place of velocities."""
+    velocities = [ex.Velocity(name) for name in block.names]
+    symbols = [block.momenta[name] for name in block.names]
+    rates = _table(velocities, [ex.dot(row, velocities) for row in inverse.entries])
+    changed = ex.substitute(block.function, rates)
+    columns = zip(*inverse.entries, strict=True)
+    momenta = _table(symbols, [short_forms.simplified(ex.dot(column, symbols)) for column in columns])
+    new = _table(velocities, [ex.dot(row, velocities) for row in forms])
+    for branch in solve(changed, block.names, block.momenta):
+        found = [ex.substitute(tree, momenta) for tree in branch.velocities]
+        yield blocks.Branch(
+            tuple(short_forms.simplified(ex.dot(row, found)) for row in inverse.entries),
+            ex.substitute(branch.hamiltonian, momenta),
+            tuple(ex.substitute(condition, {**new, **momenta}) for condition in branch.conditions),
+        )
+
+
+def _table(keys: Sequence[ex.Symbol | ex.Velocity], values: Sequence[ex.Expression]) -> Table:
+    return dict(zip(keys, values, strict=True))
+
+
+def _forms(block: blocks.Block) -> tuple[Form, ...]:
+    """The linear forms on which functions and powers depend; none where there are too many, or others."""
+    found: dict[Form, None] = {}
+    for monomial, _ in collecting.expand(block.function):
+        forms = _forms_of(monomial, block.names)
+        if forms is None:
+            return ()
+        found.update(dict.fromkeys(forms))
+    return tuple(found) if len(found) <= len(block.names) else ()
+
+
+def _forms_of(monomial: collecting_trees.Monomial, names: Sequence[str]) -> list[Form] | None:
+    """The linear forms in the atoms of a term, bare velocities not counted; None where one is not linear."""
+    exponent: dict[str, ex.Expression] = {}
+    forms: list[Form | None] = []
+    for base, power in monomial:
+        if isinstance(base, ex.Velocity) or not short_forms.velocities_in(base, names):
+            continue
+        part = linear_coefficients(collecting.expand(base.argument if isinstance(base, ex.Apply) else base), names)
+        if ex.is_exponential(base) and part:
+            for name, value in part.items():
+                exponent[name] = exponent.get(name, ex.ZERO) + power * value
+        else:
+            forms.append(_monic(part, names))
+    if exponent:
+        forms.append(_monic(exponent, names))
+    return None if None in forms else [form for form in forms if form]
+
+
+def _monic(coefficients: Mapping[str, ex.Expression] | None, names: Sequence[str]) -> Form | None:
+    if not coefficients:
+        return None
+    first = next(coefficients[name] for name in names if name in coefficients)
+    return tuple(short_forms.simplified(coefficients.get(name, ex.ZERO) / first) for name in names)
+
+
+def linear_coefficients(
+    terms: Iterable[collecting_trees.Term], names: Sequence[str]
+) -> Mapping[str, ex.Expression] | None:
+    """The coefficients of the velocities in terms that are linear in them (free terms allowed), else None."""
+    found: dict[str, ex.Expression] = {}
+    for monomial, value in terms:
+        inside = short_forms.velocities_in(collecting_trees.monomial_tree(monomial), names)
+        if not inside:
+            continue
+        name = next(iter(inside))
+        rest = tuple(pair for pair in monomial if pair != (ex.Velocity(name), Fraction(1)))
+        if len(rest) != len(monomial) - 1 or short_forms.velocities_in(collecting_trees.monomial_tree(rest), names):
+            return None
+        term = value * (collecting_trees.monomial_tree(rest) if rest else ex.ONE)
+        found[name] = found.get(name, ex.ZERO) + term
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _RouthParts:
+    """rest + linear[i] w_i + w^T G w/2, with G^-1."""
+
+    rest: ex.Expression
+    linear: tuple[ex.Expression, ...]
+    inverse: blocks.Inverse
+
+
+def routh_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+    """The branches for the largest sets of velocities that can be eliminated so."""
+    for ignored in _choices(block):
+        parts = _routh_parts(block, ignored)
+        if parts is None:
+            continue
+        left, momenta = [name for name in block.names if name not in ignored], [block.momenta[name] for name in ignored]
+        shifted = [p - a for p, a in zip(momenta, parts.linear, strict=True)]
+        form = ex.substitute(blocks.quadratic_form(parts.inverse, momenta), dict(zip(momenta, shifted, strict=True)))
+        solved = [short_forms.simplified(ex.dot(row, shifted)) for row in parts.inverse.entries]
+        function = short_forms.simplified(parts.rest - ex.HALF * form)
+        for inner in solve(function, left, block.momenta):
+            rates = dict(zip((*left, *ignored), (*inner.velocities, *solved), strict=True))
+            yield blocks.Branch(tuple(rates[name] for name in block.names), inner.hamiltonian, inner.conditions)
+
+
+def _choices(block: blocks.Block) -> Iterator[tuple[str, ...]]:
+    """Sets of velocities in which every term has degree 2 at most, not all, the largest first."""
+    monomials = [monomial for monomial, _ in collecting.expand(block.function)]
+    tables = [(blocks.degrees(monomial, [name]), name) for name in block.names for monomial in monomials]
+    unfit = {name for found, name in tables if found is None or found.get(name, 0) not in (0, 1, 2)}
+    fit = [name for name in block.names if name not in unfit]
+    count = 0
+    for size in range(min(len(fit), len(block.names) - 1), 0, -1):
+        for chosen in combinations(fit, size):
+            if count < bounds.CANDIDATES and all(_degree(monomial, chosen) <= 2 for monomial in monomials):
+                count += 1
+                yield chosen
+
+
+def _degree(monomial: collecting_trees.Monomial, names: Sequence[str]) -> Fraction:
+    found = blocks.degrees(monomial, names) or {}
+    return sum(found.values(), Fraction(0))
+
+
+def _routh_parts(block: blocks.Block, ignored: Sequence[str]) -> _RouthParts | None:
+    groups: tuple[list[collecting_trees.Term], list[collecting_trees.Term], list[collecting_trees.Term]] = ([], [], [])
+    for monomial, value in collecting.expand(block.function):
+        groups[int(_degree(monomial, ignored))].append((monomial, value))
+    rest, linear, quadratic = groups
+    matrix = blocks.form_matrix(quadratic, ignored) if quadratic else None
+    inverse = blocks.invert(matrix) if matrix else None
+    slopes = linear_coefficients(linear, ignored)
+    if inverse is None or slopes is None:
+        return None
+    return _RouthParts(collecting_trees.terms_tree(rest), tuple(slopes.get(name, ex.ZERO) for name in ignored), inverse)
+
+
+# A space is in no name that a user can declare.
+_S, _W, _PI_W = ex.Symbol("S of v"), ex.Velocity("w of v"), ex.Symbol("momentum of w")
+
+
+@dataclass(frozen=True, slots=True)
+class _Radial:
+    """L = function(_S) with _S = u^T matrix u/2 and u_i = v_i + shift_i."""
+
+    function: ex.Expression
+    matrix: blocks.Matrix
+    inverse: blocks.Inverse
+    shift: tuple[ex.Expression, ...]
+
+
+def radial_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+    """The branches of a block that depends on one quadratic form of its velocities."""
+    for form in _candidates(block):
+        radial = _recognized(block, form)
+        if radial is not None:
+            root = _root_parts(radial.function)
+            yield from _of_root(block, radial, *root) if root else _of_length(block, radial, solve)
+            return
+
+
+def _candidates(block: blocks.Block) -> Iterator[ex.Expression]:
+    """Trees quadratic in the velocities: what stands under powers, and the part of degree 2."""
+    power = quadratic_forms.power_of_form(block.function)
+    if power is not None:
+        yield power[0]
+    terms = collecting.expand(block.function)
+    second = []
+    seen: set[ex.Expression] = set()
+    for monomial, value in terms:
+        found = blocks.degrees(monomial, block.names)
+        if found is not None and sum(found.values()) == 2:
+            second.append((monomial, value))
+        for base, _ in monomial:
+            if isinstance(base, ex.Sum) and base not in seen and short_forms.velocities_in(base, block.names):
+                seen.add(base)
+                yield base
+    if second and len(second) < len(terms):
+        yield collecting_trees.terms_tree(second)
+
+
+def _recognized(block: blocks.Block, form: ex.Expression) -> _Radial | None:
+    """The block as a function of the quadratic form's quadratic part about its center."""
+    parts = _quadratic_parts(form, block.names)
+    inverse = blocks.invert(parts[0]) if parts else None
+    if parts is None or inverse is None:
+        return None
+    matrix, slopes = parts
+    shift = tuple(short_forms.simplified(ex.dot(row, slopes)) for row in inverse.entries)
+    centered = _centered(block, shift)
+    along = _along_a_ray(centered, block.names, matrix)
+    if along is None:
+        return None
+    whole = ex.HALF * _form_of_velocities(matrix, block.names)
+    if collecting.expand(ex.substitute(along, {_S: whole})) != collecting.expand(centered):
+        return None
+    return _Radial(along, matrix, inverse, shift)
+
+
+def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[blocks.Matrix, list[ex.Expression]] | None:
+    """(G, b) of c + b v + v^T G v/2."""
+    quadratic: list[collecting_trees.Term] = []
+    linear: list[collecting_trees.Term] = []
+    for monomial, value in collecting.expand(form):
+        found = blocks.degrees(monomial, names)
+        if found is None or sum(found.values()) not in (0, 1, 2):
+            return None
+        if sum(found.values()):
+            (linear if sum(found.values()) == 1 else quadratic).append((monomial, value))
+    matrix = blocks.form_matrix(quadratic, names) if quadratic else None
+    slopes = linear_coefficients(linear, names)
+    if matrix is None or slopes is None:
+        return None
+    return matrix, [slopes.get(name, ex.ZERO) for name in names]
+
+
+def _centered(block: blocks.Block, shift: Sequence[ex.Expression]) -> ex.Expression:
+    """The function of u, written with the velocities of v."""
+    pairs = zip(block.names, shift, strict=True)
+    table: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) - h for n, h in pairs}
+    return ex.substitute(block.function, table)
+
+
+def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: blocks.Matrix) -> ex.Expression | None:
+    """The function of S on the ray through e_i, or e_i + e_j, on which S is not zero; None where v is left."""
+    for i, j in product(range(len(names)), repeat=2):
+        entry = matrix[i][i] if i == j else 2 * matrix[i][j] if i < j else ex.ZERO
+        if entry == ex.ZERO or (i != j and matrix[i][i] != ex.ZERO):
+            continue
+        length = ex.square_root(2 * _S / entry)
+        table: dict[ex.Expression, ex.Expression] = {
+            ex.Velocity(name): length if place in (i, j) else ex.ZERO for place, name in enumerate(names)
+        }
+        return short_forms.simplified(ex.substitute(function, table))
+    return None
+
+
+def _form_of_velocities(matrix: blocks.Matrix, names: Sequence[str]) -> ex.Expression:
+    pairs = product(enumerate(names), repeat=2)
+    return ex.add(*(matrix[i][j] * ex.Velocity(a) * ex.Velocity(b) for (i, a), (j, b) in pairs))
+
+
+def _root_parts(function: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
+    """(k, b, s) of k sqrt(b + s S), else None."""
+    terms = collecting.expand(function)
+    if len(terms) != 1:
+        return None
+    monomial, value = terms[0]
+    roots = [base for base, exponent in monomial if exponent == ex.HALF.value and _holds_s(base)]
+    rest = tuple(pair for pair in monomial if pair[0] not in roots)
+    if len(roots) != 1 or _holds_s(collecting_trees.monomial_tree(rest)):
+        return None
+    slope = derivative.differentiate(roots[0], _S)
+    start = ex.substitute(roots[0], {_S: ex.ZERO})
+    if _holds_s(slope) or start == ex.ZERO:
+        return None
+    return value * collecting_trees.monomial_tree(rest), start, short_forms.simplified(slope)
+
+
+def _holds_s(tree: ex.Expression) -> bool:
+    return derivative.differentiate(tree, _S) != ex.ZERO
+
+
+def _of_root(
+    block: blocks.Block, radial: _Radial, k: ex.Expression, b: ex.Expression, s: ex.Expression
+) -> Iterator[blocks.Branch]:
+    """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
+    momenta = [block.momenta[name] for name in block.names]
+    form = blocks.quadratic_form(radial.inverse, momenta)
+    square = short_forms.simplified(b * (k**2 - 2 * form / s))
+    lead = short_forms.simplified(k * b)
+    for sign in (1, -1):
+        energy = sign * ex.square_root(square)
+        scale = short_forms.simplified(-2 * b / s)
+        rates = [scale * ex.dot(row, momenta) * energy**-1 for row in radial.inverse.entries]
+        condition = -sign * lead
+        if not (isinstance(condition, ex.Number) and condition.value < 0):
+            yield _shifted(radial, rates, energy, momenta, (condition,))
+
+
+def _shifted(
+    radial: _Radial,
+    rates: Sequence[ex.Expression],
+    energy: ex.Expression,
+    momenta: Sequence[ex.Symbol],
+    conditions: tuple[ex.Expression, ...],
+) -> blocks.Branch:
+    velocities = tuple(short_forms.simplified(u - h) for u, h in zip(rates, radial.shift, strict=True))
+    drift = ex.dot(momenta, radial.shift)
+    plain = energy - drift
+    return blocks.Branch(velocities, short_forms.shortest([plain, short_forms.simplified(plain)]), conditions)
+
+
+def _of_length(block: blocks.Block, radial: _Radial, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+    """Any other F, through w = sqrt(2 e S), for both signs e of S and d of F'."""
+    if len(block.names) == 1:
+        return
+    momenta = [block.momenta[name] for name in block.names]
+    form = blocks.quadratic_form(radial.inverse, momenta)
+    center = dict(zip(block.names, radial.shift, strict=True))
+    whole = _form_of_velocities(radial.matrix, block.names)
+    place: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) + h for n, h in center.items()}
+    for e, d in product((1, -1), repeat=2):
+        length = ex.square_root(short_forms.simplified(e * form))
+        squared = Fraction(e, 2) * ex.Power(_W, ex.number(2))
+        for inner in solve(ex.substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
+            known: dict[ex.Expression, ex.Expression] = {_PI_W: e * d * length}
+            w, energy = (ex.substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
+            rates = [d * w * length**-1 * ex.dot(row, momenta) for row in radial.inverse.entries]
+            size = ex.square_root(e * whole)
+            slope = ex.substitute(derivative.differentiate(radial.function, _S), {_S: ex.HALF * whole})
+            conditions = [*(ex.substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
+            conditions.append(e * whole)
+            placed = tuple(short_forms.simplified(ex.substitute(condition, place)) for condition in conditions)
+            yield _shifted(radial, rates, energy, momenta, placed)
+
+
+def ratio_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+    """The branches for each velocity that can play the part of v_k."""
+    for pivot in block.names if len(block.names) > 1 else ():
+        parts = _ratio_parts(block, pivot)
+        if parts is None:
+            continue
+        alone, homogeneous = parts
+        others = [name for name in block.names if name != pivot]
+        for inner in solve(homogeneous, others, block.momenta):
+            for outer in solve(alone, [pivot], block.momenta):
+                yield _with_ratios(block, pivot, inner, outer)
+
+
+def _ratio_parts(block: blocks.Block, pivot: str) -> tuple[ex.Expression, ex.Expression] | None:
+    """(g, phi(u)), u_j being written as the velocity of w_j; None where the block is not of the form."""
+    rate = ex.Velocity(pivot)
+    others = [name for name in block.names if name != pivot]
+    table: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): rate * ex.Velocity(name) for name in others}
+    alone: list[collecting_trees.Term] = []
+    homogeneous: list[collecting_trees.Term] = []
+    for monomial, value in collecting.expand(ex.substitute(block.function, table)):
+        rest = blocks.without(monomial, [pivot])
+        if not short_forms.velocities_in(collecting_trees.monomial_tree(monomial), others):
+            alone.append((monomial, value))
+        elif (rate, Fraction(1)) in monomial and not short_forms.velocities_in(
+            collecting_trees.monomial_tree(rest), [pivot]
+        ):
+            homogeneous.append((rest, value))
+        else:
+            return None
+    if not alone or not homogeneous:
+        return None
+    return collecting_trees.terms_tree(alone), collecting_trees.terms_tree(homogeneous)
+
+
+def _with_ratios(block: blocks.Block, pivot: str, inner: blocks.Branch, outer: blocks.Branch) -> blocks.Branch:
+    others = [name for name in block.names if name != pivot]
+    momentum = block.momenta[pivot]
+    shifted: dict[ex.Expression, ex.Expression] = {momentum: momentum + inner.hamiltonian}
+    velocities = {name: rate * ex.Velocity(pivot) for name, rate in zip(others, inner.velocities, strict=True)}
+    velocities[pivot] = ex.substitute(outer.velocities[0], shifted)
+    ratios: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) / ex.Velocity(pivot) for n in others}
+    conditions = [ex.substitute(condition, ratios) for condition in inner.conditions]
+    conditions += [ex.substitute(condition, shifted) for condition in outer.conditions]
+    rates = tuple(velocities[name] for name in block.names)
+    return blocks.Branch(rates, ex.substitute(outer.hamiltonian, shifted), tuple(conditions))
+
+
+@dataclass(frozen=True, slots=True)
+class Ray:
+    """d, and as functions of u, the velocity of `other`: g' and d g - u g'."""
+
+    pivot: str
+    other: str
+    degree: Fraction
+    above: ex.Expression
+    below: ex.Expression
+
+
+def rays(block: blocks.Block) -> Iterator[Ray]:
+    """For each velocity as v; none where the block is not of this kind."""
+    degree = homogeneous_degree(block.function, block.names) if len(block.names) == 2 else None
+    if degree is None or degree in (0, 1):
+        return
+    for pivot, other in (block.names, block.names[::-1]):
+        u = ex.Velocity(other)
+        along = short_forms.simplified(ex.substitute(block.function, {ex.Velocity(pivot): ex.ONE}))
+        slope = short_forms.simplified(derivative.differentiate(along, u))
+        below = short_forms.simplified(degree * along - u * slope)
+        yield Ray(pivot, other, degree, slope, below)
+
+
+def homogeneous_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+    """The branches, u and v found one after the other."""
+    for ray in rays(block):
+        u, v = ex.Velocity(ray.other), ex.Velocity(ray.pivot)
+        p, q = block.momenta[ray.pivot], block.momenta[ray.other]
+        equation = p * ray.above - q * ray.below
+        for ratio in one_velocity.roots_for(equation, u, ex.ZERO):
+            value = short_forms.simplified(ratio.value)
+            raised = q / ex.substitute(ray.above, {u: value})
+            for length in one_velocity.isolate(v ** (ray.degree - 1), v, raised):
+                rate = short_forms.simplified(length.value)
+                work = (p + q * value) * rate
+                rates = {ray.pivot: rate, ray.other: short_forms.simplified(value * rate)}
+                yield blocks.Branch(
+                    tuple(rates[name] for name in block.names),
+                    short_forms.simplified((ray.degree - 1) / ray.degree * work),
+                    (*(ex.substitute(c, {u: u / v}) for c in ratio.conditions), *length.conditions),
+                )
+
+
+def homogeneous_degree(tree: ex.Expression, names: Sequence[str]) -> Fraction | None:
+    """The degree in these velocities, None where the tree is not homogeneous in them."""
+    match tree:
+        case ex.Velocity(name) if name in names:
+            return Fraction(1)
+        case ex.Sum(terms):
+            found = {homogeneous_degree(term, names) for term in terms}
+            return found.pop() if len(found) == 1 else None
+        case ex.Product(factors):
+            degrees = [homogeneous_degree(factor, names) for factor in factors]
+            return None if None in degrees else sum((d for d in degrees if d), Fraction(0))
+        case ex.Power(base, ex.Number(exponent)):
+            inner = homogeneous_degree(base, names)
+            return None if inner is None else inner * exponent
+        case _:
+            return None if short_forms.velocities_in(tree, names) else Fraction(0)
