@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly
 
 from .formulas import Ended, Reader, read_tokens
-from .plan import Entry
+from .numbers import Entry
 
 if TYPE_CHECKING:
-    from .checker import Question
+    from .question import Question
 
 Polynomial = Any  # fmpq_mpoly
 MAX_TERMS = 3000  # of a polynomial; a longer one becomes a letter of which nothing is said
@@ -182,7 +182,7 @@ class Letters:
         return Quotient(self.generators[self.letter(f"{name}{primes}({listed})", inner)], self.one)
 
     def integral(self, name: str, orders: list[int], arguments: list[Quotient]) -> Quotient:
-        slope = Reader(self, self.question.integrals[name][1][1]).value
+        slope = Reader(self, self.question.integrals[name].slope).value
         inner = frozenset().union(*map(self.needs_of, [*arguments, slope]))
         return Quotient(
             self.generators[self.letter(f"{name}({', '.join(map(self.text, arguments))})", inner)], self.one

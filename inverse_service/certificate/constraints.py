@@ -8,9 +8,9 @@ from functools import cache
 from itertools import combinations, product
 from typing import Any
 
-from .checker import KindsOfRows, Question, Tools
 from .formulas import MAX_ORDER, check_shape
 from .numbers import Arithmetic, Number, Series
+from .question import KindsOfRows, Question, RowKind, Tools
 from .series import Elimination, Expansion, Row, Term
 
 PACE = 4  # brackets with Gamma that count as one order
@@ -56,10 +56,10 @@ class MotionExpansion(Expansion):
         for (y, of), x in product(by.items(), (*self.q, *self.v)):
             parts = [(one[x], other[y]) for pair in pairs for one, other in (pair, pair[::-1])]
             part = self.add([self.multiply(*both, self.degree - j) for both in parts], signs)
-            terms.append((1, part, (of, x)))
+            terms.append(Term(1, part, (of, x)))
             for a in self.mu if of in self.v else ():
                 bend = self.derivative(self.bends[a, of], x)
-                terms.append((-1, self.multiply(part, bend, self.degree - j), (a,)))
+                terms.append(Term(-1, self.multiply(part, bend, self.degree - j), (a,)))
         return terms
 
     def coefficients(self, degree: int) -> list[int]:
@@ -159,10 +159,14 @@ class Motion(Question):
         self.mixing = [[self.generator.getrandbits(60) for _ in self.coordinates] for _ in self.free]
 
     def listed_rows(self) -> KindsOfRows:
-        bivectors: KindsOfRows = {f"B{j}_{a}": (-(-j // PACE), max(2, j), [(b,) for b in range(a + 1, len(self.free))])
-                     for j in range(self.last, 1, -1) for a in range(len(self.free) - 1)}  # fmt: skip
-        return bivectors | {"free": (1, 2, [(i,) for i in range(len(self.free))]),
-                "dependent": (1, 2, [(a,) for a in range(len(self.bound))])}  # fmt: skip
+        found = KindsOfRows()
+        for j in range(self.last, 1, -1):
+            for a in range(len(self.free) - 1):
+                later = [(b,) for b in range(a + 1, len(self.free))]
+                found[f"B{j}_{a}"] = RowKind(-(-j // PACE), max(2, j), later)
+        found["free"] = RowKind(1, 2, [(i,) for i in range(len(self.free))])
+        found["dependent"] = RowKind(1, 2, [(a,) for a in range(len(self.bound))])
+        return found
 
     def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
         return MotionExpansion(arithmetic, degree)
@@ -174,7 +178,7 @@ class Along(Motion):
     def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
         last, pairs = document["along"], [*combinations(range(len(self.free)), 2)]
         check_shape(last, range(1, MAX_ORDER * PACE), "certificate.along")
-        return [("A", pair, j) for j in range(last + 1) for pair in pairs], last
+        return [Row("A", pair, j) for j in range(last + 1) for pair in pairs], last
 
     def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
         return FlowExpansion(arithmetic, degree)

@@ -27,7 +27,7 @@ from .formulas import Ended
 from .numbers import Residues, Undefined, Unsettled
 
 if TYPE_CHECKING:
-    from .checker import Question
+    from .question import Question
     from .series import Expansion
 
 Polynomial = Any  # fmpq_mpoly, in the parameters

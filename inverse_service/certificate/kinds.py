@@ -11,9 +11,9 @@ from functools import cached_property
 from itertools import combinations, combinations_with_replacement, product
 from typing import Any
 
-from .checker import KindsOfRows, Question, Tools
 from .formulas import MAX_NAMES, NUMBER, TEXT, Ended, Reader, check_shape, is_irrational, read_tokens, require
 from .numbers import Arithmetic, Series, Unsettled
+from .question import KindsOfRows, Question, RowKind, Tools
 from .series import Elimination, Expansion, Term
 
 KINDS = "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general"
@@ -58,9 +58,11 @@ class KindExpansion(Expansion):
             shifts = self.cubic if self.question.without_drag else [
                 self.add([self.along(parts, f), self.along(dict(enumerate(self.field)), parts.get(v, {})), f],
                          [1, -1, -(weight // 2)]) for v, f in zip(self.v, self.forces, strict=True)]  # fmt: skip
-            return [(1, shift, (by[0], v)) for v, shift in zip(self.v, shifts, strict=True)]
-        turned = [(1, self.derivative(parts.get(v, {}), c), (b, v)) for v in self.v for b, c in (by, by[::-1])]
-        return self.multiplied(parts, weight, by) + turned
+            return [Term(1, shift, (by[0], v)) for v, shift in zip(self.v, shifts, strict=True)]
+        terms = self.multiplied(parts, weight, by)
+        for v, (b, c) in product(self.v, (by, by[::-1])):
+            terms.append(Term(1, self.derivative(parts.get(v, {}), c), (b, v)))
+        return terms
 
     def curl(self, kind: str, k: int, i: int, j: int) -> Iterator[Term]:
         """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk); or w = q^k, cyclic."""
@@ -68,12 +70,15 @@ class KindExpansion(Expansion):
         for (a, b, c), sign in product(cycle, (1, -1)):
             (i, j), w = (a, b)[::sign], (self.v if kind == "C" else self.q)[c]
             for v, slope in zip(self.v, self.pushed, strict=True):
-                yield from ((sign, slope[j], (self.v[i], v, w)), (sign, self.derivative(slope[j], w), (self.v[i], v)))
-            yield from [(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))] * (kind == "C")
+                yield Term(sign, slope[j], (self.v[i], v, w))
+                yield Term(sign, self.derivative(slope[j], w), (self.v[i], v))
+            if kind == "C":
+                yield Term(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))
 
     def multiplied(self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()) -> list[Term]:
         """Y(L) - c L, of the derivative of L by some variables."""
-        return [*((1, part, (*by, a)) for a, part in parts.items()), (-weight, self.one, by)]
+        terms = [Term(1, part, (*by, a)) for a, part in parts.items()]
+        return [*terms, Term(-weight, self.one, by)]
 
 
 class OfKind(Question):
@@ -101,13 +106,17 @@ class OfKind(Question):
 
     def listed_rows(self) -> KindsOfRows:
         n, natural, even = len(self.coordinates), len(self.coordinates) * (self.kind in NATURAL), 2 * self.without_drag
-        found = {} if self.kind == "rayleigh_general" or (even and self.timed) else super().listed_rows()
+        plain = self.kind != "rayleigh_general" and not (even and self.timed)
+        found = super().listed_rows() if plain else {}
         count = natural + (self.kind in HOMOGENEOUS) + len(self.moves)
         for kind, k in product("CD" if "rayleigh" in self.kind else "", range(n)):  # (0, 0) is a row of zeros
-            found[kind + str(k)] = 1, 2, list(combinations(range(n if kind == "C" else k), 2)) or [(0, 0)]
-        found |= {f"K{s}": (1, 2, list(combinations_with_replacement(range(n), 2))) for s in range(count)}
-        found |= {f"S{s}": (0, 2, [(i, i) for i in range(n)]) for s in even * [0] or range(natural, count)}
-        return {kind: (order, depth + even, places) for kind, (order, depth, places) in found.items()}
+            pairs = list(combinations(range(n if kind == "C" else k), 2))
+            found[kind + str(k)] = RowKind(1, 2, pairs or [(0, 0)])
+        pairs = list(combinations_with_replacement(range(n), 2))
+        found |= {f"K{s}": RowKind(1, 2, pairs) for s in range(count)}
+        singles = [(i, i) for i in range(n)]
+        found |= {f"S{s}": RowKind(0, 2, singles) for s in even * [0] or range(natural, count)}
+        return {kind: one._replace(depth=one.depth + even) for kind, one in found.items()}
 
     def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
         return KindExpansion(arithmetic, degree)
@@ -125,13 +134,13 @@ class OfKind(Question):
         """Of L, E_i - dD/dv^i; then what has to be zero for L to be of the kind, and D quadratic and homogeneous."""
         drag = Reader(ring, self.drag).value if self.drag else {}
         for v, (value, sentence) in zip(ring.v, super().residuals(ring, lagrangian), strict=True):
-            yield ring.add([value, ring.value([(-1, ring.one, (v,))], drag)]), sentence
+            yield ring.add([value, ring.value([Term(-1, ring.one, (v,))], drag)]), sentence
         exact = [(parts, weight, lagrangian) for parts, weight, holds in ring.derivations if holds]
         for parts, weight, series in [*exact, *[(ring.speeds, 2, drag)] * (self.kind == "rayleigh")]:
             yield ring.value(ring.multiplied(parts, weight), series), "It is not homogeneous, or not invariant."
         thirds = combinations_with_replacement(ring.v, 3) if self.kind in NATURAL else ()
         for series, by in product([lagrangian, drag], thirds):
-            yield ring.value([(1, ring.one, by)], series), "It is not quadratic in the velocities."
+            yield ring.value([Term(1, ring.one, by)], series), "It is not quadratic in the velocities."
 
     def existence(self, document: dict[str, Any]) -> str:
         if self.moves or self.kind == "rayleigh":

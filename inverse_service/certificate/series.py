@@ -9,19 +9,48 @@ from fractions import Fraction
 from functools import cache
 from heapq import heappop, heappush
 from itertools import accumulate, combinations_with_replacement, pairwise, product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .formulas import MAX_POWER, Ended, Reader, require
 from .numbers import Arithmetic, Number, Series, Unsettled
 
 if TYPE_CHECKING:
-    from .checker import Question
+    from .question import Question
 
 MAX_MONOMIALS, MAX_DEGREE = 400_000, 1 << 20
-Term = tuple[int, Series, tuple[int, ...]]  # of a condition: weight times factor times the derivative of L by these
 Table = dict[int, list[tuple[Number, int, list[tuple[int, int]]]]]  # of a condition: see Expansion.condition
-Row = tuple[str, tuple[int, ...], int]  # the name of a row: kind, place among those of the kind, alpha
-Step = tuple[Any, int, frozenset[int]]  # of an elimination: the name of a row, its pivot, its other columns
+
+
+class Term(NamedTuple):
+    """Of a condition: weight times factor times the derivative of L by these variables."""
+
+    weight: int
+    factor: Series
+    by: tuple[int, ...]
+
+
+class Row(NamedTuple):
+    """The name of a row: the coefficient `alpha` of a condition of a kind, at a place among those of the kind."""
+
+    kind: str
+    place: tuple[int, ...]
+    alpha: int
+
+
+class Step(NamedTuple):
+    """Of an elimination: the name of a row, its pivot, and its columns."""
+
+    row: Any
+    pivot: int
+    columns: frozenset[int]
+
+
+class Symbol(NamedTuple):
+    """The dimensions of the symbol of a system, of its prolongation, and its characters."""
+
+    dimension: int
+    prolonged: int
+    characters: tuple[int, ...]
 
 
 class Count:
@@ -80,7 +109,7 @@ class Count:
         return 1, 0, 1, 0
 
     def integral(self, name: str, orders: list[int], arguments: list[Any]) -> Any:
-        return self.add([(1, 0, 1, 0), Reader(self, self.question.integrals[name][1][1]).value])
+        return self.add([(1, 0, 1, 0), Reader(self, self.question.integrals[name].slope).value])
 
 
 class Expansion:
@@ -206,7 +235,7 @@ class Expansion:
 
     def integral(self, name: str, orders: list[int], arguments: list[Series]) -> Series:
         """A function with one given derivative: at equal arguments the same, random where nothing is given."""
-        names, (known, slope) = self.question.integrals[name]
+        names, known, slope = self.question.integrals[name]
         written = len(arguments) == len(names) and not any(orders)
         written = written and all(a is self.names[b] for a, b in zip(arguments, names, strict=True))
         require(written, f"{name} is to be written with its own arguments.")
@@ -237,26 +266,29 @@ class Expansion:
         if kind in ("free", "dependent"):
             return self.euler_lagrange(kind, *place)
         (i, j), sign = ((self.v[a] for a in place), -1 if kind == "H3" else 1)
-        terms: list[Term] = [(2, rate, (i, j, a)) for a, rate in enumerate(self.field) if kind == "H2"]
+        along = enumerate(self.field) if kind == "H2" else ()
+        terms = [Term(2, rate, (i, j, a)) for a, rate in along]
         for k, v in enumerate(self.v):
             left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place))
-            terms += [(1, left, (i, v)), (sign, right, (j, v))]
+            terms += [Term(1, left, (i, v)), Term(sign, right, (j, v))]
         return terms
 
     def euler_lagrange(self, kind: str, i: int) -> list[Term]:
         """Gamma(d_v L) - d_q L, where velocities are dependent in v and mu: see FORMAT.md."""
         s = self.q[len(self.v) :]
         by, of = (self.v[i], self.q[i]) if kind == "free" else (self.mu[i], s[i])
-        terms: list[Term] = [(1, rate, (by, a)) for a, rate in enumerate(self.field)] + [(-1, self.one, (of,))]
+        terms = [Term(1, rate, (by, a)) for a, rate in enumerate(self.field)]
+        terms.append(Term(-1, self.one, (of,)))
         for rate, a, b in zip(self.rates, self.mu, s, strict=True):
             if kind == "free":  # (X(w^b) - Gamma(w^b_v)) d_mu L - w^b_v d_s L
                 slope = self.derivative(rate, by)
                 across = [self.derivative(rate, of), *(self.multiply(self.derivative(w, by), self.derivative(rate, c),
                           self.degree) for w, c in zip(self.rates, s, strict=True))]  # fmt: skip
                 curving = [*across, self.along(dict(enumerate(self.field)), slope)]
-                terms += [(-1, slope, (b,)), (1, self.add(curving, [1] * len(across) + [-1]), (a,))]
+                bend = self.add(curving, [1] * len(across) + [-1])
+                terms += [Term(-1, slope, (b,)), Term(1, bend, (a,))]
             else:
-                terms.append((1, self.derivative(rate, of), (a,)))
+                terms.append(Term(1, self.derivative(rate, of), (a,)))
         return terms
 
     def along(self, parts: dict[int, Series], series: Series) -> Series:
@@ -297,7 +329,8 @@ class Expansion:
         """All rows whose unknowns have just this highest degree, in an order that fills in little."""
         for kind, (order, _, places) in self.question.kinds_of_rows.items():
             for place in reversed(places):
-                yield from ((kind, place, alpha) for alpha in reversed([*self.monomials(degree - order)]))
+                for alpha in reversed([*self.monomials(degree - order)]):
+                    yield Row(kind, place, alpha)
 
     def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
         """Insert all rows of a degree but those that vanish on a random solution of the others.
@@ -307,7 +340,7 @@ class Expansion:
         """
         likely = list[Row]()
         for name in self.rows(degree):
-            if not idle.isdisjoint((*name[:2], name[2] - unit) for unit in (0, *self.units)):
+            if not idle.isdisjoint(name._replace(alpha=name.alpha - unit) for unit in (0, *self.units)):
                 likely.append(name)
             elif not elimination.insert(self.row(*name), name):
                 idle.add(name)
@@ -385,15 +418,14 @@ class Elimination:
 
     def follow(self, row: Series, step: Step) -> None:
         """In balls: the same as another elimination did, without what it found to be zero."""
-        row = self.reduced(row, step[1] >> self.shift << self.shift)
-        if step[1] not in row:
+        row = self.reduced(row, step.pivot >> self.shift << self.shift)
+        if step.pivot not in row:
             raise Unsettled
-        self.keep(row, step[1], step[2], step[0])
+        self.keep(row, step.pivot, step.columns, step.row)
 
     def script(self) -> list[Step]:
-        return [
-            (name, pivot, frozenset(row)) for name, pivot, row in zip(self.names, self.pivots, self.rows, strict=True)
-        ]
+        columns = map(frozenset, self.rows)
+        return [Step(*parts) for parts in zip(self.names, self.pivots, columns, strict=True)]
 
     def solution(self, columns: list[int]) -> Series:
         """A random solution in the columns, which are all up to some degree."""
@@ -410,7 +442,7 @@ def followed(ring: Expansion, steps: list[Step]) -> Elimination:
     echelon = Elimination(ring.arithmetic, ring.shift)
     for step in steps:
         ring.question.check_time()
-        echelon.follow(ring.row(*step[0]), step)
+        echelon.follow(ring.row(*step.row), step)
     return echelon
 
 
@@ -430,8 +462,11 @@ def symbol_rows(
 
 def symbol_of(
     system: Elimination, ring: Expansion, degree: int, directions: list[list[int]]
-) -> tuple[list[int], Elimination]:
-    """Dimension, that of the prolongation, characters; its dimension is sum_k k a_k if involutive."""
+) -> tuple[Symbol, Elimination]:
+    """The symbol, and the elimination of its equations with those of the parts that derivatives kill.
+
+    It is involutive if the dimension of its prolongation is sum_k k a_k, a_k the characters.
+    """
     field, unknown = system.arithmetic, len(ring.unknowns(degree))
     killed, above, left = Elimination(field, ring.shift), Elimination(field, ring.shift), list[int]()
     for name, row in symbol_rows(system, ring, degree, directions):
@@ -442,4 +477,4 @@ def symbol_of(
             above.insert(field.settle({key + unit: row[key] * (ring.exponent(key, a) + 1) for key in row}))
     left += [unknown - len(killed.rows)] * (len(directions) + 1 - len(left))
     prolonged = len(ring.unknowns(degree + 1)) - len(above.rows)
-    return [left[0], prolonged, *(a - b for a, b in pairwise(left))], killed
+    return Symbol(left[0], prolonged, tuple(a - b for a, b in pairwise(left))), killed

@@ -15,6 +15,7 @@ from time import thread_time
 from typing import TYPE_CHECKING, Any
 
 from inverse_service.certificate import checker
+from inverse_service.certificate import question as checks
 from inverse_service.certificate.formulas import (
     MAX_POWER,
     Ended,
@@ -155,13 +156,13 @@ def _examined(
 ) -> checker.CheckResult:
     """The verdict on the parts by the checker's two rules; never raises."""
 
-    def claims(ring: Ring) -> checker.Claims:
+    def claims(ring: Ring) -> checks.Claims:
         found = parts(ring)
         matrix = [[entry.get(0, 0) for entry in row] for row in found.matrix]
-        return checker.Claims(found.zeros, [(matrix, sentences[1])])
+        return checks.Claims(found.zeros, [(matrix, sentences[1])])
 
     def work(tools: Any) -> list[str]:
-        question = checker.Question(tools, canonical.system, True, canonical.claim)
+        question = checks.Question(tools, canonical.system, True, canonical.claim)
         question.prepare(parts, (), rational)
         question.settle(0, claims)
         return [sentences[0]]

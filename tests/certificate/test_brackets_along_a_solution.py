@@ -15,6 +15,7 @@ from flint import ctx
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.constraints import Along, FlowExpansion
 from inverse_service.certificate.numbers import Balls
+from inverse_service.certificate.question import Tools
 from inverse_service.constrained import existence
 from inverse_service.constrained.existence import analyze_motion, decide_motion
 from inverse_service.decision.solutions import SolveOptions
@@ -110,7 +111,7 @@ def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(syste
     given = dict(zip(map(str, variables), map(str, values), strict=True))
     near = {f"{name[1:]}'" if name[0] == "D" else name: value for name, value in given.items()}
     near |= dict.fromkeys(system.get("parameters", ()), PARAMETER)
-    asked = Along((random.Random(1), time.thread_time() + 60), system, True, HEAD | {"along": last, "near": near})
+    asked = Along(Tools(random.Random(1), time.thread_time() + 60), system, True, HEAD | {"along": last, "near": near})
     asked.prepare(lambda ring: None)
     with ctx.workprec(192):
         ring = asked.expansion(Balls(asked, asked.place, None), last)

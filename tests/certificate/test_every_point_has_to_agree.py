@@ -9,46 +9,48 @@ from typing import Any
 
 import pytest
 
-from inverse_service.certificate import checker
-from inverse_service.certificate.checker import CheckResult, Question, certified, check_certificate
+from inverse_service.certificate import checker, question
+from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.certificate.formulas import Ended
+from inverse_service.certificate.question import Question, Tools
+from inverse_service.certificate.series import Step, Symbol
 from tests.certificate.documents import Document, changed, existence, lagrangian, nonexistence, system
 
 PENDULUM = existence("van-der-pol", 2, [1, 2], [1, 1, 1])
 
 
 def asked() -> Question:
-    return Question((random.Random(1), time.thread_time() + 60), system("free"))
+    return Question(Tools(random.Random(1), time.thread_time() + 60), system("free"))
 
 
 def test_a_coefficient_is_left_out_in_balls_only_if_it_is_zero_at_every_point() -> None:
-    scripts = [[("row", 5, frozenset(others))] for others in ({1, 2}, {2, 3}, {4})]
-    assert asked().agreed(scripts) == [("row", 5, frozenset({1, 2, 3, 4}))]
+    scripts = [[Step("row", 5, frozenset(others))] for others in ({1, 2}, {2, 3}, {4})]
+    assert asked().agreed(scripts) == [Step("row", 5, frozenset({1, 2, 3, 4}))]
 
 
-@pytest.mark.parametrize("other", [[("row", 6, frozenset[int]())], [("other", 5, frozenset[int]())], []])
+@pytest.mark.parametrize("other", [[Step("row", 6, frozenset[int]())], [Step("other", 5, frozenset[int]())], []])
 def test_other_pivots_at_another_point_settle_nothing(other: list[Any]) -> None:
     with pytest.raises(Ended, match="different pivots") as end:
-        asked().agreed([[("row", 5, frozenset[int]())], other])
+        asked().agreed([[Step("row", 5, frozenset[int]())], other])
     assert end.value.args[0] == "incomplete"
 
 
-def with_sizes(monkeypatch: pytest.MonkeyPatch, document: Document, *sizes: list[int]) -> CheckResult:
+def with_sizes(monkeypatch: pytest.MonkeyPatch, document: Document, *symbols: Symbol) -> CheckResult:
     """The verdict where the symbol has these sizes, at one point after the other."""
-    found, plain = itertools.cycle(sizes), checker.symbol_of
-    monkeypatch.setattr(checker, "symbol_of", lambda *parts: (next(found), plain(*parts)[1]))
+    found, plain = itertools.cycle(symbols), question.symbol_of
+    monkeypatch.setattr(question, "symbol_of", lambda *parts: (next(found), plain(*parts)[1]))
     return check_certificate(document, seed=1)
 
 
 def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     claimed = changed(PENDULUM, "symbol.prolonged", 2)
-    found = with_sizes(monkeypatch, claimed, [1, 2, 1, 0])
+    found = with_sizes(monkeypatch, claimed, Symbol(1, 2, (1, 0)))
     assert found == CheckResult("invalid", ("The symbol is not involutive.",))
 
 
 def test_a_symbol_of_other_dimensions_at_another_point_settles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = existence("free-pair", 2, [3, 8], [5, 7, 3, 2])
-    assert with_sizes(monkeypatch, pair, [5, 7, 3, 2, 0, 0], [5, 8, 3, 2, 0, 0]).verdict == "incomplete"
+    assert with_sizes(monkeypatch, pair, Symbol(5, 7, (3, 2, 0, 0)), Symbol(5, 8, (3, 2, 0, 0))).verdict == "incomplete"
 
 
 @pytest.mark.slow
@@ -74,8 +76,8 @@ class Unlucky(random.Random):
 
 
 def test_directions_are_drawn_again_until_they_are_independent() -> None:
-    tools = Unlucky(1), time.thread_time() + 60
-    assert "involutive" in certified(existence("free-pair", 2, [3, 8], [5, 7, 3, 2]), tools, [])
+    tools = Tools(Unlucky(1), time.thread_time() + 60)
+    assert "involutive" in checker.certified(existence("free-pair", 2, [3, 8], [5, 7, 3, 2]), tools).reasons[0]
     assert tools[0].left == 0
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from flint import fmpz
 
-from inverse_service.certificate import checker
+from inverse_service.certificate import question as checks
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.numbers import Balls, Residues
 from tests.certificate.documents import Document, changed, existence, lagrangian, nonexistence
@@ -28,8 +28,8 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             made.append(0)
             super().__init__(question, place, classes)
 
-    monkeypatch.setattr(checker, "Residues", NotedResidues)
-    monkeypatch.setattr(checker, "Balls", NotedBalls)
+    monkeypatch.setattr(checks, "Residues", NotedResidues)
+    monkeypatch.setattr(checks, "Balls", NotedBalls)
     return made
 
 

@@ -9,7 +9,7 @@ from flint import arb, ctx
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.formulas import Ended
-from inverse_service.certificate.plan import Plan, exactly
+from inverse_service.certificate.numbers import Atom, Plan, exactly
 from tests.certificate.documents import lagrangian
 from tests.certificate.test_primes_and_choices import question
 
@@ -77,7 +77,7 @@ def test_of_a_dependent_angle_a_power_is_tested_that_leaves_multiples_of_one_par
 def test_a_multiple_of_pi_is_the_only_one_in_a_ball_whatever_its_middle_says(radius: str, known: bool) -> None:
     with ctx.workprec(600):
         angle = arb("1.5", arb(radius))
-        traces = [[(True, True, angle + k), (True, True, angle + k)] for k in range(8)]
+        traces = [[Atom(True, True, angle + k)] * 2 for k in range(8)]
         if known:
             assert Plan(traces, 600).entries[1].parts == ((5, Fraction(1)),)
             return

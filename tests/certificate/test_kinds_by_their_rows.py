@@ -16,6 +16,7 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.formulas import Reader, read_tokens
 from inverse_service.certificate.kinds import OfKind, is_definite
 from inverse_service.certificate.numbers import Balls, Unsettled
+from inverse_service.certificate.question import Tools
 from tests.certificate.test_forged_kinds import FINSLER, GENERAL, HOMOGENEOUS, PLACE, TURN, claim, definite, no, rows_of
 
 Document = dict[str, Any]
@@ -123,7 +124,7 @@ def test_the_rows_of_friction_vanish_on_an_l_with_friction() -> None:
     """Each of C, D and K is 0 on the derivatives of L at a point, and most are not on those of another L."""
     assert verdict(claim("rayleigh", NATURAL_L, *DISSIPATIVE, dissipation=FRICTION)) == "valid"
     given = claim("rayleigh", "", *DISSIPATIVE, kind="existence", near=POINT)
-    asked = OfKind((random.Random(1), time.thread_time() + 60), given["system"], False, given)
+    asked = OfKind(Tools(random.Random(1), time.thread_time() + 60), given["system"], False, given)
     asked.prepare(lambda ring: None)
     rows = [(f"C{k}", pair) for k in range(3) for pair in combinations(range(3), 2)] + [("D2", (0, 1))]
     rows += [(f"K{k}", pair) for k in range(3) for pair in combinations_with_replacement(range(3), 2)]

@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
-from inverse_service.certificate.checker import Question, check_certificate
+from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.numbers import Residues
-from inverse_service.certificate.series import Elimination, Expansion
+from inverse_service.certificate.question import Question, Tools
+from inverse_service.certificate.series import Elimination, Expansion, Symbol
 from inverse_service.certificate.series import symbol_of as sizes_of
 from tests.certificate.documents import Document, changed, check_result, existence, lagrangian, nonexistence, result
 from tests.certificate.test_nonexistence_certificates import BAD_ROWS
@@ -205,10 +206,10 @@ def test_symbols_whose_equations_have_several_terms_are_right(
     assert "dimensions" in reason(changed(document, "symbol.characters", characters))
 
 
-def symbol_of(*kept: list[int]) -> list[int]:
+def symbol_of(*kept: list[int]) -> Symbol:
     """Dimension, that of the prolongation and characters of the symbol of degree 2 with just these monomials of L."""
     system = existence("free-pair", 2, [], [0, 0])["system"]
-    question = Question((random.Random(1), float("inf")), system, timed=False)
+    question = Question(Tools(random.Random(1), float("inf")), system, timed=False)
     question.prepare(lambda ring: None)
     ring = Expansion(Residues(question, PRIME, 1, {}), 5)
     elimination = Elimination(ring.arithmetic, ring.shift)
@@ -223,20 +224,20 @@ def symbol_of(*kept: list[int]) -> list[int]:
 @pytest.mark.parametrize(
     ("kept", "sizes"),
     [
-        ([[2, 0, 2, 0]], [1, 1, 1, 0, 0, 0]),
-        ([[2, 0, 2, 0], [1, 1, 2, 0]], [2, 2, 2, 0, 0, 0]),
-        ([[2, 0, 2, 0], [1, 1, 2, 0], [0, 2, 2, 0]], [3, 4, 2, 1, 0, 0]),
-        ([], [0, 0, 0, 0, 0, 0]),
+        ([[2, 0, 2, 0]], Symbol(1, 1, (1, 0, 0, 0))),
+        ([[2, 0, 2, 0], [1, 1, 2, 0]], Symbol(2, 2, (2, 0, 0, 0))),
+        ([[2, 0, 2, 0], [1, 1, 2, 0], [0, 2, 2, 0]], Symbol(3, 4, (2, 1, 0, 0))),
+        ([], Symbol(0, 0, (0, 0, 0, 0))),
     ],
 )
-def test_symbols_have_their_dimensions(kept: list[list[int]], sizes: list[int]) -> None:
+def test_symbols_have_their_dimensions(kept: list[list[int]], sizes: Symbol) -> None:
     """All of x^2, of x^2 and x y, and of all squares, times x'^2: these are involutive."""
     assert symbol_of(*kept) == sizes
 
 
 def test_a_symbol_that_is_not_involutive_has_too_small_a_prolongation() -> None:
     """x y x'^2 alone: no cubic has all its derivatives in it, but one derivative kills it not yet."""
-    assert symbol_of([1, 1, 2, 0]) == [1, 0, 1, 0, 0, 0]
+    assert symbol_of([1, 1, 2, 0]) == Symbol(1, 0, (1, 0, 0, 0))
 
 
 EXPONENTIAL = {"x": "-pi*x'^2/2"}  # g = exp(pi x): L = exp(pi x) x'^2/2 solves the rows

@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 from flint import fmpz
 
-from inverse_service.certificate.checker import Question
 from inverse_service.certificate.formulas import Ended, Reader, read_tokens
-from inverse_service.certificate.plan import PI, Pair, Plan
+from inverse_service.certificate.numbers import PI, Pair, Plan
+from inverse_service.certificate.question import Question, Tools
 
 
 def question(formula: str = "x", near: str = "2") -> Any:
     """About one equation, with this formula read beside it."""
-    tools = (random.Random(1), time.thread_time() + 60)
+    tools = Tools(random.Random(1), time.thread_time() + 60)
     asked = Question(tools, {"coordinates": ["x"], "equations": {"x": "0"}}, True, {"near": {"x": near, "x'": "3"}})
     tokens = read_tokens(formula, "formula")
     asked.prepare(lambda ring: [Reader(ring, tokens).value], [tokens])

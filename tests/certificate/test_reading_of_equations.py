@@ -6,8 +6,9 @@ import random
 
 import pytest
 
-from inverse_service.certificate.checker import Question, check_certificate
+from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.formulas import Reader, read_tokens
+from inverse_service.certificate.question import Question, Tools
 from inverse_service.certificate.series import Count
 from tests.certificate.documents import changed, lagrangian, nonexistence
 from tests.certificate.test_known_attacks import TIMED, certificate, integral, of_lagrangian
@@ -92,7 +93,7 @@ def test_degrees_and_bits_of_numerator_and_denominator_are_counted(text: str) ->
     """Lemma 2 needs them: those of a product add, those of a sum are brought to one denominator, powers multiply."""
     system = {"coordinates": ["x", "y"], "equations": {"x": "0", "y": "0"}, "functions": {"A": ["r"]}}
     asked, formula = (
-        Question((random.Random(1), 1e9), system, claim={"near": {"x": "2", "y": "3"}}),
+        Question(Tools(random.Random(1), 1e9), system, claim={"near": {"x": "2", "y": "3"}}),
         read_tokens(text, ""),
     )
     asked.prepare(lambda ring: Reader(ring, formula).value, [formula])

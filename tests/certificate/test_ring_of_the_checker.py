@@ -6,7 +6,8 @@ from functools import reduce
 
 import pytest
 
-from inverse_service.certificate.checker import Question, check_certificate
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.question import Question
 from tests.certificate.documents import Document, check_result
 from tests.certificate.test_known_attacks import certificate, of_lagrangian, result_of
 from tests.certificate.test_second_attack import FLAT, times

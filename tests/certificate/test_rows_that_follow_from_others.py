@@ -6,7 +6,8 @@ import random
 
 import pytest
 
-from inverse_service.certificate.checker import Question, check_certificate
+from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.question import Question, Tools
 from inverse_service.certificate.series import Elimination, Expansion, Row
 from tests.certificate.documents import changed, existence, system
 
@@ -16,7 +17,7 @@ NAMES = ["henon-heiles", "free-pair", "spherical-pendulum", "damped-henon-heiles
 
 
 def expansion(name: str) -> Expansion:
-    question = Question((random.Random(1), float("inf")), system(name), timed=name == "damped-henon-heiles")
+    question = Question(Tools(random.Random(1), float("inf")), system(name), timed=name == "damped-henon-heiles")
     question.prepare(lambda ring: None)
     return question.modulo(ORDER + 2, lambda ring: ring, 1)[0]
 

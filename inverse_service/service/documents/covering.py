@@ -10,8 +10,9 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.certificate import cell
-from inverse_service.certificate.checker import CheckResult, Question
+from inverse_service.certificate.checker import CheckResult
 from inverse_service.certificate.formulas import Ended
+from inverse_service.certificate.question import Question, Tools
 from inverse_service.decision import deciding
 from inverse_service.expressions import tree as ex
 from inverse_service.field import real_point, tower
@@ -28,7 +29,7 @@ def lacking(
     """The members of the proven cell that do not follow from a stated domain; stated ones that were not proven."""
     if proof.cell is None:
         return [], {*range(len(stated))}
-    tools = random.Random(), thread_time() + max(1.0, limit)
+    tools = Tools(random.Random(), thread_time() + max(1.0, limit))
     question = Question(tools, certificate["system"], True, dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
     try:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service.certificate import cell, checker, formulas
+from inverse_service.certificate import question as checks
 from inverse_service.expressions import derivative
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
@@ -58,7 +59,7 @@ def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, st
 
 def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any) -> list[str]:
     formulas.check_shape(shown, _SHAPE, "hamiltonian")
-    question = checker.Question(tools, certificate["system"], True, dict(certificate))
+    question = checks.Question(tools, certificate["system"], True, dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
     lagrangian, energy = (
         formulas.read_tokens(certificate["lagrangian"], "lagrangian"),
@@ -71,7 +72,7 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
     formulas.require(holds <= bool(shown.get("implicit")), _VELOCITIES)
     formulas.require(holds >= bool(shown.get("implicit")), _IMPLICIT)
     listed = [text for text in shown.get("domain") or [] if "!=" not in text]
-    conditions = sorted({checker.read_condition(text) for text in listed})
+    conditions = sorted({checks.read_condition(text) for text in listed})
     speeds = [f"{name}'" for name in question.coordinates]
 
     before = list[cell.Need]()  # of L, the momenta, and what the stated domain says is positive
@@ -93,12 +94,12 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
         work = [ring.multiply(ring.names[v], x, ring.degree) for v, x in zip(speeds, p.values(), strict=True)]
         return whole, p, ring.add([formulas.Reader(ring, energy, **p).value, whole, *work], [1, 1] + [-1] * len(work))
 
-    def claims(ring: Any) -> checker.Claims:
+    def claims(ring: Any) -> checks.Claims:
         whole, p, difference = parts(ring)
         slopes = [{0: ring.arithmetic.settle({0: whole.get(ring.units[v], 0)}).get(0, 0)} for v in ring.v]
         pairs = zip(p.values(), slopes, strict=True)
         zeros = [ring.add([{0: value.get(0, 0)}, slope], [1, -1]) for value, slope in pairs]
-        return checker.Claims([(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], [])
+        return checks.Claims([(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], [])
 
     question.claimed, notes["proven"] = (claims, 1), True
     try:

@@ -1,0 +1,676 @@
+"""A system as a certificate states it, and the checks of certificates: `lagrangian`, `existence`, `nonexistence`.
+
+Formulas have no trees: the reader computes Taylor series about a point as it reads. Numbers are residues modulo a prime
+(`Residues`), which decide what is zero, or balls (`Balls`), which decide what is not.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+from flint import ctx, fmpz, fmpz_mat
+
+from .exceptions import Generic
+from .formulas import (
+    MAX_LISTED,
+    MAX_NAMES,
+    MAX_ORDER,
+    MAX_ROWS,
+    NAME,
+    NUMBER,
+    RESERVED,
+    SYSTEM,
+    TEXT,
+    Ended,
+    Nodes,
+    Reader,
+    bounded,
+    check_shape,
+    is_irrational,
+    is_root,
+    read_formulas,
+    read_tokens,
+    require,
+)
+from .numbers import (
+    SPARE,
+    Atom,
+    Balls,
+    Number,
+    Place,
+    Plan,
+    Residues,
+    Series,
+    Undefined,
+    Unsettled,
+    Witnesses,
+)
+from .series import (
+    Count,
+    Elimination,
+    Expansion,
+    Row,
+    Step,
+    Symbol,
+    followed,
+    symbol_of,
+    symbol_rows,
+)
+
+PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
+MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
+MAX_VISITS = 64  # of a root that is none of a power, before it is taken for dependent
+LOOKS = 64  # for points at which a formula is not defined
+MAX_ATOMS = 40  # between which all linear relations are looked for
+Tokens = tuple[str, ...]
+
+
+class Tools(NamedTuple):
+    """Where all random choices come from, and the end of the processor time."""
+
+    generator: random.Random
+    deadline: float
+
+
+class RowKind(NamedTuple):
+    """The order of a condition on g, that of the derivatives of f in it, and the places i, j of its rows."""
+
+    order: int
+    depth: int
+    places: Sequence[tuple[int, ...]]
+
+
+KindsOfRows = dict[str, RowKind]
+
+
+class Condition(NamedTuple):
+    """more > less."""
+
+    more: Tokens
+    less: Tokens
+
+
+class Root(NamedTuple):
+    """A root, and the formula, positive at the point, that it is said to be."""
+
+    root: Tokens
+    value: Tokens
+
+
+class Integral(NamedTuple):
+    """A function of the arguments, known by its derivative `slope` by one of them."""
+
+    arguments: list[str]
+    by: str
+    slope: Tokens
+
+
+class Found(NamedTuple):
+    """What the elimination of an existence certificate gives at one point."""
+
+    steps: list[Step]
+    killing: list[Step]  # those of the symbol
+    dimensions: list[list[int]]  # D_0 ... D_degree at the order claimed and the next one
+    regular: bool  # g(p) of a random solution
+    symbol: Symbol
+
+
+@dataclass(slots=True)
+class Claims:
+    """What has to be zero in the ring, and which matrices regular at the point; a sentence says what else is wrong."""
+
+    zeros: list[tuple[Series, str]]
+    regular: list[tuple[list[list[Number]], str]]
+
+
+def no_claims(ring: Expansion) -> Claims:
+    ring.question.read(ring)
+    return Claims([(tie, "A root is not what it is said to be.") for tie in ring.ties], [])
+
+
+class Question:
+    """A system q'' = f as read, whether L may depend on t, and the checks of certificates that answer this.
+
+    `claim` gives the set of the claim: `near`, `conditions`, `roots`.
+    """
+
+    jet, where = 2, ""  # the derivatives of L that are needed
+
+    def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
+        self.generator, self.deadline = tools
+        self.timed, self.nodes = timed, Nodes()
+        self.read_system(document)
+        contains_time = any("t" in force for force in self.motion)
+        require(timed or not contains_time, "f contains t: the question has to be time_dependent.")
+        self.variables = ["t"] * timed + self.coordinates + [name + "'" for name in self.free]
+        self.names = {"t", *self.variables, *self.parameters}
+        self.set_of_claim(claim or {})
+        self.integrals = dict[str, Integral]()
+        self.kinds_of_rows = self.listed_rows()
+        self.held = False
+        self.partly = False  # whether a matrix is regular for some choices of the roots only
+        self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
+        self.generic: Generic | None = None  # the proof, once it is found right
+        self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
+
+    def read_system(self, document: Any) -> None:
+        check_shape(document, SYSTEM, "system")
+        self.coordinates, self.parameters = document["coordinates"], document.get("parameters") or []
+        self.own_parameters = [*self.parameters]
+        self.functions, forces, rates = (document.get(key) or {} for key in ("functions", "equations", "velocities"))
+        check_shape(list(self.functions.items()), [(NAME, [NAME, 6]), MAX_NAMES], "system.functions")
+        names = [*self.coordinates, *self.parameters, *self.functions]
+        self.free, self.bound = self.coordinates[: len(forces)], self.coordinates[len(forces) :]
+        good = self.free and all(self.functions.values()) and len({*names} - RESERVED) == len(names)
+        good = good and ({*forces}, {*rates}) == ({*self.free}, {*self.bound})
+        require(good, "system has to declare names once, none with a meaning of its own, and an equation for each.")
+        self.force_texts = [read_tokens(forces[name], f"system.equations.{name}") for name in self.free]
+        self.force_texts += [read_tokens(rates[name], f"system.velocities.{name}") for name in self.bound]
+        self.letters, self.unsolved = {name + "''" for name in self.coordinates}, list[tuple[str, ...]]()
+        if not all(map(self.letters.isdisjoint, self.force_texts)):  # E(t, q, q', q'') = 0
+            require(not self.bound, "The equations of a motion on constraints have to be solved.")
+            free = not any(bounded(text, self.letters) for text in self.force_texts)
+            require(free, "Accelerations may stand in sums and products only.")
+            self.parameters = [*self.parameters, *sorted(self.letters)]
+            self.unsolved, self.force_texts = self.force_texts, [(name + "''", "") for name in self.coordinates]
+        self.motion = [*self.force_texts, *self.unsolved]
+
+    def listed_rows(self) -> KindsOfRows:
+        """The rows that a certificate may have."""
+        pairs: list[tuple[int, ...]] = [(i, j) for j in range(len(self.free)) for i in range(j + 1)]
+        distinct = [pair for pair in pairs if pair[0] < pair[1]]
+        return {"H2": RowKind(1, 1, pairs), "H3": RowKind(0, 2, distinct)}
+
+    def expansion(self, arithmetic: Balls | Residues, degree: int) -> Expansion:
+        """Series about a point, and the conditions in them."""
+        return Expansion(arithmetic, degree)
+
+    def set_of_claim(self, claim: dict[str, Any]) -> None:
+        near, shape = claim.get("near") or {}, {"conditions?": [TEXT, MAX_LISTED], "roots?": [{}, MAX_LISTED]}
+        check_shape(near, dict.fromkeys(near, NUMBER), "near")
+        require({*near} <= self.names, "near holds a name that the system does not know.")
+        self.near = {name: Fraction(value) for name, value in near.items()}
+        check_shape(claim, shape, "certificate")
+        self.conditions = [read_condition(text) for text in claim.get("conditions") or []]
+        self.roots = list[Root]()
+        for entry in claim.get("roots") or []:
+            check_shape(entry, {"root": TEXT, "is": TEXT}, "roots")
+            root = read_tokens(entry["root"], "roots.root")
+            self.roots.append(Root(root, read_tokens(entry["is"], "roots.is")))
+            require(is_root(root), "A root has to be sqrt(w) or (w)^(a/k).")
+        sides = (side for pair in (*self.conditions, *self.roots) for side in pair)
+        require(all(map(self.letters.isdisjoint, sides)), "The set of the claim is one of t, q, q' and parameters.")
+
+    def texts(self) -> list[tuple[str, ...]]:
+        """The formulas of the system and of the set of the claim."""
+        return [*self.motion, *(side for pair in (*self.conditions, *self.roots) for side in pair)]
+
+    def check_time(self) -> None:
+        if not time.thread_time() < self.deadline:
+            raise Ended("incomplete", "The time limit ended the check.")
+
+    def read_all(self, ring: Any) -> list[Any]:
+        """The conditions and roots, as logarithms of what they say is positive; then the right sides f."""
+        hinted = not self.rational or isinstance(getattr(ring, "arithmetic", None), Balls)
+        degree, ring.degree = ring.degree, 0
+        for more, less in self.conditions if hinted else ():
+            ring.elementary("log", ring.add([Reader(ring, more).value, Reader(ring, less).value], [1, -1]))
+        self.held = True  # the conditions
+        for root, said in self.roots if hinted else ():
+            ring.elementary("log", value := Reader(ring, said).value)
+            tie = ring.add([Reader(ring, root).value, value], [1, -1])
+            ring.ties.append(ring.multiply(tie, ring.constant(Fraction(1)), 0))
+        # All rings meet the same atoms in the same order, whatever their degree: the conditions are not remembered.
+        ring.degree, ring.memory = degree, None
+        found = read_formulas(ring, self.force_texts)
+        if self.bound:
+            rates = zip(self.bound, found[len(self.free) :], strict=True)
+            ring.names = ring.names | {name + "'": rate for name, rate in rates}
+        return found
+
+    def prepare(
+        self, read: Callable[[Any], object], formulas: Iterable[tuple[str, ...]] = (), rational: bool = True
+    ) -> None:
+        """Bounds by a count; where not all is rational in everything, a point and a plan of the atoms first.
+
+        `read` reads what the certificate has beside f, and is called with rings of all kinds.
+        """
+        self.rational, self.read = rational and not any(map(is_irrational, [*self.texts(), *formulas])), read
+        if self.conditions or self.near or not self.rational:
+            trace = self.locate()
+        if not self.rational:
+            self.make_plan(trace)
+            if self.plan.split > 1 and not self.independent():
+                self.plan.choices = self.plan.every_choice()
+        else:
+            self.modulo(0, read, 1)
+        self.read(Count(self))
+        if self.roots:
+            self.settle(0, no_claims)
+
+    def locate(self) -> list[Atom]:
+        """A real point where all is defined and the conditions hold: the one named, as far as it is named."""
+        free = self.names - {*self.near} or self.functions
+        for attempt in range(60 if free else 1):
+            values = {name: Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 30) + attempt % 2
+                      for name in sorted(self.names)}  # fmt: skip
+            self.place = Place(self.generator, values | self.near)
+            try:
+                trace: list[Atom] = self.in_balls(0, self.traced)
+                return trace
+            except (Undefined, Unsettled):
+                self.check_time()
+        raise Ended("incomplete", "No point was found at which every formula is defined and every condition holds.")
+
+    def look_around(self) -> int:
+        """At random points where the conditions hold, near and far, every formula has a value and all zeros hold."""
+        (claims, degree), seen = self.claimed, 0
+        for attempt in range(LOOKS):
+            self.check_time()
+            start = self.place.values if attempt % 2 else dict.fromkeys(self.names, Fraction(0))
+            most = 16 if attempt % 4 else 115
+            scales = [attempt % 16 if attempt % 2 else 15 - self.generator.randrange(most) for _ in self.names]
+            values = {name: start[name] + Fraction(self.generator.randrange(-9999, 9999), 7) / Fraction(2) ** scale
+                      for name, scale in zip(sorted(self.names), scales, strict=True)}  # fmt: skip
+            with ctx.workprec(PRECISIONS[0]):
+                try:
+                    self.held, arithmetic = False, Balls(self, Place(self.generator, values), None)
+                    zeros = claims(self.expansion(arithmetic, degree)).zeros
+                    good = all(value.contains(0) for zero, _ in zeros for value in zero.values())
+                    require(good, "What is claimed does not hold wherever the conditions hold.")
+                    seen += 1
+                except Undefined:
+                    require(not self.held, "The formulas are not defined wherever the conditions hold.")
+                except Unsettled:
+                    pass
+        return seen
+
+    def traced(self, ring: Expansion) -> list[Atom]:
+        self.read(ring)
+        trace: list[Atom] = ring.arithmetic.trace
+        return trace
+
+    def make_plan(self, trace: list[Atom]) -> None:
+        """The plan of the atoms, guessed from their values at the place and near it."""
+        different = {(atom.imaginary, atom.value.str(20, radius=False)) for atom in trace}
+        distinct = min(MAX_ATOMS, len(different))
+        bits, center = min(600 + 60 * distinct, 4000), self.place
+        with ctx.workprec(bits):
+            first = self.expansion(Balls(self, center, None), 0)
+            traces = [self.traced(first)]
+            for _ in range(20 * distinct + 200):
+                if len(traces) > distinct + SPARE:
+                    break
+                try:
+                    traces.append(self.traced(self.expansion(Balls(self, center.neighbor(), None), 0)))
+                except (Undefined, Unsettled):
+                    self.check_time()
+            self.plan = Plan(traces, bits, self.check_time)
+            self.plan.classes = first.arithmetic.met  # for which the plan holds
+        if self.plan.halved and not self.halves:
+            self.halves = True
+            self.make_plan(trace)
+
+    def independent(self) -> bool:
+        """Whether the roots r^N = w of functions are all of full degree: then one choice of them does for all.
+
+        w is no q-th power in the field before r if it is none modulo the prime at a point with all roots before r.
+        """
+        degrees = [pair.scale for pair in self.plan.pairs if pair.logarithm and not pair.number and pair.scale > 1]
+        open_ones = {(k, int(factor[0])) for k, degree in enumerate(degrees) for factor in fmpz(degree).factor()}
+        met = [0] * (len(degrees) + 1)
+        for _ in range(16 * self.plan.split + 64):
+            ring = Witnesses(self, self.prime(), self.generator.getrandbits(64), {})
+            try:
+                self.read(self.expansion(ring, 0))
+            except Undefined:
+                self.check_time()
+            open_ones -= {(ring.passed, q) for q in ring.found}
+            met = [count + (k <= ring.passed) for k, count in enumerate(met)]
+            if not open_ones or any(met[k] > MAX_VISITS for k, _ in open_ones):
+                break
+        return not open_ones
+
+    def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
+        """The work in balls at the point, with more digits until they suffice."""
+        for bits in PRECISIONS:
+            self.check_time()
+            with ctx.workprec(bits):
+                try:
+                    return work(self.expansion(Balls(self, self.place, classes), degree))
+                except Unsettled:
+                    pass
+        raise Unsettled
+
+    def proven_in_balls(self, degree: int, work: Callable[[Expansion], Any], sentence: str) -> Any:
+        try:
+            return self.in_balls(degree, work, self.plan.classes)
+        except (Undefined, Unsettled):
+            raise Ended("incomplete", sentence) from None
+
+    def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
+        """What the work gives at random points modulo so many random primes, for each choice of the roots there."""
+        found, prime, choices = list[Any](), 0, self.plan.choices
+        for attempt in range(2000 + 30 * self.plan.split):
+            prime = prime if attempt % 8 else self.prime()
+            seed, here, classes = self.generator.getrandbits(64), list[Any](), list[list[int]]()
+            try:
+                for choice in choices if degree and self.plan.split > 1 else ():  # whether there are these roots
+                    self.read(self.expansion(Residues(self, prime, seed, choice), 0))
+                for choice in choices:
+                    ring = self.expansion(Residues(self, prime, seed, choice), degree)
+                    here.append(work(ring))
+                    classes.append(ring.arithmetic.classes)
+            except Undefined:
+                self.check_time()
+                continue
+            for met in classes:
+                known = self.plan.classes or []  # one work reads further than another
+                if any(one != other for one, other in zip(known, met, strict=False)):
+                    raise Ended("incomplete", "Arguments of a function agree at one point and not at another.")
+                self.plan.classes = max(known, met, key=len)
+            found, prime = [*found, *here], self.prime()
+            if len(found) == count * len(choices):
+                return found
+        raise Ended("incomplete", "No point was found at which every formula is defined.")
+
+    def prime(self) -> int:
+        """A random prime of 61 bits modulo which all numbers have the roots that the plan takes of them."""
+        fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
+        step = math.lcm(24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine)
+        roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
+        if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:  # a text could hold all such primes
+            raise Ended("incomplete", "Roots of numbers are too many: too few primes have them all.")
+        for _ in range(1_000_000):
+            prime = self.generator.randrange((1 << 60) // step, (1 << 61) // step) * step + 1
+            if fmpz(prime).is_probable_prime() and all(pow(q, (prime - 1) // n, prime) == 1 for q, n in roots):
+                return prime
+            self.check_time()
+        raise Ended("incomplete", "No prime was found modulo which all numbers have their roots.")
+
+    def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
+        """Zeros by algebra, regular matrices by balls; what is not zero in the ring may be refuted by balls."""
+        doubts, self.claimed = dict[int, str](), (claims, degree)
+        needed, regular = dict[int, str](), set[int]()  # which matrices, and which are for some choice of the roots
+
+        def exact(ring: Expansion) -> None:
+            found = claims(ring)
+            doubts.update({k: text for k, (value, text) in enumerate(found.zeros) if ring.arithmetic.settle(value)})
+            needed.update({k: text for k, (_, text) in enumerate(found.regular)})
+            here = [ring.arithmetic.regular(matrix) for matrix, _ in found.regular]
+            regular.update(k for k, good in enumerate(here) if good)
+            self.partly |= not all(here)
+
+        def real(ring: Expansion) -> None:
+            found = claims(ring)
+            for k, sentence in doubts.items():
+                require(all(value.contains(0) for value in found.zeros[k][0].values()), sentence)
+            if doubts or not all(ring.arithmetic.regular(matrix) for matrix, _ in found.regular):
+                raise Unsettled
+
+        self.modulo(degree, exact, count)
+        for k, sentence in needed.items():
+            require(k in regular, sentence)
+        require(not (doubts and self.rational), next(iter(doubts.values()), ""))
+        if not self.rational:
+            told = f"It could not be settled whether this is so: {next(iter(doubts.values()))}" if doubts else (
+                "Balls at the real point do not show that a matrix is regular.")  # fmt: skip
+            self.proven_in_balls(degree, real, told)
+
+    def lagrangian(self, document: dict[str, Any]) -> str:
+        """All conditions on L itself hold, and the matrix L_(v_i v_j) is regular."""
+        formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
+        tokens = formula + self.read_integrals(document.get("integrals") or {})
+        require(self.letters.isdisjoint(tokens), "The Lagrangian contains accelerations.")
+        require(self.timed or "t" not in tokens, "The Lagrangian contains t, but the question does not.")
+
+        def claims(ring: Expansion) -> Claims:
+            lagrangian = Reader(ring, formula).value
+            found = self.residuals(ring, lagrangian)
+            zeros = [(ring.settle(v), t) for v, t in (self.against(ring, found, factors) if self.unsolved else found)]
+            singular = f"The Hessian of the Lagrangian is singular{self.where}."
+            return Claims(zeros, [(ring.hessian(lagrangian), singular)])
+
+        factors = self.read_factors(document)
+        lines = [text for pair in zip(factors, self.unsolved, strict=True) for text in pair]
+        self.prepare(lambda ring: [Reader(ring, text).value for text in (formula, *lines)], [tokens, *factors])
+        self.settle(self.jet, claims, 3 if self.rational else 2)
+
+        def regular(ring: Expansion) -> bool:
+            return bool(ring.arithmetic.regular(ring.hessian(Reader(ring, formula).value)))
+
+        self.generic = Generic(regular, self.jet, bool)
+        there = self.where and " there"
+        return f"The Euler-Lagrange equations of the Lagrangian hold{self.where} and its Hessian is regular{there}."
+
+    def residuals(self, ring: Expansion, lagrangian: Series) -> Iterator[tuple[Series, str]]:
+        """What has to be zero at the point, and what is wrong otherwise."""
+        for kind, names in (("free", self.free), ("dependent", self.bound)):
+            for i, name in enumerate(names):
+                sentence = f"The Euler-Lagrange equation of {name} does not hold{self.where}."
+                yield ring.value(ring.terms(kind, i), lagrangian), sentence
+
+    def read_factors(self, document: dict[str, Any]) -> list[tuple[str, ...]]:
+        """c_i(t, q, q') for each equation that is not solved, 1 where none are given."""
+        listed = document.get("factors", ["1"] * len(self.unsolved))
+        check_shape(listed, [TEXT, len(self.unsolved)], "certificate.factors")
+        require(len(listed) == len(self.unsolved), "There has to be a factor for each equation that is not solved.")
+        found = [read_tokens(text, "certificate.factors") for text in listed]
+        require(all(map(self.letters.isdisjoint, found)), "A factor contains accelerations.")
+        require(self.timed or not any("t" in text for text in found), "A factor contains t, but the question does not.")
+        return found
+
+    def against(
+        self, ring: Expansion, residuals: Iterable[tuple[Series, str]], factors: list[tuple[str, ...]]
+    ) -> Iterator[tuple[Series, str]]:
+        """Where the equations are not solved: what is zero if the residual is c E or -c E, for all q''."""
+        for (residual, sentence), factor, equation in zip(residuals, factors, self.unsolved, strict=True):
+            value = {0: Reader(ring, factor).value.get(0, 0)}
+            own = ring.multiply(value, {0: Reader(ring, equation).value.get(0, 0)}, 0)
+            yield ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0), sentence
+
+    def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
+        """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
+        check_shape(listed, {}, "integrals")
+        check_shape(listed, {key: {"arguments": [NAME + "'?", 6], "derivatives": {}} for key in listed}, "integrals")
+        check_shape(list(listed), [NAME, MAX_NAMES], "integrals")
+        taken = {*self.names, *self.functions} | RESERVED
+        require(taken.isdisjoint(listed), "An integral has the name of another thing.")
+        require(all(map({*listed}.isdisjoint, self.texts())), "Only the Lagrangian may hold integrals.")
+        tokens: tuple[str, ...] = ()
+        for name, one in listed.items():
+            arguments, slopes = one["arguments"], one["derivatives"]
+            require(0 < len(arguments) == len({*arguments}), f"integrals.{name} has to name its arguments once.")
+            require({*arguments} <= {"t", *self.variables}, f"integrals.{name} may hold t, q and q' only.")
+            require({*slopes} <= {*arguments}, f"integrals.{name} has a derivative by what is no argument.")
+            if len(slopes) != 1:
+                raise Ended("incomplete", f"integrals.{name} has to have one derivative.")
+            ((by, text),) = slopes.items()
+            slope = read_tokens(text, f"integrals.{name}")
+            known = {t for t in slope if t in listed}
+            require(known <= {*self.integrals}, f"integrals.{name} may hold integrals before it only.")
+            moving = {"t", *self.coordinates, *(name + "'" for name in self.coordinates)}
+            strange = {*slope} & moving - {*arguments}
+            require(not strange, f"integrals.{name} has a derivative that holds what is no argument.")
+            self.integrals[name] = Integral(arguments, by, slope)
+            tokens += (*arguments, *slope)
+        return tokens
+
+    def multi_index(self, exponents: list[int], most: int) -> int:
+        require(sum(exponents) <= most, f"A multi-index has to have a total of at most {most}.")
+        shift = 8 * (len(self.variables) + len(self.bound))
+        return sum(exponent << 8 * a for a, exponent in enumerate(exponents)) | sum(exponents) << shift
+
+    def agreed(self, scripts: Iterable[list[Step]]) -> list[Step]:
+        """The rows and pivots of eliminations at several points, which have to be the same."""
+        first, *others = scripts
+        for other in others:
+            if [(step.row, step.pivot) for step in other] != [(step.row, step.pivot) for step in first]:
+                raise Ended("incomplete", "The elimination takes different pivots at different points.")
+            pairs = zip(first, other, strict=True)
+            first = [one._replace(columns=one.columns | more.columns) for one, more in pairs]
+        return first
+
+    def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
+        """The rows of a document in the order of their elimination, and the degree to which f is needed."""
+        index, exponents, m = range(len(self.coordinates)), range(MAX_ORDER + 1), len(self.variables)
+        kinds = "|".join(self.kinds_of_rows)
+        arity = len(next(iter(self.kinds_of_rows.values())).places[0])
+        shape = (kinds, *[index] * arity, (exponents,) * m)
+        check_shape(document, {"order": exponents, "rows": [shape, MAX_ROWS]}, "certificate")
+        rows, degrees, depths = list[Row](), dict[Row, int](), [0]
+        places = {key: {*one.places} for key, one in self.kinds_of_rows.items()}
+        for kind, *place, alpha in document["rows"]:
+            order, depth, _ = self.kinds_of_rows[kind]
+            good = (*place,) in places[kind]
+            require(good, f"A row of {kind} does not stand at {place}: see FORMAT.md.")
+            row = Row(kind, (*place,), self.multi_index(alpha, document["order"] - order))
+            rows.append(row)
+            degrees[row] = sum(alpha) + order
+            depths.append(sum(alpha) + depth)
+        rows.sort(  # this fills in least
+            key=lambda row: (degrees[row], row.kind, *(-i for i in row.place), -row.alpha)
+        )
+        return rows, max(depths)
+
+    def nonexistence(self, document: dict[str, Any]) -> str:
+        rows, most = self.listed(document)
+        require(len(set(rows)) == len(rows), "A row is named twice.")
+
+        def work(ring: Expansion) -> tuple[list[Step], bool]:
+            echelon = Elimination(ring.arithmetic, ring.shift)
+            for row in rows:
+                echelon.insert(ring.row(*row), row)
+            return echelon.script(), ring.arithmetic.regular(ring.matrix(echelon))
+
+        def real(ring: Expansion) -> None:
+            echelon = followed(ring, steps)
+            if regular:  # or it raises Unsettled
+                ring.arithmetic.regular(ring.matrix(echelon))
+
+        self.prepare(lambda ring: None)
+        scripts, outcomes = zip(*self.modulo(most, work), strict=True)
+        steps, regular = self.agreed(scripts), any(outcomes)
+        if not self.rational:
+            self.proven_in_balls(most, real, "Balls at the real point do not show that the rows are independent.")
+        require(not regular, "The rows leave a regular multiplier g(p).")
+        self.generic = Generic(work, most, lambda outcome: not outcome[1], telescopes=True)
+        return f"{len(rows)} linear conditions, recomputed from the equations, leave only singular Hessians."
+
+    def existence(self, document: dict[str, Any]) -> str:
+        count, orders = range(10**9), range(1, MAX_ORDER + 1)
+        symbol = {"dimension": count, "prolonged": count, "characters": [count, len(self.variables)]}
+        shape = {"order": orders, "degree": orders, "dimensions": [count, MAX_ORDER + 1], "symbol": symbol}
+        check_shape(document, shape, "certificate")
+        order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
+        require(degree <= order, "degree has to be at most order.")
+        if self.is_one_coordinate(document):
+            self.prepare(lambda ring: None)
+            return "Of one coordinate every equation has a Lagrangian (Sonin 1886, Darboux 1894)."
+        idle, degrees = set[Row](), range(degree + 1)
+        most = order + 1 + max(depth - own for own, depth, _ in self.kinds_of_rows.values())
+        directions: list[list[int]] = []
+        while not directions or fmpz_mat(directions).det() == 0:
+            directions = [[self.generator.randrange(1, 1 << 20) for _ in self.variables] for _ in self.variables]
+
+        def work(ring: Expansion) -> Found:
+            elimination, found = Elimination(ring.arithmetic, ring.shift), list[list[int]]()
+            for step in range(order + 2):
+                ring.extend(elimination, step, idle)
+                kept = [pivot >> ring.shift for pivot in elimination.pivots]
+                found.append([*accumulate(len(ring.unknowns(k)) - kept.count(k + ring.offset) for k in degrees)])
+            regular = ring.arithmetic.regular(ring.matrix(elimination))
+            symbol, killed = symbol_of(elimination, ring, degree, directions)
+            return Found(elimination.script(), killed.script(), found[order:], regular, symbol)
+
+        def real(ring: Expansion) -> None:
+            echelon = followed(ring, steps)
+            killed = Elimination(ring.arithmetic, ring.shift)
+            names = dict(symbol_rows(echelon, ring, degree, directions))
+            for step in killing:
+                killed.follow(names[step.row], step)
+            if first.regular:  # or it raises Unsettled
+                ring.arithmetic.regular(ring.matrix(echelon))
+
+        self.prepare(lambda ring: None)
+        results: list[Found] = self.modulo(most, work)
+        first = results[0]
+        steps = self.agreed(result.steps for result in results)
+        killing = self.agreed(result.killing for result in results)
+        if any(sizes(result) != sizes(first) for result in results):
+            raise Ended("incomplete", "The dimensions are different at different points.")
+        if not self.rational:
+            self.proven_in_balls(most, real, "Balls at the real point do not show that the ranks are the generic ones.")
+        same = first.dimensions == [dimensions] * 2
+        require(same, "The dimensions are not those of this and the next order.")
+        require(first.regular, "No multiplier g(p) that is left is regular.")
+        found, claimed = first.symbol, claimed_symbol(document, len(first.symbol.characters))
+        require(claimed == found, "The symbol has other dimensions.")
+        prolonged = sum(k * a for k, a in enumerate(found.characters, 1))
+        require(found.prolonged == prolonged, "The symbol is not involutive.")
+        self.generic = Generic(work, most, lambda outcome: bool(sizes(outcome) == sizes(first)))
+        told = "The projected system is involutive and leaves a regular multiplier g(p)."
+        return told if document.get("series") is None else told + self.series(document["series"])
+
+    def is_one_coordinate(self, document: dict[str, Any]) -> bool:
+        """Whether it is x'' = f(t, x, x') with the dimensions of Gamma(g) + g df/dv = 0, which always has solutions."""
+        dimensions, symbol = [1, 2], Symbol(1, 1, (1, 0, 0))
+        if self.timed:
+            dimensions, symbol = [1, 3], Symbol(2, 3, (1, 1, 0))
+        alone = len(self.coordinates) == 1 and type(self) is Question
+        same = document["dimensions"] == dimensions and claimed_symbol(document, 3) == symbol
+        return alone and same and document.get("series") is None
+
+    def series(self, series: Any) -> str:
+        """The rows of the order that it claims vanish on the given coefficients, and g(p) is regular."""
+        point = dict.fromkeys({*self.variables, *self.parameters}, NUMBER)
+        shape = {"order": range(MAX_ORDER + 1), "prime?": range(1 << 127), "point": {**point, "pi?": NUMBER},
+                 "terms": [((range(MAX_ORDER + 3),) * len(self.variables), NUMBER), MAX_ROWS]}  # fmt: skip
+        check_shape(series, shape, "certificate.series")
+        order, prime, given = series["order"], series.get("prime") or self.prime(), series["point"]
+        good = prime >> 30 and prime < 1 << 63 and fmpz(prime).is_probable_prime()
+        require(good, "series.prime has to be null, or a prime between 2^30 and 2^63.")
+        circular = any("pi" in force for force in self.force_texts)
+        if self.where or self.functions or not self.rational or (circular and not series.get("prime")):
+            return " The series was not compared: of a motion, of functions, or of what is not rational."
+        require(not circular or given.get("pi") is not None, "series.point has to give a value of pi.")
+        field = Residues(self, prime, 0, {})
+        try:
+            known = {name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None}
+            field.values |= {name: field.number(x) for name, x in known.items()}
+            terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
+            ring = self.expansion(field, order + 2)
+        except Undefined:
+            raise Ended("invalid", "The series stands at a point where f is not defined.") from None
+        for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
+            require(ring.solved(ring.row(*name), terms), "The series does not solve the rows.")
+        require(field.regular(ring.hessian(terms)), "The series has a singular g(p).")
+        return " The series solves the rows."
+
+
+def sizes(found: Found) -> tuple[Any, ...]:
+    """What has to be the same at every point."""
+    return found.dimensions, found.regular, found.symbol
+
+
+def claimed_symbol(document: dict[str, Any], count: int) -> Symbol:
+    """The symbol of a certificate with so many characters: those that are left out are 0."""
+    claimed = document["symbol"]
+    listed = [*claimed["characters"], *[0] * (count - len(claimed["characters"]))]
+    return Symbol(claimed["dimension"], claimed["prolonged"], tuple(listed))
+
+
+def read_condition(text: str) -> Condition:
+    """Of A > B, or of B < A."""
+    sides = re.split("[<>]", text)
+    require(len(sides) == 2, "A condition has to be of the form A > B or A < B.")
+    more, less = (read_tokens(side, "conditions") for side in sides[:: 1 if ">" in text else -1])
+    return Condition(more, less)
