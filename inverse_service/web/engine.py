@@ -12,12 +12,11 @@ from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar
 
 from inverse_service import __version__, errors
-from inverse_service.service.jobs import finishing, model, opening, statements, tasks, workers
+from inverse_service.service.jobs import model, opening, statements, tasks, workers
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
-from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.supervisor import Supervisor
-from inverse_service.service.jobs.upkeep import Cleaner
+from inverse_service.service.jobs.store import Cleaner, JobStore
+from inverse_service.service.jobs.supervisor import LIMITS, Supervisor
 from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, pages, problems
 from inverse_service.web.known import KnownAnswers
@@ -255,7 +254,7 @@ class Engine:
     ) -> T:
         """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at a limit."""
         outcome = await self.run_quick(client, task, body, *more, seconds=seconds)
-        if outcome.status in finishing.LIMITS:
+        if outcome.status in LIMITS:
             raise problems.Refusal(
                 422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller."
             )
@@ -272,7 +271,7 @@ class Engine:
     ) -> T:
         """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a limit."""
         outcome = await self.run_quick(client, task, *arguments, seconds=seconds)
-        if outcome.status in finishing.LIMITS:
+        if outcome.status in LIMITS:
             raise problems.Refusal(503, "busy", late)
         found: T = value_of(outcome)
         return found
@@ -289,7 +288,7 @@ class Engine:
         if outcome.status == "deadline":
             call = Call(tasks.check_body_task, (body,), self.settings.time_limit, client=client)
             outcome = await self._run(self._working, call)
-        if outcome.status in finishing.LIMITS:
+        if outcome.status in LIMITS:
             return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
         found: dict[str, Any] = value_of(outcome)
         return found

@@ -98,7 +98,7 @@ def test_the_same_question_is_answered_from_the_store_until_it_is_asked_anew(sto
 def test_failures_are_kept_and_a_dismissed_job_is_accepted_again(store: JobStore) -> None:
     store.submit([request("a"), request("b")])
     a, b = store.claim("o", 2)
-    assert store.fail("a", a.attempt, b'{"detail": "x"}', USAGE)
+    assert store.finish("a", a.attempt, b'{"detail": "x"}', USAGE, status="failed")
     (job,) = store.submit([request("a")])
     assert (job.status, job.body) == ("failed", b'{"detail": "x"}')
     dismissed, is_over = store.dismiss("b")
@@ -121,7 +121,7 @@ def test_a_result_of_an_earlier_attempt_is_dropped(store: JobStore) -> None:
     (second,) = store.claim("o", 1)
     assert second.attempt > first.attempt
     assert not store.finish("a", first.attempt, b"old", USAGE)
-    assert not store.fail("a", first.attempt, b"old", USAGE)
+    assert not store.finish("a", first.attempt, b"old", USAGE, status="failed")
     again = store.release("a", first.attempt, crashed=True)
     assert again is not None
     assert (again.status, again.crashes) == ("running", 1)
@@ -292,7 +292,7 @@ def test_a_batch_counts_its_lines_and_answers_them_in_the_order_of_their_ends(st
     assert [(a.number, a.body) for a in store.batch_answers("B")] == [(3, b"bad"), (5, b"old")]
     attempts = {job.id: job.attempt for job in store.claim("o", 5)}
     assert sorted(attempts) == ["x", "y"], "the same question is computed once"
-    store.fail("y", attempts["y"], b"no", USAGE)
+    store.finish("y", attempts["y"], b"no", USAGE, status="failed")
     store.finish("x", attempts["x"], b"yes", USAGE)
     answers = store.batch_answers("B")
     assert [(a.number, a.status, a.body) for a in answers] == [

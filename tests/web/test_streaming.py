@@ -81,7 +81,7 @@ def test_a_long_problem_is_not_taken_for_a_cancelled_line(store: SqliteStore) ->
     store.create_batch("b", "solve", "", [BatchLine(1, '"a"', request)])
     (job,) = store.claim("test", 1)
     problem = {"status": 422, "detail": "Mend it. " * job_answers.SMALL}
-    store.fail(job.id, job.attempt, json.dumps(problem).encode(), Usage())
+    store.finish(job.id, job.attempt, json.dumps(problem).encode(), Usage(), status="failed")
     answers = store.batch_answers("b", largest=job_answers.SMALL)
     line = json.loads(asyncio.run(joined(job_answers.lines_of(engine_with(store), answers))))
     assert (line["status"], line["detail"]) == (422, f"Line 1: {problem['detail']}")

@@ -17,7 +17,6 @@ from __future__ import annotations
 import contextlib
 import gzip
 import hashlib
-import io
 import itertools
 import json
 import queue
@@ -32,23 +31,11 @@ from pathlib import Path
 from typing import IO, Any
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.service.documents.answers import as_bytes, of_input_error, problem_document
+from inverse_service.service.documents import answers
 from inverse_service.service.documents.plain_data import read_json
-from inverse_service.service.jobs.locks import DATABASE, lock, temporary_folder
-from inverse_service.service.jobs.model import (
-    BULK,
-    NO_BOUND,
-    Job,
-    JobOptions,
-    document_digest,
-    read_options,
-    split_options,
-)
+from inverse_service.service.jobs import locks, model, statements, tasks, workers
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.statements import BatchAnswer, BatchLine
 from inverse_service.service.jobs.supervisor import Supervisor
-from inverse_service.service.jobs.tasks import label_of, request_of
-from inverse_service.service.jobs.workers import Executor, Workers
 
 MAX_LINE_BYTES = 1_000_000
 STANDARD = "-"
@@ -73,7 +60,7 @@ class Line:
     @property
     def digest(self) -> str:
         """What the line asks, its options included, its id left out: an answer holds only for this."""
-        return hashlib.sha256(self.raw).hexdigest() if self.document is None else document_digest(self.document)
+        return hashlib.sha256(self.raw).hexdigest() if self.document is None else model.document_digest(self.document)
 
 
 def open_source(path: Path) -> contextlib.AbstractContextManager[IO[bytes]]:
@@ -169,16 +156,11 @@ class BatchTerms:
     """What holds for all lines: kind, options of a line that has none, who asks, how many there may be."""
 
     kind: str
-    options: JobOptions
-    server: JobOptions
+    options: model.JobOptions
+    server: model.JobOptions
     client: str
     most: int
     fresh: bool
-
-
-def lines_of_ndjson(body: bytes) -> Iterator[Line]:
-    """Every line that is not empty; a bad one has a fault."""
-    return read_lines(io.BytesIO(body))
 
 
 def lines_of_array(values: Any) -> Iterator[Line]:
@@ -189,9 +171,9 @@ def lines_of_array(values: Any) -> Iterator[Line]:
     return (marked(line_of(number, value), first_with) for number, value in enumerate(values, 1))
 
 
-def batch_lines(lines: Iterable[Line], terms: BatchTerms) -> list[BatchLine]:
+def batch_lines(lines: Iterable[Line], terms: BatchTerms) -> list[statements.BatchLine]:
     """The lines as the store takes them. Raises LimitError for too many, InputError for none."""
-    found: list[BatchLine] = []
+    found: list[statements.BatchLine] = []
     for line in lines:
         if len(found) >= terms.most:
             raise LimitError(f"The batch has more than {terms.most} lines; send it in parts.")
@@ -201,21 +183,21 @@ def batch_lines(lines: Iterable[Line], terms: BatchTerms) -> list[BatchLine]:
     return found
 
 
-def batch_line(line: Line, terms: BatchTerms) -> BatchLine:
+def batch_line(line: Line, terms: BatchTerms) -> statements.BatchLine:
     """A line as its question, or as the problem document of one that is none."""
     identifier = json.dumps(line.identifier)
     try:
         if line.fault is not None:
             raise line.fault
-        document, given = split_options(line.document)
-        options = terms.options if given is None else read_options(given, terms.server)
-        request = request_of(terms.kind, document, options, terms.client, BULK, terms.fresh)
+        document, given = model.split_options(line.document)
+        options = terms.options if given is None else model.read_options(given, terms.server)
+        request = tasks.request_of(terms.kind, document, options, terms.client, model.BULK, terms.fresh)
     except InputError as error:
-        return BatchLine(line.number, identifier, problem=as_bytes(of_input_error(error)))
-    return BatchLine(line.number, identifier, request)
+        return statements.BatchLine(line.number, identifier, problem=answers.as_bytes(answers.of_input_error(error)))
+    return statements.BatchLine(line.number, identifier, request)
 
 
-def answer_line(answer: BatchAnswer) -> bytes:
+def answer_line(answer: statements.BatchAnswer) -> bytes:
     """JSON with the `id` and the number of the line in front, and a line feed at the end."""
     if answer.status != "successful" or answer.body is None:
         return error_line(answer.number, answer.identifier, _problem(answer), digest=answer.digest)
@@ -225,7 +207,7 @@ def answer_line(answer: BatchAnswer) -> bytes:
     return head + (b", " + inside if inside else b"") + b"}\n"
 
 
-def line_head(answer: BatchAnswer) -> bytes:
+def line_head(answer: statements.BatchAnswer) -> bytes:
     """What stands before the result in its line: the result follows without its first bracket, after a comma."""
     digest = f', "digest": "{answer.digest}"' if answer.digest else ""
     return f'{{"id": {answer.identifier}, "line": {answer.number}{digest}'.encode()
@@ -239,12 +221,12 @@ def error_line(
     line: dict[str, Any] = {"id": json.loads(identifier), "line": number}
     more = {"digest": digest or None, "duplicate_of": duplicate_of}
     line |= {key: value for key, value in more.items() if value is not None}
-    return as_bytes(line | told | {"error": told}) + b"\n"
+    return answers.as_bytes(line | told | {"error": told}) + b"\n"
 
 
-def _problem(answer: BatchAnswer) -> dict[str, Any]:
+def _problem(answer: statements.BatchAnswer) -> dict[str, Any]:
     if answer.body is None:
-        return problem_document(410, "dismissed", "The job of this line was dismissed.")
+        return answers.problem_document(410, "dismissed", "The job of this line was dismissed.")
     found: dict[str, Any] = json.loads(answer.body)
     return found
 
@@ -405,7 +387,7 @@ def replaced_path(path: Path) -> Path:
 
 def _label(answer: dict[str, Any]) -> str:
     if "error" not in answer:
-        return label_of(answer)
+        return tasks.label_of(answer)
     return "fault" if answer["error"]["status"] >= 500 else "error"
 
 
@@ -425,7 +407,7 @@ def _locked(path: Path) -> Iterator[IO[bytes]]:
         raise InputError(f"The output file cannot be written: {reason}.") from None
     with stream:
         try:
-            lock(stream.fileno())
+            locks.lock(stream.fileno())
         except OSError:
             detail = "Another batch is writing to the output file; wait for it or choose another file."
             raise InputError(detail) from None
@@ -449,7 +431,7 @@ class BatchPlan:
 
     source: Path
     output: Path
-    options: JobOptions
+    options: model.JobOptions
     workers: int
     cluster: str | None = None
     again: frozenset[str] = frozenset()
@@ -545,9 +527,11 @@ def _refuse_other_layouts(line: Line) -> None:
 class BatchEngine:
     """Hands lines over to the supervisor, a bounded number at a time, and takes the answers."""
 
-    def __init__(self, store: SqliteStore, options: JobOptions, executor: Executor, kind: str = "solve") -> None:
+    def __init__(
+        self, store: SqliteStore, options: model.JobOptions, executor: workers.Executor, kind: str = "solve"
+    ) -> None:
         self._store, self._executor = store, executor
-        self._terms = BatchTerms(kind, options, options, "", NO_BOUND, False)
+        self._terms = BatchTerms(kind, options, options, "", model.NO_BOUND, False)
         self._changed: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._open: dict[str, list[Line]] = {}
         self.duplicates = 0
@@ -589,8 +573,8 @@ class BatchEngine:
 @contextlib.contextmanager
 def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
     """A store, a supervisor and its processes for the time of one run."""
-    with temporary_folder() as folder:
-        store = SqliteStore(folder / DATABASE, durable=False)
+    with locks.temporary_folder() as folder:
+        store = SqliteStore(folder / locks.DATABASE, durable=False)
         working = _executor(plan)
         try:
             working.start()
@@ -606,14 +590,14 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
             store.close()
 
 
-def _executor(plan: BatchPlan) -> Executor:
+def _executor(plan: BatchPlan) -> workers.Executor:
     if plan.cluster is None:
-        return Workers(plan.workers, plan.options.memory_limit)
+        return workers.Workers(plan.workers, plan.options.memory_limit)
     from inverse_service.service.jobs.opening import open_cluster
 
     return open_cluster(plan.cluster, plan.options.memory_limit)
 
 
-def _answer(line: Line, job: Job) -> bytes:
+def _answer(line: Line, job: model.Job) -> bytes:
     identifier = json.dumps(line.identifier)
-    return answer_line(BatchAnswer(line.number, identifier, job.status, job.body, digest=line.digest))
+    return answer_line(statements.BatchAnswer(line.number, identifier, job.status, job.body, digest=line.digest))

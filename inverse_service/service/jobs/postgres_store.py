@@ -21,7 +21,7 @@ from psycopg.rows import dict_row
 from inverse_service import errors
 from inverse_service.service.jobs import statements
 from inverse_service.service.jobs.model import StoreUnavailable, WrongVersion
-from inverse_service.service.jobs.store import Changed, JobStore
+from inverse_service.service.jobs.store import JobStore
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -57,9 +57,8 @@ class Changes:
         self._thread = threading.Thread(target=self._listen, name="store-changes", daemon=True)
         self._thread.start()
 
-    def announce(self, connection: Connection, ids: Iterable[str]) -> None:
-        """Tell the others, when the transaction is committed."""
-        told = list(ids)
+    def announce(self, connection: Connection, told: list[str]) -> None:
+        """Tell the others of these jobs, when the transaction is committed."""
         if told:
             notices = [f"{self._origin}:{id}" for id in (told if len(told) <= MOST_NOTICES else [""])]
             connection.execute("SELECT pg_notify(%s, notice) FROM unnest(%s::text[]) AS notice", (CHANNEL, notices))
@@ -193,6 +192,7 @@ class _Session:
     """See `statements.Session`."""
 
     connection: Connection
+    told: list[str]
 
     def rows(self, query: str, *arguments: Any) -> list[Any]:
         return self.connection.execute(_translated(query), arguments).fetchall()
@@ -271,17 +271,17 @@ class PostgresStore(JobStore):
         self._connections.close()
 
     def _read(self, function: Callable[[_Session], T]) -> T:
-        return self._connections.read(lambda connection: function(_Session(connection)))
+        return self._connections.read(lambda connection: function(_Session(connection, [])))
 
-    def _write(self, change: Callable[[_Session], T], changed: Changed[T] | None = None, durable: bool = True) -> T:
+    def _write(self, change: Callable[[_Session], T], durable: bool = True) -> T:
         def announced(connection: Connection) -> tuple[T, list[str]]:
-            value = change(_Session(connection))
-            ids = list(changed(value)) if changed is not None else []
-            self._changes.announce(connection, ids)
-            return value, ids
+            session = _Session(connection, [])
+            value = change(session)
+            self._changes.announce(connection, session.told)
+            return value, session.told
 
-        value, ids = self._connections.write(announced, durable)
-        self.tell(ids)
+        value, told = self._connections.write(announced, durable)
+        self.tell(told)
         return value
 
     def _used_bytes(self) -> int:

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from inverse_service.service.jobs import statements
 from inverse_service.service.jobs.locks import SupervisorLock
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
-from inverse_service.service.jobs.store import Changed, JobStore
+from inverse_service.service.jobs.store import JobStore
 
 MOST_AT_ONCE = 200
 SAVE, UNDO, KEEP = "SAVEPOINT change", "ROLLBACK TO change", "RELEASE change"
@@ -124,6 +124,7 @@ class _Session:
     """See `statements.Session`; there is one writer, so that nothing needs a lock."""
 
     connection: sqlite3.Connection
+    told: list[str]
 
     def rows(self, query: str, *arguments: Any) -> list[Any]:
         return self.connection.execute(_translated(query), _adapted(arguments)).fetchall()
@@ -288,11 +289,12 @@ class SqliteStore(JobStore):
             self._lock.release()
 
     def _read(self, function: Callable[[_Session], T]) -> T:
-        return function(_Session(self._reader()))
+        return function(_Session(self._reader(), []))
 
-    def _write(self, change: Callable[[_Session], T], changed: Changed[T] | None = None, durable: bool = True) -> T:
-        value = self._writer.write(lambda connection: change(_Session(connection)), durable)
-        self.tell(changed(value) if changed is not None else ())
+    def _write(self, change: Callable[[_Session], T], durable: bool = True) -> T:
+        told = list[str]()
+        value = self._writer.write(lambda connection: change(_Session(connection, told)), durable)
+        self.tell(told)
         return value
 
     def _used_bytes(self) -> int:

@@ -17,6 +17,7 @@ Batches: their data, their identity, and what a store does with them and their l
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -26,6 +27,7 @@ from inverse_service import errors
 from inverse_service.service.jobs import model
 from inverse_service.service.jobs.outcome import Usage
 
+NO_BOUNDS, NO_USE = model.Bounds(), Usage()
 VERSION: Final = 3
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS jobs (
@@ -151,7 +153,6 @@ ACCEPT: Final = (
     "finished = NULL, attempt = jobs.attempt + 1, crashes = 0, restarts = 0, owner = NULL "
     f"WHERE jobs.{FINISHED} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())"
 )
-DRAINED: Final = "SELECT value FROM counters WHERE name = 'drained'"
 ACCEPT_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_104
 # Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
 FAR, FAR_AT_LEAST = 10, 1000
@@ -159,6 +160,10 @@ FAR, FAR_AT_LEAST = 10, 1000
 
 class Session(Protocol):
     """The connection of one transaction."""
+
+    @property
+    def told(self) -> list[str]:
+        """The ids of jobs that it changed; "": something did."""
 
     def rows(self, query: str, *arguments: Any) -> list[Any]:
         """All rows, each a mapping by column."""
@@ -194,11 +199,13 @@ def read_job(session: Session, id: str, with_body: bool = True, client: str | No
 
 
 def submit(
-    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool = False
-) -> tuple[list[model.Job], list[str]]:
-    """The jobs, and the ids of those accepted by this call. The jobs stay locked until the commit.
+    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds = NO_BOUNDS, of_batch: bool = False
+) -> list[model.Job]:
+    """The job of each request, in order; all are stored, or none is (TooManyJobs).
 
-    Those of a batch come without bodies, for its lines wait.
+    A job that is open or answered already is returned as it is (with its `body`), unless the request is `fresh` and it
+    is answered, or it was dismissed: then it is accepted again. Those of a batch come without bodies, for its lines
+    wait. The jobs stay locked until the commit.
     """
     wanted = {request.id: request for request in reversed(requests)}
     known = lock_jobs(session, list(wanted))
@@ -214,7 +221,8 @@ def submit(
     if not of_batch:
         waiting = [(request.id, request.client) for request in requests if found[request.id].is_open]
         session.many("INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0", waiting)
-    return [found[request.id] for request in requests], [request.id for request in new]
+        session.told.extend(request.id for request in new)
+    return [found[request.id] for request in requests]
 
 
 def refuse_without_room(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
@@ -269,9 +277,12 @@ def _room(session: Session, clients: set[str], bounds: model.Bounds) -> int:
     return room
 
 
-def claim(session: Session, owner: str, limit: int, client_running: int) -> list[model.Job]:
-    """The next jobs, now running; those that another front end takes at this moment are passed over.
+def claim(session: Session, owner: str, limit: int, client_running: int = model.NO_BOUND) -> list[model.Job]:
+    """Up to `limit` accepted jobs, now running and owned by `owner`; of one client at most `client_running` run.
 
+    Those of the client that has the fewest running, of these the smallest priority, then the oldest; an operator's rank
+    goes before all of that. `attempt` is one higher than before. Those that another front end takes at this moment are
+    passed over; none while the store is drained. A claim that is lost leaves the job accepted.
     Where running jobs of a client are bounded, front ends claim one after the other, so that it holds for all together.
     """
     if client_running < model.NO_BOUND:
@@ -285,11 +296,12 @@ def claim(session: Session, owner: str, limit: int, client_running: int) -> list
         f"FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
         owner, ids,
     ) if ids else []  # fmt: skip
+    session.told.extend(ids)
     return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
 
 
 def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
-    """Renew the claims that are still this owner's; the ids of the others."""
+    """Renew those of these claims (id, attempt) that are still this owner's; the ids of the others."""
     ids = sorted({id for id, _ in running})
     lock_jobs(session, ids)
     rows = session.rows(
@@ -301,16 +313,16 @@ def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) 
     return [id for id, attempt in running if (id, attempt) not in kept]
 
 
-def end(
-    session: Session,
-    id: str,
-    attempt: int,
-    status: model.JobStatus,
-    body: bytes,
-    usage: Usage,
-    kept: float | None,
-) -> bool:
-    """running -> successful or failed, for the current attempt only; kept for so many seconds, None: always."""
+def finish(
+    session: Session, id: str, attempt: int, body: bytes, usage: Usage,
+    kept: float | None = None, events: Sequence[model.Event] = (), status: model.JobStatus = "successful",
+) -> bool:  # fmt: skip
+    """running -> successful or failed, with the last events; False where the attempt is no longer the current one.
+
+    After `kept` s (None: never) the question is computed again where it is asked again.
+    """
+    add_events(session, [(id, event) for event in events])
+    session.told.append(id)
     changed = first(
         session,
         "UPDATE jobs SET status = ?, finished = moment(), expires = moment() + CAST(? AS DOUBLE PRECISION), "
@@ -332,15 +344,59 @@ def end(
 
 
 def add_events(session: Session, events: Sequence[tuple[str, model.Event]]) -> None:
-    """Append events of jobs; those that are there already stay."""
+    """Append events (job id, event); those that are there already stay."""
+    session.told.extend({id for id, _ in events})
     rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
     session.many("INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING", rows)
 
 
+def read_events(session: Session, id: str, after: int = 0, limit: int = 1000) -> list[model.Event]:
+    """Events of a job with greater numbers than `after`, in order."""
+    query = "SELECT number, kind, data FROM events WHERE id = ? AND number > ? ORDER BY number LIMIT ?"
+    rows = session.rows(query, id, after, limit)
+    return [model.Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
+
+
+def list_jobs(
+    session: Session, *, status: model.JobStatus | None = None, kind: str | None = None, client: str | None = None,
+    cursor: str | None = None, limit: int = 50,
+) -> tuple[list[model.Job], str | None]:  # fmt: skip
+    """One page, newest first, without bodies, and the cursor of the next one: the id of its last job.
+
+    ValueError: a bad cursor.
+    """
+    last = None if cursor is None else read_job(session, cursor, with_body=False)
+    if cursor is not None and (last is None or client not in (None, last.client)):
+        raise ValueError("not a cursor of this list")
+    wanted = {"status": status, "kind": kind, "client": client, "sequence": last and last.sequence}
+    chosen = {name: value for name, value in wanted.items() if value is not None}
+    where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
+    query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
+    found = jobs_of(session.rows(query, *chosen.values(), limit + 1))
+    return found[:limit], found[limit - 1].id if len(found) > limit else None
+
+
+def counts(session: Session) -> dict[model.JobStatus, int]:
+    """Number of jobs in each status."""
+    rows = session.rows("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
+    return {row["status"]: row["jobs"] for row in rows}
+
+
+def oldest(session: Session) -> float | None:
+    """When the job was accepted that waits longest; None where none waits."""
+    found: float | None = first(session, "SELECT min(created) AS oldest FROM jobs WHERE status = 'accepted'")["oldest"]
+    return found
+
+
 def release(
-    session: Session, id: str, attempt: int, crashed: bool, usage: Usage, left: bytes | None
+    session: Session, id: str, attempt: int, crashed: bool, usage: Usage = NO_USE, left: bytes | None = None
 ) -> model.Job | None:
-    """running -> accepted; what the run took is counted also where the job was dismissed meanwhile."""
+    """running -> accepted after the worker died; counts a crash where `crashed`.
+
+    What the run took is counted also where the job was dismissed meanwhile; that one keeps as its result what is
+    `left`: what was finished of it.
+    """
+    session.told.append(id)
     session.run(
         "UPDATE jobs SET status = 'accepted', owner = NULL, crashes = crashes + ? "
         "WHERE id = ? AND attempt = ? AND status = 'running'",
@@ -371,22 +427,24 @@ def used_today(session: Session, client: str) -> float:
     return 0.0 if found is None else float(found["cpu"])
 
 
-def leave(session: Session, id: str, client: str) -> tuple[model.Job | None, bool]:
-    """The job, dismissed for this client and its batches, and whether it was dismissed because nobody else waits."""
+def dismiss(session: Session, id: str, client: str | None = None) -> tuple[model.Job | None, bool]:
+    """The job, dismissed for a client and its batches (None: for all), and whether its work is to stop.
+
+    The work stops when nobody waits for it any more: accepted or running -> dismissed, or to the earlier answer of
+    a job that was computed again. A final job is returned as it is, an unknown one is None.
+    """
     lock_jobs(session, [id])
     job = read_job(session, id)
     if job is None or not job.is_open:
         return job, False
+    session.told.append(id)
+    if client is None:
+        is_over = bool(dismiss_unwanted(session, [id], "1 = 1"))
+        return read_job(session, id), is_over
     session.run("INSERT INTO askers VALUES (?, ?, 1) ON CONFLICT (job, client) DO UPDATE SET gone = 1", id, client)
     dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
     is_over = bool(dismiss_unwanted(session, [id]))
     return (read_job(session, id) if is_over else replace(job, status="dismissed")), is_over
-
-
-def dismiss(session: Session, id: str) -> tuple[model.Job | None, bool]:
-    """The job, and whether this call ended it, whoever waits for it."""
-    is_over = bool(dismiss_unwanted(session, [id], "1 = 1"))
-    return read_job(session, id), is_over
 
 
 def dismiss_unwanted(session: Session, ids: list[str], where: str = UNWANTED) -> list[str]:
@@ -404,10 +462,10 @@ def dismiss_unwanted(session: Session, ids: list[str], where: str = UNWANTED) ->
     return over
 
 
-def recover(session: Session, owner: str | None, lease: float) -> list[model.Job]:
-    """Running jobs whose owner is gone are accepted again; without a lease all, whatever the clock says.
+def recover(session: Session, owner: str | None = None, lease: float = 0.0) -> list[model.Job]:
+    """Jobs running for `owner` (None: for anybody), without a heartbeat for `lease` s (0: all) -> accepted.
 
-    Whoever comes second finds none. A claim from the future is of a clock that was set back.
+    Each counts a restart. Whoever comes second finds none. A claim from the future is of a clock that was set back.
     """
     where, arguments = "status = 'running'", list[Any]()
     if lease > 0:
@@ -421,12 +479,14 @@ def recover(session: Session, owner: str | None, lease: float) -> list[model.Job
         f"WHERE id IN (SELECT id FROM jobs WHERE {where} FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
         *arguments,
     )
-    return jobs_of(rows)
+    found = jobs_of(rows)
+    session.told.extend(job.id for job in found)
+    return found
 
 
 def is_drained(session: Session) -> bool:
     """Whether an operator lets no job begin."""
-    found = first(session, DRAINED)
+    found = first(session, "SELECT value FROM counters WHERE name = 'drained'")
     return found is not None and bool(found["value"])
 
 
@@ -539,8 +599,13 @@ def read_batch(session: Session, id: str) -> Batch | None:
     return Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
 
 
-def answers(session: Session, batch: str, after: int, limit: int, largest: int) -> list[BatchAnswer]:
-    """Answers of a batch in their order: of a bad line, of one that was cancelled, or of a job."""
+def answers(
+    session: Session, batch: str, after: int = 0, limit: int = 500, largest: int = model.NO_BOUND
+) -> list[BatchAnswer]:
+    """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes.
+
+    They are of a bad line, of one that was cancelled, or of a job.
+    """
     return [_answer_of(row) for row in session.rows(ANSWERS, largest, batch, after, limit)]
 
 
@@ -575,6 +640,7 @@ def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
 def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: model.Bounds) -> None:
     """Some lines and the jobs that are new; lines that are there already stay as they are."""
     submit(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)
+    session.told.append("")
     rows = [(id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem) for x in lines]
     session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, NULL, 0) ON CONFLICT DO NOTHING", rows)
     answered = f"(job IS NULL OR job IN (SELECT id FROM jobs WHERE {FINISHED}))"
@@ -584,6 +650,7 @@ def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: mod
 
 def complete_batch(session: Session, id: str, total: int) -> Batch:
     """The batch, all of whose lines are stored."""
+    session.told.append("")
     session.run("UPDATE batches SET total = ? WHERE id = ?", total, id)
     batch = read_batch(session, id)
     assert batch is not None
@@ -602,4 +669,130 @@ def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
     ids = sorted(row["job"] for row in rows)
     lock_jobs(session, ids)
     dismiss_lines(session, "batch = ? AND job AMONG (?)", (batch, ids))
-    return len(ids), dismiss_unwanted(session, ids)
+    over = dismiss_unwanted(session, ids)
+    session.told.extend(["", *over])
+    return len(ids), over
+
+
+# What keeps a store in order: old answers are forgotten; what an operator asks for.
+PRUNE_LOCK: Final = 7_204_021_103
+# So many bytes of answers are forgotten at once, and one answer however large.
+FORGOTTEN_BYTES: Final = 8 * 2**20
+
+
+def forget(session: Session, before: float, most: int) -> tuple[int, int]:
+    """Forget a little: lines of a batch from before with nothing open, or where there is none, finished jobs.
+
+    How many rows were forgotten, and how many of them are jobs. Those that a kept batch names stay, and so do those
+    that a batch has locked which is made at this moment.
+    """
+    session.lock(PRUNE_LOCK)
+    session.run("DELETE FROM keys WHERE created <= ?", before)
+    batch = first(
+        session,
+        "SELECT id FROM batches WHERE created <= ? AND NOT EXISTS (SELECT 1 FROM lines WHERE batch = batches.id "
+        "AND order_number IS NULL) ORDER BY created LIMIT 1",
+        before,
+    )
+    if batch is not None:
+        some = "number IN (SELECT number FROM lines WHERE batch = ? LIMIT ?)"
+        lines = session.rows(
+            f"DELETE FROM lines WHERE batch = ? AND {some} RETURNING number", batch["id"], batch["id"], most
+        )
+        if len(lines) < most:
+            session.run("DELETE FROM batches WHERE id = ?", batch["id"])
+        return max(1, len(lines)), 0
+    rows = session.rows(
+        "SELECT id, coalesce((SELECT length(body) FROM bodies WHERE bodies.id = jobs.id), 0) AS size FROM jobs "
+        f"WHERE {FINISHED} AND finished <= ? AND NOT EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id) "
+        "ORDER BY finished LIMIT ? FOR UPDATE SKIP LOCKED",
+        before, most,
+    )  # fmt: skip
+    sizes = itertools.accumulate(row["size"] for row in rows)
+    ids = [row["id"] for row, size in zip(rows, sizes, strict=True) if row is rows[0] or size <= FORGOTTEN_BYTES]
+    return len(ids), _delete(session, ids)
+
+
+def _delete(session: Session, ids: list[str]) -> int:
+    for table in ("bodies", "events", "jobs"):
+        session.run(f"DELETE FROM {table} WHERE id AMONG (?)", ids)
+    return len(ids)
+
+
+def oldest_moment(session: Session, count: int) -> float | None:
+    """When the last of the `count` finished jobs ended that are the first to be forgotten."""
+    finished = f"SELECT finished FROM jobs WHERE {FINISHED} ORDER BY finished LIMIT ?"
+    moment: float | None = first(session, f"SELECT max(finished) AS moment FROM ({finished}) AS oldest", count)[
+        "moment"
+    ]
+    return moment
+
+
+def drain(session: Session, drained: bool) -> None:
+    """Let no job begin any more, or let them begin again."""
+    session.told.append("")
+    session.run(
+        "INSERT INTO counters VALUES ('drained', ?) ON CONFLICT (name) DO UPDATE SET value = excluded.value",
+        int(drained),
+    )
+
+
+def clients(session: Session) -> list[model.ClientUse]:
+    """Who has something in the store or a rank, with what each used today."""
+    count = "(SELECT count(*) FROM jobs WHERE jobs.client = known.client AND status = '{}') AS {}"
+    return [
+        model.ClientUse(**dict(row))
+        for row in session.rows(
+            f"SELECT known.client, {count.format('accepted', 'waiting')}, {count.format('running', 'running')}, "
+            "(SELECT count(*) FROM jobs WHERE jobs.client = known.client) AS stored, "
+            "coalesce(ranks.rank, 0) AS rank, coalesce(uses.runs, 0) AS runs, coalesce(uses.cpu, 0) AS cpu "
+            "FROM (SELECT client FROM jobs UNION SELECT client FROM batches UNION SELECT client FROM ranks) AS known "
+            "LEFT JOIN ranks ON ranks.client = known.client "
+            f"LEFT JOIN uses ON uses.client = known.client AND uses.day = today() ORDER BY known.client"
+        )
+    ]
+
+
+def rank_client(session: Session, client: str, rank: int) -> None:
+    """The client's jobs, also those to come, begin before (-1), with (0) or after (1) those of the others."""
+    session.run("DELETE FROM ranks WHERE client = ?", client)
+    if rank:
+        session.run("INSERT INTO ranks VALUES (?, ?)", client, rank)
+
+
+def prioritise_batch(session: Session, batch: str, priority: int) -> int:
+    """Give the waiting jobs of a batch this priority; how many there are."""
+    lines = "SELECT job FROM lines WHERE batch = ? AND order_number IS NULL"
+    found = session.rows(f"SELECT id FROM jobs WHERE {OPEN} AND id IN ({lines}) ORDER BY id FOR UPDATE", batch)
+    session.run("UPDATE jobs SET priority = ? WHERE id AMONG (?)", priority, [row["id"] for row in found])
+    return len(found)
+
+
+def leave_all(session: Session, client: str) -> list[str]:
+    """Dismiss the single jobs that are open for a client; the ids of those that nobody else waits for, which stop."""
+    session.told.append("")
+    asked = session.rows(
+        f"SELECT id FROM jobs WHERE {OPEN} AND (client = ? OR id IN (SELECT job FROM askers WHERE client = ?)) "
+        "ORDER BY id",
+        client, client,
+    )  # fmt: skip
+    return [row["id"] for row in asked if dismiss(session, row["id"], client)[1]]
+
+
+def erase_client(session: Session, client: str) -> int:
+    """Forget a client that has nothing open: its batches, its jobs with their answers, what it used; how many jobs.
+
+    Jobs that others wait for, or that a batch of another client names, lose its name instead.
+    """
+    session.run("DELETE FROM lines WHERE batch IN (SELECT id FROM batches WHERE client = ?)", client)
+    for table in ("batches", "askers", "keys", "ranks", "uses"):
+        session.run(f"DELETE FROM {table} WHERE client = ?", client)
+    rows = session.rows(
+        f"SELECT id FROM jobs WHERE client = ? AND {FINISHED} AND NOT EXISTS (SELECT 1 FROM lines WHERE job = jobs.id) "
+        "ORDER BY id FOR UPDATE",
+        client,
+    )
+    session.told.append("")
+    forgotten = _delete(session, [row["id"] for row in rows])
+    session.run("UPDATE jobs SET client = '' WHERE client = ?", client)
+    return forgotten

@@ -2,10 +2,13 @@
 
 Threads: one claims, a few store answers (so that a worker never waits for the disk), the pool has its
 own. The store is the truth; whatever this process forgets when it dies, is claimed again.
+
+At the end: what becomes of a job when its task ended: stored, tried again, or given back.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import queue
 import sqlite3
@@ -13,26 +16,19 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
-from inverse_service.errors import InverseServiceError
-from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, with_understood
-from inverse_service.service.jobs import finishing, tasks
+from inverse_service import errors
+from inverse_service.service.documents import answers
+from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.service.jobs.event_log import EventLog
 from inverse_service.service.jobs.metrics import Counters
-from inverse_service.service.jobs.model import (
-    INTERACTIVE,
-    MAX_RESTARTS,
-    NO_BOUND,
-    Job,
-    StoreUnavailable,
-    stored_options,
-)
-from inverse_service.service.jobs.outcome import Call, Outcome
+from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.workers import FIRST, Executor, Report, Running
 
+log = logging.getLogger(__name__)
 # Longer questions wait for their turn like all others, s.
 SHORT = 0.5
 # Jobs that are claimed for clients with nothing running although no worker is free.
@@ -47,10 +43,12 @@ class ShortLane:
     A job that ends there is done, and its place among the others is given up; any other goes on waiting.
     """
 
-    executor: Executor
+    executor: workers.Executor
     _tried: set[tuple[str, int]] = field(default_factory=set)
 
-    def look(self, claimed: Iterable[tuple[Job, Running]], end: Callable[[Job, Outcome], None]) -> None:
+    def look(
+        self, claimed: Iterable[tuple[model.Job, workers.Running]], end: Callable[[model.Job, Outcome], None]
+    ) -> None:
         """Try what waits; `end` is called with each job that ended, from another thread."""
         claimed = list(claimed)
         busy = {job.client for job, task in claimed if task.has_begun}
@@ -59,22 +57,21 @@ class ShortLane:
             key = (job.id, job.attempt)
             if task.call.task is not tasks.job_task:  # how the system of a stopped job is understood is no answer
                 continue
-            if job.priority == INTERACTIVE and job.client not in busy and key not in self._tried:
+            if job.priority == model.INTERACTIVE and job.client not in busy and key not in self._tried:
                 self._tried.add(key)
                 self._try(job, task, end)
 
-    def _try(self, job: Job, task: Running, end: Callable[[Job, Outcome], None]) -> None:
+    def _try(self, job: model.Job, task: workers.Running, end: Callable[[model.Job, Outcome], None]) -> None:
         call = replace(task.call, deadline=min(SHORT, task.call.deadline))
         running = self.executor.submit(call, task.report)
         running.outcome.add_done_callback(lambda done: _ended(job, done.result(), end))
 
 
-def _ended(job: Job, outcome: Outcome, end: Callable[[Job, Outcome], None]) -> None:
+def _ended(job: model.Job, outcome: Outcome, end: Callable[[model.Job, Outcome], None]) -> None:
     if outcome.status in ENDED:
         end(job, outcome)
 
 
-log = logging.getLogger(__name__)
 DEATHS = ("inverse_service_worker_deaths_total", "Workers that died.")
 FINISHERS = 4
 TICK = 0.1
@@ -84,12 +81,12 @@ POLL = 0.5
 # A store that does not answer keeps no service from its end; what it does not hear is run again, s.
 STOP_PATIENCE = 1.0
 # The store cannot be reached now and may be back: disk full or locked, server gone.
-AWAY = (sqlite3.OperationalError, StoreUnavailable, OSError)
+AWAY = (sqlite3.OperationalError, model.StoreUnavailable, OSError)
 
 
 @dataclass(frozen=True, slots=True)
 class _Ended:
-    job: Job
+    job: model.Job
     outcome: Outcome
 
 
@@ -99,20 +96,20 @@ class Supervisor:
     def __init__(
         self,
         store: JobStore,
-        executor: Executor,
+        executor: workers.Executor,
         counters: Counters | None = None,
         client_running: int | None = None,
-        quick: Executor | None = None,
+        quick: workers.Executor | None = None,
     ) -> None:
         self.counters = counters or Counters()
         for how in ("crash", "killed"):  # an alert on what grows needs a beginning
             self.counters.add(*DEATHS, 0.0, how=how)
         self.events = EventLog(store)
         self._store, self._executor = store, executor
-        self._client_running = client_running or NO_BOUND
+        self._client_running = client_running or model.NO_BOUND
         self._short = None if quick is None else ShortLane(quick)
         self._owner = uuid.uuid4().hex
-        self._running: dict[tuple[str, int], tuple[Job, Running]] = {}
+        self._running: dict[tuple[str, int], tuple[model.Job, workers.Running]] = {}
         self._won: set[tuple[str, int]] = set()
         self._lock = threading.Lock()
         self._wake = threading.Event()
@@ -174,7 +171,7 @@ class Supervisor:
             self._wake.clear()
             try:
                 self._claim()
-            except (sqlite3.Error, InverseServiceError, OSError):
+            except (sqlite3.Error, errors.InverseServiceError, OSError):
                 log.exception("jobs cannot be claimed; trying again")
                 self._stopping.wait(POLL)
                 self._wake.set()
@@ -191,35 +188,53 @@ class Supervisor:
             for job in jobs:
                 self._start(job)
 
-    def _start(self, job: Job) -> None:
-        if job.restarts >= MAX_RESTARTS:
-            finishing.give_up(self._store, job)
+    def _start(self, job: model.Job) -> None:
+        if job.restarts >= model.MAX_RESTARTS:
+            fail(self._store, job, f"The service died {job.restarts} times while this job ran; it is not tried again.")
             return
-        options = stored_options(job.options)
+        options = model.stored_options(job.options)
         arguments = (job.kind, job.document, job.options)
         call = Call(tasks.job_task, arguments, options.time_limit, options.memory_limit, True, job.priority, job.client)
         self.events.begin(job)
         began = time.monotonic()
         self._run(job, call, self._end, lambda value: self.events.report(job, began, value))
 
-    def _run(self, job: Job, call: Call, end: Callable[[Job, Outcome], None], report: Report | None = None) -> None:
+    def _run(
+        self,
+        job: model.Job,
+        call: Call,
+        end: Callable[[model.Job, Outcome], None],
+        report: workers.Report | None = None,
+    ) -> None:
         with self._lock:
             task = self._executor.submit(call, report)
             self._running[job.id, job.attempt] = (job, task)
         task.outcome.add_done_callback(lambda done: end(job, done.result()))
 
-    def _end(self, job: Job, outcome: Outcome) -> None:
+    def _end(self, job: model.Job, outcome: Outcome) -> None:
         """To the finishers; a system that a limit stopped is understood first, by the workers like all else."""
         if (job.id, job.attempt) in self._won:
             return
         is_known = self.events.so_far(job.id) is not None
-        if is_known or not finishing.is_undetermined(job, outcome) or self._stopping.is_set():
+        if is_known or not is_undetermined(job, outcome) or self._stopping.is_set():
             self._ended.put(_Ended(job, outcome))
             return
-        call = Call(tasks.understand_job_task, (job.document,), UNDERSTAND_DEADLINE, None, False, FIRST, job.client)
-        self._run(job, call, lambda job, understood: self._ended.put(_Ended(job, with_understood(outcome, understood))))
+        call = Call(
+            tasks.understand_job_task,
+            (job.document,),
+            answers.UNDERSTAND_DEADLINE,
+            None,
+            False,
+            workers.FIRST,
+            job.client,
+        )
+        self._run(
+            job,
+            call,
+            lambda job, understood: self._ended.put(_Ended(job, answers.with_understood(outcome, understood))),
+        )
 
-    def _win(self, job: Job, outcome: Outcome) -> None:
+    def _win(self, job: model.Job, outcome: Outcome) -> None:
         """A job that waited for a worker ended in the short lane: it waits no more."""
         with self._lock:
             found = self._running.get((job.id, job.attempt))
@@ -255,16 +270,16 @@ class Supervisor:
             if self._stopping.wait(POLL):
                 return None
 
-    def _fail(self, job: Job) -> None:
+    def _fail(self, job: model.Job) -> None:
         """The answer is lost by a fault of ours: say so, for nobody would ever end this job."""
         try:
-            finishing.lose(self._store, job)
+            fail(self._store, job, "The answer was computed and could not be stored.")
         except Exception:  # claimed again after a restart
             log.exception("a fault could not be stored", extra={"job": job.id})
 
-    def _finish(self, job: Job, outcome: Outcome) -> None:
+    def _finish(self, job: model.Job, outcome: Outcome) -> None:
         events = self.events.pending(job.id)
-        label = finishing.finish(self._store, job, outcome, self.events.so_far(job.id), events)
+        label = finish(self._store, job, outcome, self.events.so_far(job.id), events)
         self.events.written(job.id, events)
         self.events.end(job, again=label == "again")
         if outcome.status in ("crash", "killed"):
@@ -292,7 +307,7 @@ class Supervisor:
                     self._beat()
                 elif self._doubtful:
                     self._keep()
-            except (sqlite3.Error, InverseServiceError, OSError):
+            except (sqlite3.Error, errors.InverseServiceError, OSError):
                 log.exception("the store does not answer")
 
     def _beat(self) -> None:
@@ -308,6 +323,8 @@ class Supervisor:
         self._doubtful = False
         with self._lock:
             running = dict(self._running)
+        if not running:
+            return
         lost = set(self._store.heartbeat(self._owner, list(running)))
         runs = Counter(id for id, _ in running)
         for (id, _), (_, task) in running.items():
@@ -324,3 +341,83 @@ class Supervisor:
     def _take_back(self, lease: float) -> None:
         for job in self._store.recover(None, lease):
             log.warning("job runs again", extra={"job": job.id, "restarts": job.restarts})
+
+
+LIMITS = ("deadline", "memory")
+# What is undetermined after this part of its time and more may be so for lack of time.
+CLOCK_SHARE = 0.5
+
+
+def is_undetermined(job: model.Job, outcome: Outcome) -> bool:
+    """Whether a limit stopped the job and this is its answer."""
+    return outcome.status in LIMITS and tasks.KINDS[job.kind].limit_is_answer
+
+
+def finish(
+    store: JobStore,
+    job: model.Job,
+    outcome: Outcome,
+    so_far: Mapping[str, Any] | None = None,
+    events: Sequence[model.Event] = (),
+) -> str:
+    """Store what came of the job, and its last `events`; the label it is counted under ("again": it runs once more).
+
+    A job that was ended has as its result what is finished of it, `so_far`; where that is not known, and a limit
+    stopped it, its value is how the system was understood.
+    """
+    usage, options = outcome.spent, model.stored_options(job.options)
+    if outcome.status == "cancelled":
+        # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
+        left = None if so_far is None else as_body(undetermined(outcome, options, so_far))
+        if events:
+            store.add_events([(job.id, event) for event in events])
+        store.release(job.id, job.attempt, crashed=False, usage=usage, left=left)
+        return "cancelled"
+    if outcome.status in ("crash", "killed") and job.crashes + 1 < model.MAX_CRASHES:
+        log.warning("worker died: %s", outcome.detail, extra={"job": job.id})
+        store.release(job.id, job.attempt, crashed=True, usage=usage)
+        return "again"
+    if outcome.status == "unstarted" and job.attempt < model.MAX_UNSTARTED:
+        store.release(job.id, job.attempt, crashed=False, usage=usage)
+        return "again"
+    if outcome.status == "done":
+        label, fault = outcome.value.label, outcome.value.fault
+        if fault:
+            log.error("no verdict for a fault of the program (%s)", fault, extra={"job": job.id})
+        by_clock = label == "undetermined" and usage.cpu > CLOCK_SHARE * options.time_limit
+        store.finish(
+            job.id, job.attempt, outcome.value.body, usage, model.TRANSIENT if by_clock or fault else None, events
+        )
+        return str(label)
+    if outcome.status in ("crash", "fault", "unstarted"):
+        log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
+    if is_undetermined(job, outcome) or (so_far is not None and outcome.status in ("crash", "killed")):
+        result = undetermined(outcome, options, so_far)
+        store.finish(job.id, job.attempt, as_body(result), usage, model.TRANSIENT, events)
+        return tasks.label_of(result)
+    problem = answers.of_outcome(outcome, options.time_limit, options.memory_limit)
+    kept = None if outcome.status == "refused" else model.TRANSIENT
+    store.finish(job.id, job.attempt, answers.as_bytes(problem), usage, kept, events, "failed")
+    return outcome.status
+
+
+def fail(store: JobStore, job: model.Job, detail: str) -> None:
+    """End a job by a fault of ours."""
+    problem = answers.as_bytes(answers.problem_document(500, "fault", detail))
+    store.finish(job.id, job.attempt, problem, Usage(), model.TRANSIENT, status="failed")
+
+
+def undetermined(
+    outcome: Outcome, options: model.JobOptions, so_far: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The result of a solve job that was ended."""
+    asked = tasks.solve_options(options), options.memory_limit
+    try:
+        return answers.result_document(outcome, *asked, so_far)
+    except errors.InverseServiceError:
+        return answers.result_document(replace(outcome, value=None), *asked)
+
+
+def as_body(result: dict[str, Any]) -> bytes:
+    """A result as the store has it."""
+    return json.dumps(result, ensure_ascii=False, separators=(",", ":")).encode()

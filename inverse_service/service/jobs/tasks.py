@@ -6,6 +6,7 @@ Light to import: the engine is loaded inside the process.
 from __future__ import annotations
 
 import importlib
+import io
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -144,9 +145,10 @@ def check_body_task(body: bytes) -> dict[str, Any]:
 
 def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
     """A batch to its lines."""
-    from inverse_service.service.jobs.batch import batch_lines, lines_of_array, lines_of_ndjson
+    from inverse_service.service.jobs import batch
 
-    return batch_lines(lines_of_array(_read(body)) if is_array else lines_of_ndjson(body), terms)
+    lines = batch.lines_of_array(_read(body)) if is_array else batch.read_lines(io.BytesIO(body))
+    return batch.batch_lines(lines, terms)
 
 
 def _read(body: bytes) -> Any:

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs import upkeep
+from inverse_service.service.jobs import store as job_store
 from inverse_service.service.jobs.model import Job
-from inverse_service.service.jobs.upkeep import Cleaner
+from inverse_service.service.jobs.store import Cleaner
 
 DAY = 86_400.0
 
@@ -45,7 +45,7 @@ class Store:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     found = Clock()
-    monkeypatch.setattr(upkeep, "time", found)
+    monkeypatch.setattr(job_store, "time", found)
     return found
 
 

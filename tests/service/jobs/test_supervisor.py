@@ -342,13 +342,11 @@ class Refusing(SqliteStore):
     away = True
     error: Exception = sqlite3.OperationalError("database or disk is full")
 
-    def finish(
-        self, id: str, attempt: int, body: bytes, usage: Usage, kept: float | None = None, events: Any = ()
-    ) -> bool:
-        if self.away:
+    def finish(self, *arguments: Any, **named: Any) -> bool:  # type: ignore[override]
+        if self.away and named.get("status") != "failed":
             self.refused.set()
             raise self.error
-        return super().finish(id, attempt, body, usage, kept, events)
+        return super().finish(*arguments, **named)
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
