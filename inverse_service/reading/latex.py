@@ -5,18 +5,16 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
-from typing import Literal
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.letters import GREEK, LETTER_COMMANDS, OPERATORS, PRIMES, SCRIPT_L, SPACES, describe
+from inverse_service.expressions.letters import GREEK, LETTER_COMMANDS, SCRIPT_L, SPACES
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import tokens as plain
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, REFUSED, Names, Role, refused
-from inverse_service.reading.tokens import FACTOR, FRACTION, NUMBER, PARTIAL, TOTAL, Token, check_length, number_token
+from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, TokenStream
 
-RawKind = Literal["command", "letter", "digit", "character", "condition", "end"]
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
 _MARKS = re.compile(r"\\(?:nonumber|notag)(?![A-Za-z])|\\(?:label|tag\*?)\s*\{[^{}]*\}")
 _COMMAND = re.compile(r"\\(operatorname\*|[A-Za-z]+|.)", re.DOTALL)
@@ -27,80 +25,55 @@ _ENVIRONMENTS = frozenset(
 _SPACING = frozenset([",", ";", ":", "!", " ", "quad", "qquad", "displaystyle", "textstyle", "limits", "\n"])
 _SIZES = frozenset(size + side for size in ("big", "Big", "bigg", "Bigg") for side in ("", "l", "r"))
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
-_PLAIN = frozenset("+-*/^_(){}[]=,;&|.")
-_LOOKED_AHEAD = 8  # end marks, so that no reader looks past the last
 
 
-@dataclass(frozen=True, slots=True)
-class Raw:
-    """One piece of LaTeX; `text` of a command is its name without the backslash, of a condition that in our grammar."""
+def scan(text: str) -> TokenStream:
+    """The pieces of LaTeX: a command without its backslash, a letter, a digit, and the signs of plain text."""
+    plain.check_length(text)
+    start, stop = _inside_wrappers(text)
+    ends, cases = line_ends(text, start, stop), _conditions(text)
 
-    kind: RawKind
-    text: str
-    column: int
-    space_before: bool = False
+    def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:
+        if place in cases:
+            return cases[place]
+        if place in ends:
+            return [Token("command", "\\", place + 1)], place + ends[place]
+        return _pieces(text, place, space)
 
-    def is_character(self, *texts: str) -> bool:
-        return self.kind == "character" and self.text in texts
-
-    def is_command(self, *texts: str) -> bool:
-        return self.kind == "command" and self.text in texts
-
-
-def scan(text: str) -> list[Raw]:
-    """The raw tokens, ended by those of kind "end"; InputError for a character that has no meaning."""
-    check_length(text)
-    place, stop = _inside_wrappers(text)
-    pieces: list[Raw] = []
-    space = False
-    piece: Raw | None
-    ends, pieces_of_cases = line_ends(text, place, stop), _conditions(text)
-    while place < stop:
-        if place in pieces_of_cases:
-            piece, place = pieces_of_cases[place]
-        elif place in ends:
-            piece, place = Raw("command", "\\", place + 1), place + ends[place]
-        else:
-            piece, place = _piece(text, place, space)
-        space = piece is None
-        if piece:
-            pieces.append(piece)
-            at_most(len(pieces), LIMITS.tokens, "the formula has too many parts", pieces[-1].column)
-    end = Raw("end", "", stop + 1)
-    return [*_with_single_braces(_with_fractions(pieces)), *[end] * _LOOKED_AHEAD]
+    return TokenStream(_with_single_braces(_with_fractions(plain.scan(text, start, stop, step))), stop + 1)
 
 
-def _with_fractions(pieces: list[Raw]) -> list[Raw]:
+def _with_fractions(pieces: Tokens) -> Tokens:
     """{a \\over b} as \\frac{a}{b}."""
     openings: list[int] = []
-    found: list[Raw] = []
+    found: Tokens = []
     for piece in pieces:
         if piece.is_command("over") and openings and not found[openings[-1] - 1].is_command("frac", "over"):
             start = openings[-1]
             found.insert(start, replace(found[start], kind="command", text="frac"))
             openings[-1] += 1
-            found += [replace(piece, kind="character", text="}"), replace(piece, kind="character", text="{")]
+            found += [replace(piece, kind="operator", text="}"), replace(piece, kind="operator", text="{")]
             continue
-        if piece.is_character("{"):
+        if piece.is_operator("{"):
             openings.append(len(found))
-        elif piece.is_character("}") and openings:
+        elif piece.is_operator("}") and openings:
             openings.pop()
         found.append(piece)
     return found
 
 
-def _with_single_braces(pieces: list[Raw]) -> list[Raw]:
+def _with_single_braces(pieces: Tokens) -> Tokens:
     r"""{\rm d} as \mathrm{d}, _{{1}} as _{1}, \frac{{a}}{{b}} as \frac{a}{b}: what Maple and Maxima print."""
     closing: dict[int, int] = {}
     opened: list[int] = []
     for place, piece in enumerate(pieces):
-        if piece.is_character("{"):
+        if piece.is_operator("{"):
             opened.append(place)
-        elif piece.is_character("}") and opened:
+        elif piece.is_operator("}") and opened:
             closing[opened.pop()] = place
-    found: dict[int, Raw] = dict(enumerate(pieces))
+    found: dict[int, Token] = dict(enumerate(pieces))
     for place, end in closing.items():
-        argument = place and (pieces[place - 1].is_character("_", "}") or pieces[place - 1].is_command("frac"))
+        argument = place and (pieces[place - 1].is_operator("_", "}") or pieces[place - 1].is_command("frac"))
         if argument and closing.get(place + 1) == end - 1 and not pieces[place + 2].is_command("rm"):
             del found[place + 1], found[end - 1]
         if pieces[place + 1].is_command("rm"):
@@ -121,53 +94,38 @@ def _inside_wrappers(text: str) -> tuple[int, int]:
     return start, stop
 
 
-def _piece(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
-    """The piece that begins at `place`, None for spacing, and the place after it."""
+def _pieces(text: str, place: int, space: bool) -> tuple[Tokens, int]:
+    """The pieces that begin at `place`, none for spacing, and the place after them."""
     character, column = text[place], place + 1
     if character == "\\":
         return _command(text, place, space)
     if character in SPACES or character in "\n~&":
-        return None, place + 1
-    if character in GREEK:
-        return Raw("command", GREEK[character], column, space), place + 1
-    if character == SCRIPT_L:
-        return Raw("command", "ell", column, space), place + 1
-    if character in PRIMES:
-        return Raw("character", "'" * PRIMES[character], column, space), place + 1
-    if character.isascii() and character.isalpha():
-        return Raw("letter", character, column, space), place + 1
-    if character.isascii() and character.isdigit():
-        return Raw("digit", character, column, space), place + 1
-    character = OPERATORS.get(character, character)
-    character = plain.COMPARISONS.get(character, character)
-    if character in _PLAIN or character in plain.COMPARED:
-        return Raw("character", character, column, space), place + 1
-    raise _not_accepted(text[place], column)
+        return [], place + 1
+    if character in GREEK or character == SCRIPT_L:
+        return [Token("command", GREEK.get(character, "ell"), column, space)], place + 1
+    if character.isascii() and character.isalnum():
+        return [Token("letter" if character.isalpha() else "digit", character, column, space)], place + 1
+    if character in "._":
+        return [Token("operator", character, column, space)], place + 1
+    if character == "$":
+        raise refusal("the character '$' is not accepted", column, "write $ only around the whole formula")
+    return plain.next_tokens(text, place, space)
 
 
-def _not_accepted(character: str, column: int) -> InputError:
-    reasons = {
-        "!": "factorials are not accepted, write the number",
-        "$": "write $ only around the whole formula",
-    }
-    instead = reasons.get(character, "use letters, digits, + - * / ^ ( ) , = ' and LaTeX commands")
-    return refusal(f"the character {describe(character)} is not accepted", column, instead)
-
-
-def _command(text: str, place: int, space: bool) -> tuple[Raw | None, int]:
+def _command(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     if mark := _MARKS.match(text, place):
-        return None, mark.end()
+        return [], mark.end()
     match = _COMMAND.match(text, place)
     if match is None:
         raise refusal("a backslash stands by itself", place + 1, "write a command such as \\dot{x}")
     name, end = match.group(1), match.end()
     if name in _SPACING or name in _SIZES:
-        return None, end
+        return [], end
     if name in ("begin", "end"):
-        return None, _environment(text, place, end)
+        return [], _environment(text, place, end)
     if name == "\\" and (height := _ROW_SPACE.match(text, end)):
         end = height.end()
-    return Raw("command", name, place + 1, space), end
+    return [Token("command", name, place + 1, space)], end
 
 
 def _environment(text: str, place: int, end: int) -> int:
@@ -197,15 +155,20 @@ _CONDITIONS = {
 _CONDITION = re.compile("|".join(f"({pattern})" for pattern in _CONDITIONS.values()))
 
 
-def _conditions(text: str) -> dict[int, tuple[Raw | None, int]]:
-    """By their places the marks of piecewise formulas in the words of the plain grammar, and the places after them."""
-    found: dict[int, tuple[Raw | None, int]] = {}
+_ROWS = {"piecewise": ("piecewise", "(", "("), ")": "))", ";": "),(", "and": "&", "or": "|", "": ""}
+
+
+def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
+    """By their places piecewise((a, x > 0), (b, true)) for the rows of cases, and the places after its parts."""
+    found: dict[int, tuple[Tokens, int]] = {}
     for cases in _CASES.finditer(text):
         marks = [(mark, [*_CONDITIONS][(mark.lastindex or 1) - 1])
                  for mark in _CONDITION.finditer(text, cases.start(), cases.end())]  # fmt: skip
         compares = {"<", ">"} & {word for _, word in marks}
         for mark, word in marks if compares and not _EQUATION.search(cases[2]) else ():
-            found[mark.start()] = Raw("condition", word, mark.start() + 1, True) if word else None, mark.end()
+            written = [Token("name" if part == word == "piecewise" else "operator", part, mark.start() + 1, True)
+                       for part in _ROWS.get(word, (word,))]  # fmt: skip
+            found[mark.start()] = written, mark.end()
     return found
 
 
@@ -243,15 +206,15 @@ def line_ends(text: str, start: int, stop: int) -> dict[int, int]:
 
 def _opened(part: str, before: tuple[int, int, int]) -> tuple[int, int, int]:
     """How many { ( [ are open after the part."""
-    plain = _ESCAPED.sub("", part)
-    braces, round_ones, square = (plain.count(a) - plain.count(b) for a, b in ("{}", "()", "[]"))
+    shown = _ESCAPED.sub("", part)
+    braces, round_ones, square = (shown.count(a) - shown.count(b) for a, b in ("{}", "()", "[]"))
     return before[0] + braces, before[1] + round_ones, before[2] + square
 
 
 _TIME_ARGUMENTS = (["{", "left", "(", "t", "right", ")", "}"], ["left", "(", "t", "right", ")"], ["(", "t", ")"])
 
 
-def time_argument(pieces: Sequence[Raw]) -> int:
+def time_argument(pieces: Sequence[Token]) -> int:
     r"""How many pieces {\left(t \right)}, \left(t\right) or (t) takes where it comes first, else 0."""
     texts = [piece.text for piece in pieces]
     return next((len(each) for each in _TIME_ARGUMENTS if texts[: len(each)] == each), 0)
@@ -325,74 +288,62 @@ _REASONS = {
 class LatexTranslator:
     """Translates raw tokens one after the other; every method takes what it translates."""
 
-    __slots__ = ("_depth", "_names", "_place", "_raw", "_tokens")
+    __slots__ = ("_names", "_raw", "_tokens")
 
-    def __init__(self, raw: list[Raw], names: Names) -> None:
+    def __init__(self, raw: TokenStream, names: Names) -> None:
         self._raw = raw
         self._names = names
-        self._place = 0
-        self._depth = 0
-        self._tokens: list[Token] = []
+        self._tokens: Tokens = []
 
-    def all(self) -> list[Token]:
+    def all(self) -> Tokens:
         """The tokens of the whole formula."""
-        while self._ahead.kind != "end":
+        while self._raw.ahead.kind != "end":
             self._one()
-            at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._ahead.column)
+            at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._raw.ahead.column)
         return self._tokens
 
-    def _begin_factor(self, raw: Raw) -> None:
+    def _begin_factor(self, raw: Token) -> None:
         """The ( of a fraction or a root, which holds no argument of the name before it."""
         self._tokens.append(Token("operator", "(", raw.column, True, FACTOR))
 
     def _one(self) -> None:
         """Translate what comes next."""
-        raw = self._ahead
+        raw = self._raw.ahead
         if raw.kind == "command":
-            self._command(self._take())
-        elif raw.kind == "condition":
-            self._piece_of_cases(self._take())
+            self._command(self._raw.take())
         elif raw.kind == "letter":
             self._emit_name(self._with_subscript(self._word()), raw)
-        elif raw.is_character(".") and self._tokens and self._raw[self._place + 1].kind == "end":
-            self._take()
-        elif raw.kind == "digit" or raw.is_character("."):
+        elif raw.is_operator(".") and self._tokens and self._raw.look(1).kind == "end":
+            self._raw.take()
+        elif raw.kind == "digit" or raw.is_operator("."):
             self._number()
+        elif raw.kind != "operator":
+            self._tokens.append(self._raw.take())
         else:
-            self._character(self._take())
+            self._character(self._raw.take())
 
-    def _piece_of_cases(self, raw: Raw) -> None:
-        """piecewise((a, x > 0), (b, true)) for the rows of cases."""
-        if raw.text == "piecewise":
-            self._emit_name(raw.text, raw)
-        words = {"piecewise": ["(", "("], ")": [")", ")"], ";": [")", ",", "("], "and": ["&"], "or": ["|"]}
-        for word in words.get(raw.text, [raw.text]):
-            self._emit(word, raw)
-
-    def _character(self, raw: Raw) -> None:
-        if raw.is_character("{"):
+    def _character(self, raw: Token) -> None:
+        if raw.is_operator("{"):
             self._group_or_time(raw)
-        elif raw.is_character("^"):
+        elif raw.is_operator("^"):
             self._power(raw)
-            if self._ahead.is_character("^") and self._tokens[-1].kind != "prime":
-                raise refusal("a second power occurs", self._ahead.column, "write x^{a^b} or (x^a)^b")
-        elif raw.text and raw.text in ("'", "''"):
-            self._tokens.append(Token("prime", raw.text, raw.column, raw.space_before, Fraction(len(raw.text))))
-        elif raw.is_character("("):
+            if self._raw.ahead.is_operator("^") and self._tokens[-1].kind != "prime":
+                raise refusal("a second power occurs", self._raw.ahead.column, "write x^{a^b} or (x^a)^b")
+        elif raw.is_operator("("):
             self._emit("(", raw, space=raw.space_before or self._holds_a_sum())
-        elif (raw.text and raw.text in ("+-*/)=,;|", *plain.COMPARED)) or raw.is_character(*"+-*/)=,;|"):
-            self._emit(raw.text, raw)
-        elif raw.is_character("[", "]"):
+        elif raw.is_operator(*"+-*/)=,;|&", *plain.COMPARED, "true"):
+            self._tokens.append(raw)
+        elif raw.is_operator("[", "]"):
             self._emit("(" if raw.text == "[" else ")", raw)
         else:
             raise self._misplaced(raw)
 
-    def _group_or_time(self, raw: Raw) -> None:
-        pieces = time_argument([raw, *self._raw[self._place : self._place + 6]])
+    def _group_or_time(self, raw: Token) -> None:
+        pieces = time_argument([raw, *self._raw.rest(6)])
         role = role_before(self._tokens, self._names) if pieces else None
         if role == "parameter":
             raise refusal("a parameter depends on time", raw.column, "", declare="functions")
-        if self._ahead.is_command("left") and role_before(self._tokens, self._names) != "parameter":
+        if self._raw.ahead.is_command("left") and role_before(self._tokens, self._names) != "parameter":
             start = len(self._tokens)
             self._group(raw)  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
             inner = self._tokens[start + 1 : -1]
@@ -402,7 +353,7 @@ class LatexTranslator:
         else:
             self._group(raw)
 
-    def _misplaced(self, raw: Raw) -> InputError:
+    def _misplaced(self, raw: Token) -> InputError:
         reasons = {
             "_": "a subscript belongs to a name, as in r_1",
             "}": "it closes nothing, leave it out",
@@ -411,15 +362,15 @@ class LatexTranslator:
         return refusal(what, raw.column, reasons.get(raw.text, "something is missing here"))
 
     def _number(self) -> None:
-        start = self._ahead
+        start = self._raw.ahead
         digits = "".join(piece.text for piece in self._run(start))
-        match = NUMBER.match(digits)
+        match = plain.NUMBER.match(digits)
         if match is None:
             raise refusal("a dot stands by itself", start.column, "a dot belongs to a number such as 0.5")
-        self._place += match.end()
-        self._tokens.append(number_token(match.group(), start.column, start.space_before))
+        self._raw.position += match.end()
+        self._tokens.append(plain.number_token(match.group(), start.column, start.space_before))
 
-    def _command(self, raw: Raw) -> None:
+    def _command(self, raw: Token) -> None:
         name = raw.text
         if name in LETTER_COMMANDS:
             declared = self._names.role(name) is not None  # then \varphi is not \phi
@@ -442,7 +393,7 @@ class LatexTranslator:
             self._emit(_PRODUCTS[name], raw)
         elif name in _COMPARED:
             self._emit(_COMPARED[name], raw)
-        elif name == "partial" and not self._ahead.is_character("_"):
+        elif name == "partial" and not self._raw.ahead.is_operator("_"):
             self._emit(PARTIAL, raw)
         elif name == "\\":
             self._emit(";", raw)
@@ -454,15 +405,15 @@ class LatexTranslator:
                 raise refused(what, REFUSED[name], raw.column)
             raise refusal(what, raw.column, instead or "write the formula without it")
 
-    def _function(self, name: str, raw: Raw) -> None:
-        if self._ahead.is_character("_"):
+    def _function(self, name: str, raw: Token) -> None:
+        if self._raw.ahead.is_operator("_"):
             raise refusal("a base of a logarithm occurs", raw.column, "write \\ln(x)/\\ln(b)")
         self._emit_name(name, raw)
 
-    def _font(self, raw: Raw) -> None:
-        start = self._place
+    def _font(self, raw: Token) -> None:
+        start = self._raw.position
         name = self._name_part()
-        if any(piece.space_before for piece in self._raw[start + 1 : self._place]):
+        if any(self._raw.look(back).space_before for back in range(start + 1 - self._raw.position, 0)):
             raise refusal("words occur", raw.column, "write the equations alone, separated by ;")
         if name == "d" and self._names.role("d") is None:
             self._emit(TOTAL, raw)
@@ -471,8 +422,8 @@ class LatexTranslator:
             raise refusal(f"\\{raw.text} contains no name", raw.column, "write letters and digits in it")
         self._emit_name(self._with_subscript(name), raw)
 
-    def _delimiter(self, raw: Raw) -> None:
-        delimiter = self._take()
+    def _delimiter(self, raw: Token) -> None:
+        delimiter = self._raw.take()
         text = _PRODUCTS.get(delimiter.text, delimiter.text)
         if text and text in (_OPENING if raw.text == "left" else _CLOSING):
             if delimiter.text in ("{", "lbrace") and not self._closes_later():
@@ -480,42 +431,38 @@ class LatexTranslator:
             self._emit("(" if raw.text == "left" else ")", raw, space=True)
         elif delimiter.text in ("|", *_BARS):
             self._emit("|", raw)
-        elif not (delimiter.is_character(".") and raw.text == "right"):
+        elif not (delimiter.is_operator(".") and raw.text == "right"):
             raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, "write ( and )")
 
     def _holds_a_sum(self) -> bool:
         """Whether a + or - stands between the ( just read and its ): r(r - 2M) is a product, f(x) may be none."""
         depth = 1
-        for raw in self._raw[self._place :]:
-            depth += raw.is_character("(", "{", "[") - raw.is_character(")", "}", "]")
+        for raw in self._raw.rest():
+            depth += raw.is_operator("(", "{", "[") - raw.is_operator(")", "}", "]")
             if depth == 0 or depth > LIMITS.depth:
                 return False
-            if depth == 1 and raw.is_character("+", "-"):
+            if depth == 1 and raw.is_operator("+", "-"):
                 return True
         return False
 
     def _closes_later(self) -> bool:
         """Whether the \\left just read is ended by a real bracket and not by \\right."""
         depth = 1
-        for place in range(self._place, len(self._raw) - 1):
-            if self._raw[place].is_command("left"):
-                depth += 1
-            elif self._raw[place].is_command("right"):
-                depth -= 1
-                if depth == 0:
-                    return not self._raw[place + 1].is_character(".")
+        for raw, following in itertools.pairwise(self._raw.rest()):
+            depth += raw.is_command("left") - raw.is_command("right")
+            if depth == 0:
+                return not following.is_operator(".")
         return True
 
-    def _group(self, opening: Raw, brackets: bool = True) -> None:
+    def _group(self, opening: Token, brackets: bool = True) -> None:
         """{ … } as a bracket; { } holds nothing, and a name alone in braces is that name."""
         start = len(self._tokens)
-        self._enter(opening)
-        while not self._ahead.is_character("}"):
-            if self._ahead.kind == "end":
-                raise refusal("the '{' is never closed", opening.column, "add the missing '}'")
-            self._one()
-        closing = self._take()
-        self._depth -= 1
+        with self._raw.nested(opening):
+            while not self._raw.ahead.is_operator("}"):
+                if self._raw.ahead.kind == "end":
+                    raise plain.never_closed(opening)
+                self._one()
+        closing = self._raw.take()
         inner = self._tokens[start:]
         after_function = start > 0 and self._tokens[start - 1].text in FUNCTIONS
         if len(inner) == 1 and inner[0].is_operator(","):
@@ -532,78 +479,77 @@ class LatexTranslator:
         self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
         self._emit(")", closing)
 
-    def _argument(self, command: Raw) -> None:
+    def _argument(self, command: Token) -> None:
         """One argument in brackets: a group, or one piece as in \\frac12."""
-        raw = self._ahead
+        raw = self._raw.ahead
         self._emit("(", raw)
-        if raw.is_character("{"):
-            self._group(self._take(), False)
+        if raw.is_operator("{"):
+            self._group(self._raw.take(), False)
         elif raw.kind == "digit":
-            self._take()
-            self._tokens.append(number_token(raw.text, raw.column, False))
+            self._raw.take()
+            self._tokens.append(plain.number_token(raw.text, raw.column, False))
         elif raw.kind == "letter":
-            self._emit_name(self._take().text, raw)
+            self._emit_name(self._raw.take().text, raw)
         elif raw.kind == "command" and raw.text not in ("right", "\\"):
-            self._enter(raw)
-            self._one()
-            self._depth -= 1
+            with self._raw.nested():
+                self._one()
         else:
             raise refusal(f"\\{command.text} has no argument", command.column, "write it in braces { }")
         self._emit(")", raw)
 
-    def _fraction(self, raw: Raw) -> None:
+    def _fraction(self, raw: Token) -> None:
         self._tokens.append(Token("operator", "(", raw.column, True, FRACTION))
         self._argument(raw)
         self._emit("/", raw)
         self._argument(raw)
         self._emit(")", raw)
 
-    def _root(self, raw: Raw) -> None:
-        if not self._ahead.is_character("["):
+    def _root(self, raw: Token) -> None:
+        if not self._raw.ahead.is_operator("["):
             self._emit_name("sqrt", raw)
             self._argument(raw)
             return
-        self._take()
+        self._raw.take()
         digits = self._digits()
-        if not digits or not self._take().is_character("]"):
+        if not digits or not self._raw.take().is_operator("]"):
             raise refusal("the degree of a root is not an integer", raw.column, "write \\sqrt[3]{x}")
         self._begin_factor(raw)
         self._argument(raw)
         for text in "^(":
             self._emit(text, raw)
-        self._tokens.append(number_token("1", raw.column, False))
+        self._tokens.append(plain.number_token("1", raw.column, False))
         self._emit("/", raw)
-        self._tokens.append(number_token(digits, raw.column, False))
+        self._tokens.append(plain.number_token(digits, raw.column, False))
         for text in "))":
             self._emit(text, raw)
 
-    def _dot(self, raw: Raw, order: int) -> None:
+    def _dot(self, raw: Token, order: int) -> None:
         """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
-        braces = self._take() if self._ahead.is_character("{") else None
+        braces = self._raw.take() if self._raw.ahead.is_operator("{") else None
         name = ""
-        if self._ahead.kind == "letter":
-            name = self._word() if braces else self._take().text
-        elif self._ahead.kind == "command":
-            command = self._take()
+        if self._raw.ahead.kind == "letter":
+            name = self._word() if braces else self._raw.take().text
+        elif self._raw.ahead.kind == "command":
+            command = self._raw.take()
             name = self._name_part() if command.text in FONTS else self._plain_piece(command)
         if braces:
             name = self._with_subscript(name)
-        if not name or (braces and not self._take().is_character("}")):
+        if not name or (braces and not self._raw.take().is_operator("}")):
             raise refusal(f"\\{raw.text} belongs to a name", raw.column, f"write \\{raw.text}{{x}}")
         self._emit_name(self._with_subscript(name), raw, order)
 
-    def _power(self, caret: Raw) -> None:
-        raw = self._ahead
+    def _power(self, caret: Token) -> None:
+        raw = self._raw.ahead
         self._refuse_indices(caret)
         if self._subscript_after_power():
             return
         if raw.is_command("prime"):
             self._primes()
-        elif raw.is_character("{") and _is_prime(self._raw[self._place + 1]):
-            self._take()
+        elif raw.is_operator("{") and _is_prime(self._raw.look(1)):
+            self._raw.take()
             self._primes()
-            if self._ahead.is_character("}"):
-                self._take()
+            if self._raw.ahead.is_operator("}"):
+                self._raw.take()
             else:
                 self._emit("^", caret)
                 self._group(raw)
@@ -611,48 +557,42 @@ class LatexTranslator:
             self._short_power(caret)
         else:
             self._emit("^", caret)
-            if raw.is_character("{"):
+            if raw.is_operator("{"):
                 self._refuse_raised_brackets(caret)
-                self._refuse_index(self._raw[self._place + 1 : self._place + 3])
+                self._refuse_index(self._raw.rest(3)[1:])
                 self._emit("(", raw)
-                self._group(self._take())
+                self._group(self._raw.take())
                 self._emit(")", raw)
 
     def _subscript_after_power(self) -> bool:
         r"""\omega^2_0 as \omega_0^2: TeX sets both orders alike; nothing is taken where no subscript follows."""
-        start, length = self._place, len(self._tokens)
+        start, length = self._raw.position, len(self._tokens)
         last = self._tokens[-1] if self._tokens else None
         if last is None or last.kind != "name" or "_" in last.text or last.text in FUNCTIONS:
             return False
-        raw = self._ahead
-        group = [self._take()]
-        depth = int(group[0].is_character("{"))
-        while depth and self._ahead.kind != "end":
-            group.append(self._take())
-            depth += group[-1].is_character("{") - group[-1].is_character("}")
-        if not self._ahead.is_character("_") or raw.kind == "command":
-            self._place = start
+        raw = self._raw.ahead
+        group = [self._raw.take()]
+        depth = int(group[0].is_operator("{"))
+        while depth and self._raw.ahead.kind != "end":
+            group.append(self._raw.take())
+            depth += group[-1].is_operator("{") - group[-1].is_operator("}")
+        if not self._raw.ahead.is_operator("_") or raw.kind == "command":
+            self._raw.position = start
             return False
-        name = self._with_subscript(last.text)
-        self._tokens[-1] = replace(last, text=name)
-        self._raw[start : self._place] = [Raw("character", "^", raw.column), *group]
-        self._place = start + 1
-        del self._tokens[length:]
-        self._power(self._raw[start])
+        self._tokens[length - 1] = replace(last, text=self._with_subscript(last.text))
+        caret = Token("operator", "^", raw.column)
+        self._raw.put_back(group)
+        self._power(caret)
         return True
 
-    def _refuse_indices(self, caret: Raw) -> None:
+    def _refuse_indices(self, caret: Token) -> None:
         r"""InputError for the indices of tensors, \Gamma^x_{xx} and g^{tt}, which are no powers."""
         run: list[str] = []
-        place, depth = self._place, 0
-        while self._raw[place].kind != "end":
-            raw = self._raw[place]
-            depth += raw.is_character("{") - raw.is_character("}")
-            run.append(
-                raw.text if raw.kind in ("letter", "command") else "" if raw.is_character("{", "}", "_") else "?"
-            )
-            place += 1
-            if depth == 0 and not self._raw[place].is_character("_") and not raw.is_character("_"):
+        depth = 0
+        for raw, following in itertools.pairwise(self._raw.rest()):
+            depth += raw.is_operator("{") - raw.is_operator("}")
+            run.append(raw.text if raw.kind in ("letter", "command") else "" if raw.is_operator("{", "}", "_") else "?")
+            if depth == 0 and not following.is_operator("_") and not raw.is_operator("_"):
                 break
         letters = "".join(run)
         base = self._tokens[-1].text if self._tokens else ""
@@ -663,9 +603,9 @@ class LatexTranslator:
             what = f"raised and lowered indices of {base} occur"
             raise refusal(what, caret.column, "write each component as a formula, or as a name such as G_1")
 
-    def _short_power(self, caret: Raw) -> None:
+    def _short_power(self, caret: Token) -> None:
         """x^2, e^x: one digit or one name; x^23 is x^2 3 in LaTeX and x^(23) to others: refused."""
-        raw = self._ahead
+        raw = self._raw.ahead
         self._emit("^", caret)
         self._emit("(", raw)
         if raw.kind == "letter":
@@ -675,21 +615,21 @@ class LatexTranslator:
             digits = self._digits()
             if len(digits) > 1:
                 raise refusal("a power of several digits has no braces", raw.column, "write x^{23} or x^{2} \\cdot 3")
-            self._tokens.append(number_token(digits, raw.column, False))
+            self._tokens.append(plain.number_token(digits, raw.column, False))
         self._emit(")", raw)
 
-    def _refuse_index(self, raised: list[Raw]) -> None:
+    def _refuse_index(self, raised: Tokens) -> None:
         """InputError for q^1, which is a component and no power."""
-        alone = len(raised) == 1 or raised[1].is_character("}")
+        alone = len(raised) == 1 or raised[1].is_operator("}")
         digits = self._run(raised[0]) if len(raised) == 1 else raised[:1]
         if alone and [piece.text for piece in digits] == ["1"] and self._tokens and self._tokens[-1].kind != "number":
             raise refusal("a raised 1 occurs", raised[0].column, "an index? write it below, as in q_1 and q_2")
 
-    def _refuse_raised_brackets(self, caret: Raw) -> None:
+    def _refuse_raised_brackets(self, caret: Token) -> None:
         """InputError for f^{(2)} and x^{\\left(n\\right)}: a derivative or a component to most; e^{(x)} is exp(x)."""
         depth, inside = 0, ""
-        for raw in self._raw[self._place :]:
-            depth += raw.is_character("{") - raw.is_character("}")
+        for raw in self._raw.rest():
+            depth += raw.is_operator("{") - raw.is_operator("}")
             if depth == 0 or len(inside) > LIMITS.name_characters:
                 break
             inside += "" if raw.is_command("left", "right") else raw.text
@@ -698,42 +638,27 @@ class LatexTranslator:
         if raised and base.kind != "number" and base.text not in ("e", "E"):
             instead = "write x^{2} for a power, f''(x) for a derivative, q_1 for an index"
             kind = "number" if raised[1].isdigit() else "name"
-            raise refusal(f"a raised {kind} in brackets occurs", self._raw[self._place + 1].column, instead)
+            raise refusal(f"a raised {kind} in brackets occurs", self._raw.look(1).column, instead)
 
     def _primes(self) -> None:
-        while _is_prime(self._ahead):
-            raw = self._take()
-            order = 1 if raw.kind == "command" else len(raw.text)
-            self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
+        while _is_prime(self._raw.ahead):
+            raw = self._raw.take()
+            self._tokens.append(raw if raw.kind == "prime" else Token("prime", "'", raw.column, False, Fraction(1)))
 
-    def _emit(self, text: str, raw: Raw, space: bool | None = None) -> None:
+    def _emit(self, text: str, raw: Token, space: bool | None = None) -> None:
         self._tokens.append(Token("operator", text, raw.column, raw.space_before if space is None else space))
 
-    def _emit_name(self, name: str, raw: Raw, order: int = 0) -> None:
+    def _emit_name(self, name: str, raw: Token, order: int = 0) -> None:
         at_most(len(name), LIMITS.name_characters, "a name has too many characters", raw.column)
         self._tokens.append(Token("name", name, raw.column, raw.space_before))
         if order:
             self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
 
-    def _enter(self, raw: Raw) -> None:
-        self._depth += 1
-        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", raw.column)
-
-    @property
-    def _ahead(self) -> Raw:
-        return self._raw[self._place]
-
-    def _take(self) -> Raw:
-        raw = self._ahead
-        if raw.kind != "end":
-            self._place += 1
-        return raw
-
-    def _run(self, start: Raw) -> list[Raw]:
+    def _run(self, start: Token) -> Tokens:
         """Pieces of one character that touch each other: a word or a number."""
         pieces = [start]
-        for raw in self._raw[self._place + 1 : self._place + 1 + LIMITS.digits * 4]:
-            plain = raw.kind in ("letter", "digit") or raw.is_character(".", "-", "+")
+        for raw in self._raw.rest(LIMITS.digits * 4)[1:]:
+            plain = raw.kind in ("letter", "digit") or raw.is_operator(".", "-", "+")
             if not plain or raw.space_before or raw.column != pieces[-1].column + 1:
                 break
             pieces.append(raw)
@@ -741,22 +666,22 @@ class LatexTranslator:
 
     def _word(self) -> str:
         """A letter, or the whole word where it is declared or a function; the pieces are taken."""
-        pieces = self._run(self._ahead)[: LIMITS.name_characters]
-        length = next((k for k, piece in enumerate(pieces) if piece.kind == "character"), len(pieces))
+        pieces = self._run(self._raw.ahead)[: LIMITS.name_characters]
+        length = next((k for k, piece in enumerate(pieces) if piece.kind == "operator"), len(pieces))
         word = "".join(piece.text for piece in pieces[:length])
         for size in range(length, 1, -1):
             known = word[:size] in _WORDS and size == length
             if known or self._names.role(word[:size]) or self._names.derivative(word[:size]):
-                self._place += size
+                self._raw.position += size
                 return word[:size]
-        self._place += 1
+        self._raw.position += 1
         return word[0]
 
     def _with_subscript(self, name: str) -> str:
-        if not self._ahead.is_character("_"):
+        if not self._raw.ahead.is_operator("_"):
             return name
-        underscore = self._take()
-        comma = self._raw[self._place + 1].is_character(",")
+        underscore = self._raw.take()
+        comma = self._raw.look(1).is_operator(",")
         subscript = self._name_part()
         if not subscript:
             derivative = f"write diff({name}(x), x) for a derivative"
@@ -766,30 +691,30 @@ class LatexTranslator:
 
     def _name_part(self) -> str:
         """The letters, digits and Greek names of the next group or piece, '' if it holds anything else."""
-        if not self._ahead.is_character("{"):
-            raw = self._ahead
+        if not self._raw.ahead.is_operator("{"):
+            raw = self._raw.ahead
             if raw.kind == "digit":
                 return self._digits()
-            is_font = self._take().is_command(*FONTS) and self._ahead.is_character("{")
+            is_font = self._raw.take().is_command(*FONTS) and self._raw.ahead.is_operator("{")
             return self._name_part() if is_font else self._plain_piece(raw)
-        self._take()
+        self._raw.take()
         parts: list[str] = []
-        while not self._ahead.is_character("}"):
-            raw = self._take()
+        while not self._raw.ahead.is_operator("}"):
+            raw = self._raw.take()
             part = self._name_part() if raw.is_command(*FONTS) and not parts else self._plain_piece(raw)
             if not part:
                 return ""
             parts.append(part)
-        self._take()
+        self._raw.take()
         return "".join(parts)
 
     def _digits(self) -> str:
         digits = ""
-        while self._ahead.kind == "digit" and (not digits or not self._ahead.space_before):
-            digits += self._take().text
+        while self._raw.ahead.kind == "digit" and (not digits or not self._raw.ahead.space_before):
+            digits += self._raw.take().text
         return digits
 
-    def _plain_piece(self, raw: Raw) -> str:
+    def _plain_piece(self, raw: Token) -> str:
         if raw.is_command(*MARKED):
             raise refusal(f"\\{raw.text} occurs", raw.column, MARKED[raw.text])
         if raw.kind == "command":
@@ -797,10 +722,10 @@ class LatexTranslator:
         return raw.text if raw.kind in ("letter", "digit") else ""
 
 
-def _is_prime(raw: Raw) -> bool:
-    return raw.is_command("prime") or raw.is_character("'", "''")
+def _is_prime(raw: Token) -> bool:
+    return raw.is_command("prime") or raw.kind == "prime"
 
 
-def tokenize(text: str, names: Names | None = None) -> list[Token]:
+def tokenize(text: str, names: Names | None = None) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a name of its own."""
     return LatexTranslator(scan(text), names or Names()).all()

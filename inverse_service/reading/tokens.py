@@ -12,7 +12,7 @@ digits and typographic signs. See `grammar.py`.
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -30,7 +30,7 @@ from inverse_service.expressions.letters import (
 )
 from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
 
-Kind = Literal["number", "name", "prime", "operator", "newline", "end"]
+Kind = Literal["number", "name", "prime", "operator", "newline", "end", "command", "letter", "digit"]
 FACTOR, FRACTION = Fraction(1), Fraction(2)
 PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
 
@@ -40,7 +40,8 @@ class Token:
     """One token; `column` counts from 1 in the original text.
 
     `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR where no arguments
-    can stand in it, and FRACTION where ((above)/(below)) of LaTeX begins.
+    can stand in it, and FRACTION where ((above)/(below)) of LaTeX begins. Commands, letters and digits are pieces of
+    LaTeX, of which `latex.py` makes the others.
     Operators are + - * / ^ ( ) [ ] , = ; |, and < > & ~ true in conditions of pieces.
     """
 
@@ -53,6 +54,12 @@ class Token:
     def is_operator(self, *texts: str) -> bool:
         return self.kind == "operator" and self.text in texts
 
+    def is_command(self, *texts: str) -> bool:
+        return self.kind == "command" and self.text in texts
+
+
+Tokens = list[Token]
+
 
 def closing(tokens: Sequence[Token], opening: int) -> int:
     """The place of the bracket that closes the one at `opening`; the end where none does."""
@@ -64,9 +71,9 @@ def closing(tokens: Sequence[Token], opening: int) -> int:
     return len(tokens)
 
 
-def split_at_commas(tokens: Sequence[Token]) -> list[list[Token]]:
+def split_at_commas(tokens: Sequence[Token]) -> list[Tokens]:
     """The parts between commas that stand in no bracket."""
-    parts: list[list[Token]] = [[]]
+    parts: list[Tokens] = [[]]
     depth = 0
     for token in tokens:
         depth += token.is_operator("(") - token.is_operator(")")
@@ -103,7 +110,7 @@ END = "an operator or the end"
 
 def check_brackets(tokens: Sequence[Token]) -> None:
     """InputError for a round bracket without its other half."""
-    opened: list[Token] = []
+    opened: Tokens = []
     for token in tokens:
         if token.is_operator("("):
             opened.append(token)
@@ -138,6 +145,14 @@ class TokenStream:
         """The token `distance` places on (or back), the end token beyond either end."""
         place = self.position + distance
         return self._tokens[place] if 0 <= place < len(self._tokens) else self._tokens[-1]
+
+    def rest(self, most: int | None = None) -> Tokens:
+        """The tokens ahead, at most so many, the end token among them."""
+        return self._tokens[self.position :][:most]
+
+    def put_back(self, tokens: Sequence[Token]) -> None:
+        """These tokens come next."""
+        self._tokens[self.position : self.position] = tokens
 
     def source(self, start: int, end: int) -> str:
         """The tokens from one position up to another as they may be written."""
@@ -176,10 +191,10 @@ class TokenStream:
         return self._tokens[self.position : closing(self._tokens, self.position)]
 
     @contextmanager
-    def nested(self) -> Iterator[None]:
-        """One level further in; LimitError past `limits.depth`."""
+    def nested(self, opening: Token | None = None) -> Iterator[None]:
+        """One level further in, which begins at `opening` or ahead; LimitError past `limits.depth`."""
         self._depth += 1
-        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", self.ahead.column)
+        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", (opening or self.ahead).column)
         yield
         self._depth -= 1
 
@@ -256,42 +271,50 @@ def without_full_stop(text: str) -> str:
     return plain[:-1] if plain.endswith(".") and not plain[-2:-1].isdigit() and plain != "." else text
 
 
-def tokenize(text: str, known: Container[str] = ()) -> list[Token]:
+def tokenize(text: str, known: Container[str] = ()) -> Tokens:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
     check_length(text)
     text = without_full_stop(text)
-    tokens: list[Token] = []
-    place, space, open_brackets = 0, False, 0
     conditions = _PIECEWISE.search(text) is not None
-    while place < len(text):
-        character = text[place]
-        if character in SPACES:
-            place, space = place + 1, True
-            continue
-        condition = _CONDITION.match(text, place) if conditions else None
-        if conditions and open_brackets and _EQUALITY.match(text, place):
+
+    def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:
+        if text[place] in SPACES:
+            return [], place + 1
+        if text[place] == "#":
+            end = text.find("\n", place)
+            return [], len(text) if end < 0 else end
+        if conditions and _EQUALITY.match(text, place) and text.count("(", 0, place) > text.count(")", 0, place):
             instead = "write inequalities such as x > 0, for an answer is about open sets"
             raise refusal("an equation occurs in a condition", place + 1, instead)
-        if condition:
-            sign = _CONDITION_SIGNS.get(condition[0], condition[0])
-            found, place = [Token("operator", sign, place + 1, space)], condition.end()
-        else:
-            found, place = _next(text, place, space, known)
+        if conditions and (sign := _CONDITION.match(text, place)):
+            return [Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)], sign.end()
+        return next_tokens(text, place, space, known)
+
+    return scan(text, 0, len(text), step)
+
+
+def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]) -> Tokens:
+    """What `step` makes of the text from one place to another, itself given a place and whether a space is before it.
+
+    It returns the tokens there, none for a space, and the place after them.
+    """
+    tokens: Tokens = []
+    space, open_brackets = False, 0
+    while place < stop:
+        open_brackets += (text[place] in "([") - (text[place] in ")]")
+        found, place = step(text, place, space)
         tokens += found
-        space = character == "\n"
-        open_brackets += (character in "([") - (character in ")]")
-        column = tokens[-1].column if tokens else 1
+        space = not found or found[-1].kind == "newline"
         # here and not only in the parser: thousands of brackets are not tokenized
+        column = tokens[-1].column if tokens else 1
         at_most(open_brackets, LIMITS.depth, "the formula is nested too deeply", column)
         at_most(len(tokens), LIMITS.tokens, "the formula has too many parts", column)
     return tokens
 
 
-def _next(text: str, place: int, space: bool, known: Container[str]) -> tuple[list[Token], int]:
+def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) -> tuple[Tokens, int]:
+    """The tokens that begin at `place`, which is no space, and the place after them."""
     character = text[place]
-    if character == "#":
-        end = text.find("\n", place)
-        return [], len(text) if end < 0 else end
     if character in _HALVES:
         return [Token("number", character, place + 1, space, _HALVES[character])], place + 1
     if character == "\n":
@@ -329,7 +352,7 @@ def number_token(text: str, column: int, space: bool) -> Token:
     return Token("number", text, column, space, value)
 
 
-def _superscript(text: str, place: int) -> tuple[list[Token], int]:
+def _superscript(text: str, place: int) -> tuple[Tokens, int]:
     column, sign = place + 1, text[place] == SUPERSCRIPT_MINUS
     start = place = place + sign
     while place < len(text) and text[place] in SUPERSCRIPTS:
@@ -343,7 +366,7 @@ def _superscript(text: str, place: int) -> tuple[list[Token], int]:
     return [Token("operator", "^", column), opening, *signs, number, closing], place
 
 
-def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[list[Token], int]:
+def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[Tokens, int]:
     """The names of a run of letters, each with the dots over it (as a prime after it).
 
     A Greek letter, the script l and a letter with dots are names of their own in such a run unless all of it is
@@ -355,7 +378,7 @@ def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[li
         runs = [(ascii_name.group(), 0, place)]
     else:
         runs, end = _long_name(text, place, known)
-    found: list[Token] = []
+    found: Tokens = []
     for name, order, start in runs:
         at_most(len(name), LIMITS.name_characters, "a name has too many characters", start + 1)
         found.append(Token("name", name, start + 1, space and start == place))
@@ -391,7 +414,7 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
     return runs, end
 
 
-def _operator(text: str, place: int, space: bool) -> tuple[list[Token], int]:
+def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     character, column = text[place], place + 1
     if text.startswith(("==", "~"), place):  # ~ in Julia
         return [Token("operator", "=", column, space)], place + 1 + (character == "=")
