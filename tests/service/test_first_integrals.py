@@ -21,7 +21,27 @@ DOCUMENTS: dict[str, tuple[dict[str, Any], list[str]]] = {
     ),
     "Kepler, polar": (
         {"equations": "r'' = r*phi'^2 - k/r^2; phi'' = -2*r'*phi'/r", "parameters": ["k"]},
-        ["energy", "momentum of phi"],
+        ["energy", "momentum of phi", "quadratic"],
+    ),
+    "Kepler, spherical": (
+        {
+            "equations": "r'' = r*(th'^2 + sin(th)^2*ph'^2) - k/r^2; th'' = -2*r'*th'/r + sin(th)*cos(th)*ph'^2;"
+            "ph'' = -2*r'*ph'/r - 2*cot(th)*th'*ph'",
+            "parameters": ["k"],
+        },
+        ["energy", "momentum of ph", "linear", "linear"],
+    ),
+    "Calogero": (
+        {
+            "equations": "x'' = 2/(x-y)^3 + 2/(x-z)^3; y'' = 2/(y-x)^3 + 2/(y-z)^3; z'' = 2/(z-x)^3 + 2/(z-y)^3",
+        },
+        ["energy", "momentum along x, y, z", "quadratic", "linear", "scaling"],
+    ),
+    "Emden": ({"equations": "y'' = -2*y'/t - y^5"}, ["scaling"]),
+    "Emden, other powers": ({"equations": "y'' = -5*y'/t - y^2"}, ["scaling"]),
+    "relativistic": (
+        {"equations": "d/dt(m*x'/sqrt(1 - x'^2/c^2)) = -k*x", "parameters": ["m", "c", "k"]},
+        ["energy"],
     ),
     "Toda": (
         {"equations": "x'' = -exp(x-y); y'' = exp(x-y)-exp(y-z); z'' = exp(y-z)"},
@@ -106,6 +126,21 @@ def test_first_integrals_along_constraints(name: str) -> None:
     accelerations = {name: one["text"] for name, one in motion["accelerations"].items()}
     first = {name: one["text"] for name, one in motion["first_order"].items()}
     assert all(abs(rate) < 1e-25 for rate in rates(result, accelerations, first))
+
+
+@pytest.mark.parametrize(
+    ("equations", "energy"),
+    [
+        ("x'' = -k*x - c*x'", "log(x'^2+k*x^2+c*x*x')/2 - c/sqrt(4*k-c^2)*atan((c*x+2*x')/(x*sqrt(4*k-c^2)))"),
+        ("x' = a*x - b*x*y; y' = -c*y + d*x*y", "d*x + (a-c)*log(x) - x'/x - a*log(a*x-x')"),
+        ("x'' + 3*k*x*x' + k^2*x^3 = 0", "(k*x^2+2*x')/(k*x^2+x')^2"),
+        ("x'' = -k*x*(1 - x'^2)^(3/2)", "k*x^2/2 + 1/sqrt(1-x'^2)"),
+    ],
+)
+def test_the_energy_is_as_short_as_in_a_book(equations: str, energy: str) -> None:
+    found = inverse_service.solve(equations)["first_integrals"][0]
+    assert found["name"] == "energy"
+    assert len(found["text"].replace(" ", "")) <= 1.1 * len(energy)
 
 
 def test_they_are_left_out_when_asked() -> None:
