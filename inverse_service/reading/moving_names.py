@@ -135,11 +135,19 @@ def _motions(tokens: Sequence[Token]) -> list[tuple[str, int]]:
             inner, length = _differentiated(tokens[place : place + _LONGEST_ARGUMENTS])
             found += inner
             place += length
-        elif primes and (after[:1] != ["("] or after == ["(", "t", ")"]):
+        elif primes and (after[:1] != ["("] or after == ["(", "t", ")"] or _multiplies_a_sum(token, tokens[place:])):
             found.append((token.text, primes))
         elif stem := derived_stem(token.text, 2) or derived_stem(token.text):
             found.append((stem, 2 if derived_stem(token.text, 2) else 1))
     return found
+
+
+def _multiplies_a_sum(name: Token, after: Sequence[Token]) -> bool:
+    """Whether the brackets after the primes are a factor: x''(1 + x^2), r'' (M + m); V''(x - y) is a function."""
+    opening = next(place for place, token in enumerate(after) if token.kind != "prime")
+    inside = after[opening + 2 : closing(after, opening)]
+    plain = looks_like_a_coordinate(name.text) or name.text in GREEK_NAMES
+    return plain and any(token.is_operator("+", "-") for token in inside)
 
 
 def derived_stem(word: str, order: int = 1) -> str:
