@@ -32,11 +32,16 @@ x'' = kx
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line of the table; `verdict` is that of the result, or "failed"; without `lagrangian` there is a `reason`."""
+    """One line of the table; `verdict` is that of the result, or "failed"; without `lagrangian` there is a `reason`.
+
+    The page shows `word`, in the color of `shade`.
+    """
 
     number: int
     name: str
     verdict: str
+    word: str
+    shade: str
     lagrangian: str = ""
     reason: str = ""
     checked: str = ""
@@ -154,15 +159,17 @@ async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 
 def row_of(answer: BatchAnswer) -> Row:
     """An answer as a line of the table; a large one is not read for it."""
     if answer.status == "successful" and answer.body is None:
-        return Row(answer.number, str(json.loads(answer.identifier)), "done")
+        return Row(answer.number, str(json.loads(answer.identifier)), "done", "done", "")
     found = json.loads(answer_line(answer))
     name = "\u2013" if found["id"] is None else str(found["id"])
     if "error" in found:
-        return Row(answer.number, name, "failed", reason=found["detail"])
+        return Row(answer.number, name, "failed", "failed", sheets.NO, reason=found["detail"])
     first = text_page.first_answer(found)
     lagrangian = (first.get("lagrangian") or {}).get("text", "")
     where = ", ".join(text_page.conditions_of(first))
     others = len(found.get("branches") or ()) - 1
     where += f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else ""
     verdict = text_page.common_verdict(text_page.branches_of(found)) or "done"  # results of other kinds have none
-    return Row(answer.number, name, verdict, lagrangian, found.get("reason", ""), sheets.proof_of(first) or "", where)
+    word, shade = (sheets.badge_of(found), sheets.verdict_of(found)) if "verdict" in found else ("done", "")
+    checked = sheets.proof_of(first) or ""
+    return Row(answer.number, name, verdict, word, shade, lagrangian, found.get("reason", ""), checked, where)

@@ -63,6 +63,12 @@ class Case:
     proofs: tuple[tuple[str, tuple[Markup, ...]], ...]
     more: tuple[Row, ...]
 
+    @property
+    def gist(self) -> tuple[tuple[str, Markup], ...]:
+        """What stands in the place of L and H after a no: how its proof begins and ends."""
+        steps = self.proofs[0][1] if self.verdict == NO and self.proofs else ()
+        return (("Assumption", steps[0]), ("Contradiction", steps[-1])) if len(steps) > 1 else ()
+
 
 @dataclass(frozen=True, slots=True)
 class Sheet:

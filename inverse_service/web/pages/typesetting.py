@@ -186,8 +186,13 @@ def sentence(step: Mapping[str, Any] | str, names: Names) -> Markup:
         (("text", "formula")[k % 2], part) if isinstance(part, str) else (part["kind"], part["text"])
         for k, part in enumerate(parts)
     ]
-    shown = [_said(kind, text, names) for kind, text in pairs if kind in ("text", "formula", "display") and text]
-    return Markup("").join(shown)
+    pairs = [(kind, text) for kind, text in pairs if kind in ("text", "formula", "display") and text]
+    # A formula behind a full stop is no part of a sentence.
+    ended = [False, *(kind == "text" and text.rstrip().endswith(".") for kind, text in pairs)]
+    return Markup("").join(
+        _said("display" if kind == "formula" and alone else kind, text, names)
+        for (kind, text), alone in zip(pairs, ended, strict=False)
+    )
 
 
 def _said(kind: str, text: str, names: Names) -> Markup:

@@ -254,7 +254,13 @@ export class Motion {
     const [u, v] = this.screen[0];
     this.part.hand.setAttribute("transform", `translate(${fixed(u)} ${fixed(v)})`);
     const text = this.part.hand.querySelector("text");
-    text?.setAttribute("text-anchor", u > WIDTH / 2 ? "end" : "start");
+    // Its name stands where the path does not go.
+    const ahead = this.screen.slice(1, 2 + this.screen.length / 12);
+    const [du, dv] = [0, 1].map((k) => ahead.reduce((sum, at) => sum + at[k] - this.screen[0][k], 0));
+    const isLeft = u > WIDTH - 110 || (du > 0 && u > 110);
+    text?.setAttribute("text-anchor", isLeft ? "end" : "start");
+    text?.setAttribute("x", isLeft ? -14 : 14);
+    text?.setAttribute("y", dv > 0 ? -13 : 24);
     const said = this.told.coordinates.map((name, k) => `${this.called(name)} ${short(this.q[k])}`).join(", ");
     this.part.hand.setAttribute("aria-valuetext", said);
     this.part.hand.setAttribute("aria-valuenow", Math.round(100 * ((u - this.area.left) / (this.area.right - this.area.left) - 0.5)));
@@ -269,9 +275,10 @@ export class Motion {
     const [first, second] = this.isPhase ? [this.called(this.told.coordinates[0]), null] : plane(this.told.coordinates).includes(-1) ? this.told.coordinates.map((name) => this.called(name)) : ["x", "y"];
     const nice = (range) => { const power = 10 ** Math.floor(Math.log10(range / 2.4)); return [5, 2, 1].map((k) => k * power).find((k) => k <= range / 2.4) ?? power; };
     const ticks = [];
-    for (const [axis, low, high] of [[0, ...this.box.slice(0, 2)], [1, ...this.box.slice(2)]]) {
-      const step = nice(high - low);
-      for (let k = Math.ceil(low / step); k * step <= high; k += 1) if (k) {
+    const [low, high] = [this.toPlane([left, bottom]), this.toPlane([right, top])]; // what is seen, not what the path fills
+    for (const axis of [0, 1]) {
+      const step = nice(high[axis] - low[axis]);
+      for (let k = Math.ceil(low[axis] / step); k * step <= high[axis]; k += 1) if (k) {
         const [p, q] = this.toScreen(axis ? [0, k * step] : [k * step, 0]);
         ticks.push(axis ? `<path d="M${fixed(u - 4)} ${fixed(q)}h8"/><text text-anchor="end" x="${fixed(u - 8)}" y="${fixed(q + 4)}">${short(k * step)}</text>`
           : `<path d="M${fixed(p)} ${fixed(v - 4)}v8"/><text text-anchor="middle" x="${fixed(p)}" y="${fixed(v + 20)}">${short(k * step)}</text>`);
@@ -293,7 +300,6 @@ export class Motion {
     if (this.isPhase) this.above(u, v, q[0]);
     else this.part.body.innerHTML = drawn(this.name, this.joints(q).map(this.toScreen), q, this.toScreen([0, 0]));
     if (this.now) this.now.textContent = `t = ${this.main.t[k].toFixed(1)}`;
-    this.figure.querySelector("[data-time]")?.setAttribute("value", this.main.t[k]);
   }
 
   // Over the phase portrait: the mass above its point, on the same axis; a pendulum hangs.

@@ -6,7 +6,7 @@ const root = document.documentElement;
 
 const ECHO_PAUSE = 120; // ms after the last key
 const FAULT_PAUSE = 900; // a half-typed equation is no mistake
-const ANSWER_PAUSE = 500; // a complete reading that is left alone is answered
+const ANSWER_PAUSE = 350; // a complete reading that is left alone is answered
 const BUSY_PAUSE = 3000; // a busy service is asked again, for an answer three times
 const LOOK_PAUSE = 150; // ms between two looks at a result that grows
 const DRAFT = "draft:";
