@@ -123,8 +123,9 @@ class CaseNode(base.Document):
     """The system where all conditions hold and none of those of its children.
 
     A condition is an equation between parameters, or what a function is. `dimension` counts the parameters that stay
-    free, `statement` says how large the space of
-    multipliers is. `verdict` answers the question of the result, `verdict_with_time` L(t, q, q').
+    free, `statement` says how large the space of multipliers is. `verdict` answers the question of the result,
+    `verdict_with_time` L(t, q, q'). A special case with a Lagrangian shows one, with its `equations` and its
+    certificate, where one was found in time.
     """
 
     conditions: list[Formula]
@@ -133,6 +134,11 @@ class CaseNode(base.Document):
     dimension: int
     statement: str = ""
     reason: str = ""
+    equations: dict[str, str] = Field(default_factory=dict)
+    lagrangian: LagrangianPart | None = None
+    hamiltonian: HamiltonianPart | None = None
+    certificate: dict[str, Any] | None = None
+    checked: Checked | None = None
     children: list[CaseNode] = Field(default_factory=list)
 
 

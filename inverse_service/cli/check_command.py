@@ -94,7 +94,7 @@ def _document(name: str) -> Any:
 
 def _check_exceptions(name: str, form: str | None) -> cli.ExitCode:
     """Solve the systems of a result at the values of the parameters that it leaves out."""
-    from inverse_service.service.documents.special_values import left_out
+    from inverse_service.service.documents.derived import left_out
 
     result, settings = _read(name), read_settings()
     decided = list[dict[str, Any]]()

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import inverse_service
-from inverse_service.service.documents.special_values import left_out
+from inverse_service.service.documents.derived import left_out
 
 COUPLED = {"equations": {"x": "a*y", "y": "b*x*y'"}, "parameters": ["a", "b"]}
 FRICTION = {"equations": {"x": "-x + k*y - c*x'", "y": "-y + k*x"}, "parameters": ["c", "k"]}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import json
 from collections.abc import Callable
@@ -9,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service import solve
+from inverse_service import check, solve
 from tests.doors import calls
 from tests.doors.formulas import Point
 
@@ -71,3 +72,56 @@ def test_the_question_for_which_parameters_is_answered_at_the_command_line() -> 
     assert sorted(found) == [["a = -c"], ["a = c"], ["b = 0", "d = 0"]]
     assert result["special_cases"]["complete"]
     assert solve(given)["special_cases"] is None
+
+
+def nodes(node: dict[str, Any], at: str = "/special_cases/tree") -> list[tuple[str, dict[str, Any]]]:
+    inner = (nodes(child, f"{at}/children/{k}") for k, child in enumerate(node["children"]))
+    return [(at, node), *itertools.chain.from_iterable(inner)]
+
+
+@pytest.fixture(scope="module")
+def henon_heiles() -> dict[str, Any]:
+    equations, timed, _ = FAMILIES["potentials of degree three (Henon, Heiles)"]
+    found: dict[str, Any] = json.loads(solve(document(equations, timed, special_cases=True)).to_json())
+    return found
+
+
+def test_a_special_case_that_is_variational_shows_a_proven_lagrangian(henon_heiles: dict[str, Any]) -> None:
+    special = [(at, node) for at, node in nodes(henon_heiles["special_cases"]["tree"])[1:]
+               if node["verdict"] == "variational"]  # fmt: skip
+    report = check(henon_heiles)
+    assert report["verdict"] == "valid"
+    assert len(special) >= 3
+    for at, node in special:
+        assert node["checked"] == "valid"
+        assert not {f"{at}/{key}" for key in ("lagrangian", "verdict", "equations")} & {*report["not_checked"]}
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("lagrangian", {"text": "x'^2/2 + y'^2/2", "latex": "", "domain": []}),
+        ("equations", {"x": "0", "y": "0"}),
+        ("conditions", [{"text": "c = 0", "latex": "c = 0"}]),
+        ("conditions", [{"text": "x = 0", "latex": "x = 0"}]),
+        ("verdict", "not_variational"),
+        ("checked", "incomplete"),
+    ],
+)
+def test_a_false_field_of_a_special_case_is_a_contradiction(
+    henon_heiles: dict[str, Any], field: str, value: Any
+) -> None:
+    forged = copy.deepcopy(henon_heiles)
+    node = next(node for _, node in nodes(forged["special_cases"]["tree"]) if node["lagrangian"])
+    node[field] = value
+    assert check(forged)["verdict"] == "invalid"
+
+
+def test_the_lagrangian_of_a_special_case_is_in_the_text() -> None:
+    given = document({"x": "-a*x'*y", "y": "-b*x"}, False, special_cases=True)
+    found = solve(given)
+    shown = [node["lagrangian"] for _, node in nodes(found["special_cases"]["tree"]) if node["lagrangian"]]
+    text = calls.command("solve", "-", "--format", "text", given=json.dumps(given))[1]
+    latex = calls.command("solve", "-", "--format", "latex", given=json.dumps(given))[1]
+    assert shown
+    assert all(one["text"] in text and one["latex"] in latex for one in shown)

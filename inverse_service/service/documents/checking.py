@@ -20,7 +20,7 @@ from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.expressions.printing_latex import to_latex
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents import accepting, canonical, covering, hamiltonians, translate
+from inverse_service.service.documents import accepting, canonical, covering, derived, hamiltonians, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
@@ -34,7 +34,7 @@ _NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check;
 _NO_RESULT: Final = "The document is no result: it has no format, system, and verdict that are known."
 _OPEN: Final = "A verdict is undetermined, or no certificate proves it."
 _VERDICTS: Final = ("variational", "not_variational", "undetermined")
-QUESTIONS: Final = {"autonomous": "L(q, q')", "time_dependent": "L(t, q, q')"}
+_OF_ANOTHER: Final = ("verdict", "kind", "equations", "factor", "conditions", "clock")
 # What the checker reads of a certificate.
 _READ: Final = {
     "format", "system", "question", "claim", "kind", "near", "conditions", "roots", "among", "lagrangian",
@@ -242,6 +242,8 @@ class Examination:
         self.instead(document, plain, own)
         self.motions(document, plain, timed)
         self.others(document, plain, own)
+        if not moving:
+            self.cases(document)
         only = isinstance(plain, dict) and ("motion" in plain or plain.get("associated") == "any")
         if not main and not (only and result.get("any_associated")):
             self.unsettled(_OPEN)
@@ -263,9 +265,10 @@ class Examination:
         asked = isinstance(plain, dict) and plain.get("time_dependent_lagrangian") is True
         timed, stated = contains or asked, self.result.get("question")
         if stated is not None:
-            proven = QUESTIONS["time_dependent" if timed else "autonomous"]
-            if self.result["system"].get("given") is None and self.handed is None and stated in QUESTIONS.values():
-                timed = timed or stated == QUESTIONS["time_dependent"]  # nobody asked another question
+            proven = canonical.QUESTIONS["time_dependent" if timed else "autonomous"]
+            free = self.result["system"].get("given") is None and self.handed is None
+            if free and stated in canonical.QUESTIONS.values():
+                timed = timed or stated == canonical.QUESTIONS["time_dependent"]  # nobody asked another question
                 self.agree("/question", not contains or timed, stated, f"The question is that of {proven}.")
             else:
                 self.agree("/question", stated == proven, stated, f"The question is that of {proven}.")
@@ -485,12 +488,30 @@ class Examination:
                 self.unsettled("/instead: no certificate proves it.")
             self.claim("/instead/kind")
             return
-        from inverse_service.service.documents.instead import compared_instead
+        found = derived.compared_instead(document, self.result, self.end - now())
+        self.about_another("/instead", part, found)
 
-        self.about_another("/instead", part, compared_instead(document, self.result, self.end - now()))
+    def cases(self, document: Any) -> None:
+        """The Lagrangians of special cases that conditions on the parameters give."""
+        waiting = [("/special_cases/tree", _object(_object(self.result.get("special_cases")).get("tree")))]
+        while waiting:
+            at, node = waiting.pop()
+            waiting += [(f"{at}/children/{k}", _object(one)) for k, one in enumerate(node.get("children") or ())]
+            texts = [_text(one) for one in node.get("conditions") or ()]
+            shows = any(node.get(key) for key in ("lagrangian", "hamiltonian", "certificate"))
+            if not shows or any("(" in str(text).split(" = ")[0] for text in texts):
+                continue  # a case of functions is not made again: it is not checked
+            found = derived.compared_values(document, node, texts, self.end - now())
+            question = _object(node.get("certificate")).get("question")
+            key = "verdict_with_time" if question == "time_dependent" and node.get("verdict_with_time") else "verdict"
+            if self.agree(f"{at}/{key}", node.get(key) == "variational", node.get(key), "It is variational."):
+                self.about_another(at, node | {"verdict": "variational"}, found, ("equations",))
+                self.claim(*(f"{at}/conditions/{k}/text" for k in range(len(texts))))
 
-    def about_another(self, at: str, part: dict[str, Any], found: CheckResult | None) -> None:
-        """An answer about a system that follows from that of the document, which was compared elsewhere."""
+    def about_another(
+        self, at: str, part: dict[str, Any], found: CheckResult | None, compared: Sequence[str] = _OF_ANOTHER
+    ) -> None:
+        """An answer about a system that follows from that of the document; that these fields do was compared."""
         if found is not None and found.verdict == "invalid":
             self.contradict(at, part.get("verdict") or part.get("kind"), found.reasons[0])
         elif found is not None and found.verdict != "valid":
@@ -500,7 +521,7 @@ class Examination:
             verdict = part.get("verdict", certificate.get("claim"))
             shown = Shown(at, part, str(certificate.get("question")), verdict, _system(certificate))
             proof = self.proof(certificate)
-            self.claim(*(f"{at}/{key}" for key in ("verdict", "kind", "equations", "factor", "conditions", "clock")))
+            self.claim(*(f"{at}/{key}" for key in compared))
             self.claim(*(f"{at}/certificate/{key}" for key in _READ))
             if "checked" in part:
                 self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
@@ -520,9 +541,7 @@ class Examination:
     def others(self, document: Any, plain: Any, own: dict[str, Any]) -> None:
         """The system with another clock, and the reduced one."""
         if clock := _object(self.result.get("with_clock")):
-            from inverse_service.service.documents.clock_part import compared_clock
-
-            self.about_another("/with_clock", clock, compared_clock(document, clock, self.end - now()))
+            self.about_another("/with_clock", clock, derived.compared_clock(document, clock, self.end - now()))
         if reduced := _object(self.result.get("reduced")):
             if document is own:
                 return

@@ -26,7 +26,7 @@ from inverse_service.service.documents.growing import Growing
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
-    from api_schemas.result import ResultDocument
+    from api_schemas.result import ResultDocument, SpecialCasesPart
     from api_schemas.system import SystemDocument
     from inverse_service.decision.cells import Left
     from inverse_service.decision.kinds.helmholtz import LagrangianKind
@@ -192,10 +192,10 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     limit = now() + SHARE_OF_SOLVER * (end - now())
     # What follows is loaded when asked for, so that others start sooner.
     if result.verdict == "not_variational":
-        from inverse_service.service.documents.instead import with_instead
+        from inverse_service.service.documents import derived
 
         grow.begin("kinds")
-        result = with_instead(result, solution, asked, min(limit, now() + QUICKLY))
+        result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
         from inverse_service.service.documents.kinds_part import with_kinds
 
@@ -203,15 +203,15 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         result = with_kinds(result, solution, schema, kinds, asked, limit)
         grow.hand_over(("explanation", "kinds"), partial(checked, result, 1.0))
     if schema.clock is not None:
-        from inverse_service.service.documents.clock_part import clock_part
+        from inverse_service.service.documents import derived
 
         grow.begin("clock")
-        part = clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - now()))
+        part = derived.clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
         grow.hand_over(("explanation", "clock"), partial(checked, result, 1.0))
     if schema.special_cases:
         grow.begin("special_cases")
-        result = with_special_cases(result, system, asked, (end, grow.stage))
+        result = result.model_copy(update={"special_cases": special_cases(system, asked, end, grow)})
     grow.begin("certificate")
     return with_one_verdict(ordered(grow.end(checked(result, end - now()))))
 
@@ -249,26 +249,16 @@ def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Lagrangia
 def _clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression | None:
     if schema.clock is None:
         return None
-    from inverse_service.service.documents.clock_part import to_clock
+    from inverse_service.service.documents import derived
 
-    return to_clock(schema, system)
+    return derived.to_clock(schema, system)
 
 
-def with_special_cases(
-    result: ResultDocument,
-    system: SecondOrderSystem,
-    asked: SolveOptions,
-    limits: tuple[float, Progress | None],
-) -> ResultDocument:
-    """The result with the tree of special cases, found in the time that is left."""
-    # Loaded when asked for, so that others start sooner.
-    from inverse_service.service.documents.translate_cases import to_special_cases
-    from inverse_service.solving.special_cases.case_tree import special_cases
+def special_cases(system: SecondOrderSystem, asked: SolveOptions, end: float, grow: Growing) -> SpecialCasesPart:
+    """The tree of special cases, found in the time that is left."""
+    from inverse_service.service.documents import derived
 
-    end, progress = limits
-    deadline = now() + SHARE_OF_SOLVER * (end - now())
-    found = special_cases(system, asked.time_dependent, deadline, progress, asked.seed)
-    return result.model_copy(update={"special_cases": to_special_cases(found)})
+    return derived.special_cases(system, asked, now() + SHARE_OF_SOLVER * (end - now()), grow.stage)
 
 
 def parse_system(schema: SystemDocument) -> ParseAnswer:

@@ -168,7 +168,8 @@ def special_cases_latex(part: dict[str, Any]) -> Iterator[str]:
 
 def _items(node: dict[str, Any]) -> Iterator[str]:
     yield r"\begin{itemize}"
-    yield f"\\item {text_page.where(node['conditions'], 'latex')}: {text_page.spaced(node['verdict'])}"
+    found = f", $L = {node['lagrangian']['latex']}$" if node.get("lagrangian") else ""
+    yield f"\\item {text_page.where(node['conditions'], 'latex')}: {text_page.spaced(node['verdict'])}{found}"
     for child in node["children"]:
         yield from _items(child)
     yield r"\end{itemize}"

@@ -21,8 +21,8 @@ from inverse_service.mechanics.paper_class import AssociatedSystem
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import (
     accepting,
+    derived,
     documents,
-    instead,
     reduced_documents,
     translate,
     translate_nonholonomic,
@@ -109,10 +109,10 @@ def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | Non
     if schema.special_cases:
         assert main.associated.system is not None
         grow.begin("special_cases")
-        cases = documents.with_special_cases(whole, main.associated.system, asked, (end, grow.stage))
-        whole = whole.model_copy(update={"special_cases": cases.special_cases})
+        cases = documents.special_cases(main.associated.system, asked, end, grow)
+        whole = whole.model_copy(update={"special_cases": cases})
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
-        whole = whole.model_copy(update={"instead": instead.of_reduced(whole.reduced)})
+        whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
     grow.begin("certificate")
     return documents.with_one_verdict(documents.ordered(grow.end(documents.checked(whole, end - now()))))
 

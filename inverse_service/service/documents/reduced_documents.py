@@ -20,12 +20,12 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.service.documents import (
     accepting,
     checking,
+    derived,
     documents,
     preparing,
     translate,
     translate_nonholonomic,
 )
-from inverse_service.service.documents import clock_part as clocks
 from inverse_service.service.documents.growing import Growing
 
 # Of the time, what the equations of the free coordinates alone may take.
@@ -129,12 +129,12 @@ def _part(found: deciding.Reduced) -> nonholonomic.ReducedPart:
     factor, clocked = found.factor, found.clocked
     return nonholonomic.ReducedPart(
         coordinates=list(found.plain.system.coordinates),
-        **clocks.answered(found.plain.system, found.plain.answer),
+        **derived.answered(found.plain.system, found.plain.answer),
         reconstruction={name: printing.to_text(rate) for name, rate in found.others},
         statement=QUADRATURE if found.others else CLOSED,
         with_clock=None
         if clocked is None or factor is None
-        else clocks.clocked_part(factor, clocked.system, clocked.answer),
+        else derived.clocked_part(factor, clocked.system, clocked.answer),
         without_clock=found.reason,
     )
 
@@ -148,15 +148,15 @@ def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> 
         return _WRONG
     if system is None:
         return _WRONG
-    found = clocks.compared_answer(part, system, _WRONG, end - deadline.now())
+    found = derived.compared_answer(part, system, end - deadline.now())
     clock = part.get("with_clock")
     if (found is not None and found.verdict != "valid") or not isinstance(clock, dict):
         return found
     try:
-        factor = clocks.read_clock(system, str(clock.get("factor")))
+        factor = derived.read_clock(system, str(clock.get("factor")))
     except errors.InputError:
         return _WRONG
-    return clocks.compared_clocked(clock, system, factor, _WRONG, end - deadline.now()) or found
+    return derived.compared_clocked(clock, system, factor, end - deadline.now()) or found
 
 
 def _of_document(document: Any) -> SecondOrderSystem | None:

@@ -391,7 +391,8 @@ def _tree(node: dict[str, Any], indent: str) -> Iterator[str]:
     verdict = spaced(node["verdict"])
     if node["verdict_with_time"] not in (None, node["verdict"]):
         verdict += f" (with t: {spaced(node['verdict_with_time'])})"
-    yield f"{indent}{where(node['conditions'], 'text')}: {verdict}"
+    found = f", L = {node['lagrangian']['text']}" if node.get("lagrangian") else ""
+    yield f"{indent}{where(node['conditions'], 'text')}: {verdict}{found}"
     for child in node["children"]:
         yield from _tree(child, indent + "  ")
 

@@ -27,7 +27,7 @@ ENGINE = (
     "service.documents.nonholonomic_documents",
     "service.documents.checking",
     "service.documents.kinds_part",
-    "service.documents.translate_cases",
+    "service.documents.derived",
     "service.jobs.batch",
     "explanation.negative",
     "explanation.theorems",

@@ -533,8 +533,10 @@ def _special(cases: Mapping[str, Any], names: Names) -> Iterable[Markup]:
         if case.get("verdict_with_time") == "variational":
             verdict = YES
         inner = Markup("").join(node(child) for child in case["children"])
-        return Markup("<li>{}: {}{}</li>").format(
-            _listed(texts, names) or "in general", _colored(verdict, BADGES[verdict]),
+        shown = case.get("lagrangian")  # of results that an older engine stored there is none
+        found = Markup(", L = {}").format(typesetting.formula(shown["text"], names)) if shown else ""
+        return Markup("<li>{}: {}{}{}</li>").format(
+            _listed(texts, names) or "in general", _colored(verdict, BADGES[verdict]), found,
             Markup("<ul>{}</ul>").format(inner) if inner else "",
         )  # fmt: skip
 

@@ -1,0 +1,389 @@
+"""Answers about systems that follow from the system of a document.
+
+That is the system with another clock, the system with special values of its parameters (`instead`, `special_cases`,
+and `exceptions`), and what else holds where there is no L(q, q'). The solver's part of each comes first, then that of
+`check`, which makes the derived system again from the document. Clocks, cases, and friction are loaded when they are
+asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from api_schemas import result as schemas
+from inverse_service import deadline, errors
+from inverse_service.certificate import checker
+from inverse_service.decision import deciding
+from inverse_service.decision.solutions import Answer, Solution, SolveOptions
+from inverse_service.explanation import positive
+from inverse_service.expressions import collecting, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field import real_point
+from inverse_service.mechanics import second_order_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names
+from inverse_service.service.documents import accepting, canonical, preparing, translate
+from inverse_service.solving import solving
+
+if TYPE_CHECKING:
+    from api_schemas.nonholonomic import ReducedPart
+    from api_schemas.system import SystemDocument
+    from inverse_service.solving.special_cases.case_tree import Node
+    from inverse_service.solving.special_cases.cases import Progress
+
+SEARCH = "search"
+SHARE_OF_TREE = 0.7  # of the time for special cases; their Lagrangians have the rest
+_MOST_CASES = 6
+_SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
+_WRONG = checker.CheckResult("invalid", ("It is not about the system that follows from the document's.",))
+Values = Mapping[ex.Expression, ex.Expression]
+
+
+def answered(system: SecondOrderSystem, answer: Answer) -> dict[str, Any]:
+    """The equations and the answer as fields."""
+    fields = translate.answer_fields(answer, system) | translate.equation_fields(system)
+    return {key: fields[key] for key in schemas.ClockPart.model_fields if key in fields}
+
+
+def _solved(system: SecondOrderSystem, timed: bool, seed: int, end: float) -> tuple[SecondOrderSystem, Answer | None]:
+    """The answer to one question about a derived system, which is that of its first branch."""
+    options = SolveOptions(time_dependent=timed, seed=seed, time_limit=deadline.left(end), conditions=False)
+    found = solving.solve(system, options)
+    return found.system, found.autonomous if not timed else found.with_time or found.autonomous
+
+
+# Another clock: dtau = N(q) dt.
+
+
+def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> ex.Expression | None:
+    """N(q), None where it is looked for; InputError where it is no function of coordinates, or f holds t."""
+    if system.depends_on_time:
+        raise errors.InputError("the equations contain t, so no other clock can be put in its place.", "/clock")
+    return None if schema.clock == SEARCH else read_clock(system, schema.clock or "", schema)
+
+
+def read_clock(system: SecondOrderSystem, text: str, schema: SystemDocument | None = None) -> ex.Expression:
+    """N(q) of a text, parameters with values in the document put in; InputError as above."""
+    from inverse_service.solving.of_kind import clock
+
+    factor = accepting.formula_about(text, system.names, schema, "/clock")
+    if any(node == ex.TIME or isinstance(node, ex.Velocity | ex.Acceleration) for node in ex.walk(factor)):
+        raise errors.InputError("a clock N in dtau = N dt may contain coordinates and parameters only.", "/clock")
+    if clock.with_clock(system, factor) is None:
+        raise errors.InputError("a clock N needs real values other than 0 where the equations have values.", "/clock")
+    return factor
+
+
+def clock_part(
+    system: SecondOrderSystem, factor: ex.Expression | None, asked: SolveOptions, time_limit: float
+) -> schemas.ClockPart:
+    """The answer for L(q, q') of the system with the other clock, on its first branch; found where there is none."""
+    from inverse_service.solving.of_kind import clock
+
+    end = deadline.now() + time_limit
+    if factor is None:
+        factor, tried = clock.find_clock(system, asked.seed, deadline.now() + time_limit / 2)
+        if factor is None:
+            listed = ", ".join(map(printing.to_text, tried))
+            reason = f"No Lagrangian was found with dtau = N dt for N = {listed}; others were not tried."
+            return schemas.ClockPart(factor="", equations={}, verdict="undetermined", reason=reason)
+    changed = clock.with_clock(system, factor)
+    assert changed is not None
+    solved, answer = _solved(changed, False, asked.seed, end)
+    assert answer is not None
+    return clocked_part(factor, solved, answer)
+
+
+def clocked_part(factor: ex.Expression, system: SecondOrderSystem, answer: Answer) -> schemas.ClockPart:
+    """An answer for the system with this clock."""
+    return schemas.ClockPart(factor=printing.to_text(factor), **answered(system, answer))
+
+
+# Special values of the parameters.
+
+
+def special_cases(
+    system: SecondOrderSystem, asked: SolveOptions, end: float, progress: Progress | None
+) -> schemas.SpecialCasesPart:
+    """The tree of special cases found until the end, with a Lagrangian for each *yes* as far as time goes."""
+    from inverse_service.solving.special_cases import case_tree
+
+    limit = deadline.now() + SHARE_OF_TREE * (end - deadline.now())
+    found = case_tree.special_cases(system, asked.time_dependent, limit, progress, asked.seed)
+    both = found.root.case.autonomous is not None and found.root.case.with_time is not None
+    timed = list(_variational(found.root, True, False)) if both else None
+    return schemas.SpecialCasesPart(
+        tree=_node(found.root, asked.seed, end),
+        variational_when=list(_variational(found.root, found.root.case.autonomous is None, False)),
+        variational_when_with_time=timed,
+        examined=len(found.examined),
+        complete=found.complete,
+        complete_with_time=found.complete_with_time if both else None,
+        reasons=list(found.reasons),
+    )
+
+
+def _node(node: Node, seed: int, end: float) -> schemas.CaseNode:
+    case = node.case
+    verdict = case.autonomous or case.with_time
+    assert verdict is not None, "each case answers a question"
+    return schemas.CaseNode(
+        conditions=_conditions_of(node),
+        verdict=verdict,
+        verdict_with_time=case.with_time,
+        dimension=case.stratum.dimension,
+        statement=case.statement,
+        reason=case.reason,
+        **(_lagrangian_there(node, seed, end) or {}),
+        children=[_node(child, seed, end) for child in node.children],
+    )
+
+
+def _lagrangian_there(node: Node, seed: int, end: float) -> dict[str, Any] | None:
+    """Equations and a Lagrangian that was checked, of a special case that has one; None where there is no time."""
+    from inverse_service.solving.special_cases import cases
+
+    pairs = cases.conditions(node.case)
+    if "variational" not in node.case.verdicts or not pairs or deadline.now() > end:
+        return None
+    values = dict(pairs)
+    parameters = all(isinstance(name, ex.Symbol) for name in values)
+    system = specialised(node.case.question.system, values) if parameters else node.case.system
+    system, answer = _solved(system, node.case.autonomous != "variational", seed, end)
+    if answer is None or answer.lagrangian is None or answer.checked != "valid":
+        return None
+    return {key: value for key, value in answered(system, answer).items() if key in ("equations", *_SHOWN)}
+
+
+def _variational(node: Node, timed: bool, inside: bool) -> Iterator[schemas.VariationalCase]:
+    """The largest cases with a Lagrangian, in the order of the tree."""
+
+    def has_one(each: Node) -> bool:
+        return (each.case.with_time if timed else each.case.autonomous) == "variational"
+
+    here = has_one(node)
+    if here and not inside:
+        yield schemas.VariationalCase(
+            conditions=_conditions_of(node),
+            dimension=node.case.stratum.dimension,
+            exceptions=[_conditions_of(child) for child in node.children if not has_one(child)],
+        )
+    for child in node.children:
+        yield from _variational(child, timed, here)
+
+
+def _conditions_of(node: Node) -> list[schemas.Formula]:
+    from inverse_service.expressions import printing_latex
+    from inverse_service.solving.special_cases import cases
+
+    return [
+        schemas.Formula(
+            text=f"{printing.to_text(left)} = {printing.to_text(right)}",
+            latex=f"{printing_latex.to_latex(left)} = {printing_latex.to_latex(right)}",
+        )
+        for left, right in cases.conditions(node.case)
+    ]
+
+
+def specialised(system: SecondOrderSystem, values: Values) -> SecondOrderSystem:
+    """The system with these values of its parameters, which may hold others."""
+    forces = tuple(collecting.collect(ex.substitute(f, dict(values))) for f in system.given)
+    left = tuple(name for name in system.parameters if ex.Symbol(name) not in values)
+    return replace(system, accelerations=forces, parameters=left, branch=None)
+
+
+def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | None]]:
+    """Each exception with the document of the system there; None where it cannot be solved for a parameter."""
+    other = result.get("with_time") or {}
+    for text in dict.fromkeys([*(result.get("exceptions") or ()), *(other.get("exceptions") or ())]):
+        yield text, _there(result["system"], text) if "=" in text else None
+
+
+def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
+    names, parameters = canonical.names_of(system), list(system["parameters"])
+    *sides, last = [reader.read_formula(side, names) for side in text.split("=")]
+    values = dict[ex.Expression, ex.Expression]()
+    for side in sides:
+        found = next(filter(None, (_root(collecting.collect(side - last), name) for name in parameters)), None)
+        if found is None:
+            return None
+        values |= found
+    trees = {name: reader.read_formula(formula, names) for name, formula in system["equations"].items()}
+    return {
+        "coordinates": system["coordinates"],
+        "equations": {
+            name: printing.to_text(collecting.collect(ex.substitute(tree, values))) for name, tree in trees.items()
+        },
+        "parameters": [name for name in parameters if ex.Symbol(name) not in values],
+        "functions": system.get("functions") or {},
+    }
+
+
+def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] | None:
+    """The parameter's value where the tree is 0, if it is a number times the parameter and what does not hold it."""
+    at = [collecting.collect(ex.substitute(tree, {ex.Symbol(name): ex.number(k)})) for k in range(3)]
+    slope = collecting.collect(at[1] - at[0])
+    is_linear = collecting.collect(at[2] - at[1] - slope) == ex.ZERO
+    if not is_linear or not isinstance(slope, ex.Number) or slope == ex.ZERO:
+        return None
+    return {ex.Symbol(name): collecting.collect(-at[0] / slope)}
+
+
+# The key `instead`: what holds where there is no L(q, q'), the first of what is quickly found.
+
+
+def with_instead(
+    result: schemas.ResultDocument, solution: Solution, asked: SolveOptions, end: float
+) -> schemas.ResultDocument:
+    """The result with an L(t, q, q'), T - V with friction, or parameter values that leave an L(q, q')."""
+    if solution.autonomous is None or solution.autonomous.verdict != "not_variational" or result.branches:
+        return result
+    found = _with_time(result) or _with_friction(solution, asked, end)
+    found = found or _with_parameters(solution.system, asked.seed, end)
+    return result if found is None else result.model_copy(update={"instead": found})
+
+
+def _with_time(result: schemas.ResultDocument) -> schemas.InsteadPart | None:
+    other = result.with_time
+    if other is None or other.lagrangian is None or other.certificate is None:
+        return None
+    return schemas.InsteadPart(kind="time", lagrangian=other.lagrangian, hamiltonian=other.hamiltonian,
+                               certificate=other.certificate, checked="valid")  # fmt: skip
+
+
+def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schemas.InsteadPart | None:
+    from inverse_service.solving.of_kind.rayleigh import quick_rayleigh
+
+    given = [second_order_system.on_branch(equation, solution.system) for equation in asked.given]
+    found = quick_rayleigh(deciding.analyze(solution.system), given, end)
+    if found is None or found.lagrangian is None:
+        return None
+    from inverse_service.service.documents.kinds_part import kind_part
+
+    names, lagrangian = solution.system.coordinates, found.lagrangian
+    hamiltonian = positive.hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
+    shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
+    shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", "certificate", "checked"})
+    return schemas.InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)
+
+
+def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> schemas.InsteadPart | None:
+    """The first of the special cases, parameters given by others, where a Lagrangian is found."""
+    if not system.parameters or system.functions or deadline.now() > end:
+        return None
+    from inverse_service.solving.special_cases import case_tree
+
+    waiting = [case_tree.special_cases(system, False, end, None, seed, _MOST_CASES).root]
+    while waiting:
+        node = waiting.pop(0)
+        if found := _lagrangian_there(node, seed, end):
+            texts = [one.text for one in _conditions_of(node)]
+            return schemas.InsteadPart(kind="parameters", conditions=texts, **found)
+        waiting = [*node.children, *waiting]
+    return None
+
+
+def of_reduced(reduced: ReducedPart | None) -> schemas.InsteadPart | None:
+    """Of a motion on constraints: the reduced system, with Chaplygin's clock where it needs one."""
+    for part in (reduced, reduced and reduced.with_clock):
+        if part is not None and part.lagrangian is not None and part.checked == "valid":
+            shown = {key: getattr(part, key) for key in _SHOWN}
+            clock = part.factor if isinstance(part, schemas.ClockPart) else ""
+            return schemas.InsteadPart(kind="reduced", equations=part.equations, clock=clock, **shown)
+    return None
+
+
+# What `check` does with these: the system is made again from the document.
+
+
+def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> checker.CheckResult | None:
+    """The checker's verdict on `with_clock`, whose system has to be that of the document with its clock."""
+    try:
+        schema = accepting.to_schema(preparing.prepared(document).document)
+        system = accepting.to_system(schema)
+        if to_clock(schema, system) is None and part.get("verdict") == "undetermined":
+            return None
+        factor = to_clock(schema, system) or read_clock(system, str(part.get("factor")), schema)
+    except errors.InputError:
+        return _WRONG
+    return compared_clocked(part, system, factor, time_limit)
+
+
+def compared_clocked(
+    part: dict[str, Any], system: SecondOrderSystem, factor: ex.Expression, time_limit: float
+) -> checker.CheckResult | None:
+    """The same for an answer with this clock."""
+    from inverse_service.solving.of_kind import clock
+
+    changed = clock.with_clock(system, factor)
+    if changed is None or part.get("factor") != printing.to_text(factor):
+        return _WRONG
+    return compared_answer(part, changed, time_limit)
+
+
+def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -> checker.CheckResult | None:
+    """The checker's verdict on an `instead` about another system than the document's; None where there is none."""
+    part = result.get("instead")
+    if not isinstance(part, dict) or part.get("kind") not in ("reduced", "parameters"):
+        return None
+    if part["kind"] == "parameters":
+        return compared_values(document, part, part.get("conditions"), time_limit)
+    reduced = result.get("reduced") or {}  # which is compared itself
+    known = [reduced, reduced.get("with_clock") or {}]
+    good = any(all(one.get(key) == part.get(key) for key in (*_SHOWN, "equations")) for one in known)
+    return None if good else _WRONG
+
+
+def compared_values(document: Any, part: dict[str, Any], conditions: Any, time_limit: float) -> checker.CheckResult:
+    """The checker's verdict on a *yes* for special values of the parameters, given as texts "name = value"."""
+    try:
+        system = accepting.to_system(accepting.to_schema(preparing.prepared(document).document))
+        names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
+        pairs = [text.split(" = ") for text in conditions]
+        values = {reader.read_formula(name, names): reader.read_formula(value, names) for name, value in pairs}
+    except (errors.InputError, KeyError, ValueError, AttributeError, TypeError):
+        return _WRONG
+    held = {node for tree in values.values() for node in ex.walk(tree)}
+    known = {ex.Symbol(name) for name in system.parameters} - held
+    if not values or len(values) < len(pairs) or not {*values} <= known:
+        return _WRONG
+    return compared_answer({**part, "verdict": "variational"}, specialised(system, values), time_limit) or _WRONG
+
+
+def compared_answer(part: dict[str, Any], system: SecondOrderSystem, time_limit: float) -> checker.CheckResult | None:
+    """The checker's verdict on an answer for this system, `invalid` where it is for another; None where it is open."""
+    equations, certificate = translate.equation_fields(system)["equations"], part.get("certificate")
+    if part.get("equations") != equations:
+        return _WRONG
+    if not isinstance(certificate, dict):
+        return None if part.get("verdict") == "undetermined" else _WRONG
+    shown, named = part.get("lagrangian"), certificate.get("system")
+    named = named if isinstance(named, dict) else {}
+    good = named.get("equations") == equations and certificate.get("among") is None
+    good = good and named.get("parameters") == list(system.parameters)
+    good = good and certificate.get("claim") == part.get("verdict")
+    good = good and certificate.get("question") in _questions(part, system)
+    text = shown.get("text") if isinstance(shown, dict) else None
+    good = good and (not system.positive or _is_inside(system, certificate.get("near") or {}))
+    if not good or text != certificate.get("lagrangian"):
+        return _WRONG
+    return checker.check_certificate(certificate, time_limit=max(1.0, time_limit))
+
+
+def _questions(part: Mapping[str, Any], system: SecondOrderSystem) -> Sequence[str]:
+    """Those that an answer may be about: a special case may have an L(t, q, q') alone, and says so."""
+    timed = system.depends_on_time or ("dimension" in part and part.get("verdict_with_time") == "variational")
+    return ("time_dependent",) if system.depends_on_time else ("autonomous", *["time_dependent"] * timed)
+
+
+def _is_inside(system: SecondOrderSystem, near: dict[str, str]) -> bool:
+    """Whether the point is one of the case of signs that the formulas of the system are for."""
+    try:
+        return real_point.are_positive(system.positive, real_point.table_at(near)) or any(
+            isinstance(node, ex.Arbitrary) for tree in system.positive for node in ex.walk(tree)
+        )
+    except (KeyError, ValueError, TypeError, AttributeError):
+        return False
