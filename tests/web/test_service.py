@@ -15,7 +15,7 @@ from markupsafe import escape
 from inverse_service.errors import InputError
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
-from inverse_service.web.pages.reading_back import sentence
+from inverse_service.web.pages.forms import sentence
 
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 JSON = {"Content-Type": "application/json"}

@@ -27,7 +27,7 @@ from inverse_service.reading import reader
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages import forms, preview, reading_back, rendering, sheets, solve, typesetting
+from inverse_service.web.pages import forms, preview, rendering, result_tasks, sheets, solve, typesetting
 
 router = APIRouter()
 # What is asked, the question, the letter before the box, and what the choice of an answer is called.
@@ -58,9 +58,9 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
     """The exercise of a link with what is said of an answer: "none", or "one" with a formula."""
     try:
         document = model.split_options(forms.document_of_fields(fields))[0]
-        result = tasks.solve_task(document, SolveOptions(time_limit=reading_back.GLANCE))
+        result = tasks.solve_task(document, SolveOptions(time_limit=result_tasks.GLANCE))
     except errors.InputError as error:
-        return Exercise([], "", problem=reading_back.sentence(error.places[0]) if error.places else str(error))
+        return Exercise([], "", problem=forms.sentence(error.places[0]) if error.places else str(error))
     system, names = result["system"], typesetting.names_of(result["system"])
     sheet = sheets.sheet_of(result, brief=True)
     wanted = [typesetting.formula(f"{name}'' = {text}", names) for name, text in system["equations"].items()]
@@ -94,7 +94,7 @@ def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sh
         lagrangian = lagrangian_of(own, names) if ask == "hamiltonian" else forms.right_side(own)
         found = tasks.check_task(model.write_json({"system": document, "lagrangian": lagrangian}))
     except errors.InputError as error:
-        reasons = [reading_back.sentence(place) for place in error.places] or [str(error)]
+        reasons = [forms.sentence(place) for place in error.places] or [str(error)]
         return sheets.judged_of({"verdict": "unread", "lagrangian": own, "reasons": reasons}, names)
     judged = sheets.judged_of({**found, "lagrangian": lagrangian}, names)
     letter = "H" if ask == "hamiltonian" else "L"
@@ -125,7 +125,7 @@ def lagrangian_of(hamiltonian: str, names: Any) -> str:
         ],
         "lagrangian": to_text(ex.substitute(tree, momenta)),
     }
-    found = tasks.solve_task(document, SolveOptions(time_limit=reading_back.GLANCE))["hamiltonian"]
+    found = tasks.solve_task(document, SolveOptions(time_limit=result_tasks.GLANCE))["hamiltonian"]
     if found.get("implicit"):
         raise errors.InputError("The velocities of this H could not be solved for the momenta in closed form.")
     back = reader.read_formula(found["text"], names)
@@ -169,7 +169,7 @@ async def exercise(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     answer, own = query.get("answer", ""), query.get("own", "")[:6_000]
     found = await engine.made(
-        clients.client_of(request), exercise_task, fields, ask, answer, own, late=LATE, seconds=4 * reading_back.GLANCE
+        clients.client_of(request), exercise_task, fields, ask, answer, own, late=LATE, seconds=4 * result_tasks.GLANCE
     )
     student = query.get("student", "").strip()[:80]
     code = ""

@@ -17,10 +17,11 @@ from typing import Any, TypeVar
 from starlette.responses import HTMLResponse
 
 from inverse_service import errors
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import text_page
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs import model, opening, tasks
-from inverse_service.web.pages import forms, preview, reading_back, rendering, sheets, simulations, typesetting
+from inverse_service.web.pages import forms, preview, rendering, sheets, simulations, typesetting
 
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
@@ -130,7 +131,7 @@ def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
     try:
         found = tasks.check_task(model.write_json({"system": given, "lagrangian": forms.right_side(text)}))
     except errors.InputError as error:
-        reasons = [reading_back.sentence(place) for place in error.places]
+        reasons = [forms.sentence(place) for place in error.places]
         found = {"verdict": "unread", "reasons": reasons, "residual": None, "equations": None}
     return {**found, "lagrangian": text}
 
@@ -297,3 +298,29 @@ def curl_of(document: Mapping[str, Any], address: str) -> str:
     """The call from a shell."""
     body = json.dumps(document, ensure_ascii=False, indent=1)
     return f"curl -s {shlex.quote(address + '/v1/solve')} -H 'Content-Type: application/json' -d {shlex.quote(body)}\n"
+
+
+# The answer next to a form.
+
+GLANCE = 1.5  # s that a person waits for it who is still filling in
+
+
+def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:
+    """The sent solve form to a short answer, which nobody stores; None where it takes longer than a glance."""
+    document = forms.sent_task(body, content_type).document
+    return None if document is None else glance_of(document)
+
+
+def glance_of_fields(fields: forms.Fields) -> dict[str, Any] | None:
+    """The same of the fields of a link; None where they cannot be read, too."""
+    try:
+        return glance_of(forms.document_of_fields(fields))
+    except errors.InputError:
+        return None
+
+
+def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The sheet of a document without its proofs, and its motion; None where nothing was settled."""
+    found = tasks.solve_task(model.split_options(document)[0], SolveOptions(time_limit=GLANCE))
+    sheet = sheets.sheet_of(found, brief=True)
+    return None if sheet.verdict == sheets.OPEN else {"sheet": sheet, "motion": preview.motion_of_result(found)}

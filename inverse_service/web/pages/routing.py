@@ -11,17 +11,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages import (
-    atlas_pages,
-    batch_pages,
-    exercises,
-    learn,
-    own_calls,
-    rendering,
-    result_pages,
-    simulate,
-    solve,
-)
+from inverse_service.web.pages import exercises, library, rendering, results, simulate, solve
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -58,7 +48,7 @@ async def login_form(request: Request) -> Response:
 @account.post("/login")
 async def login(request: Request) -> Response:
     """The key, checked as in the header, kept in a cookie until the browser is closed."""
-    sent = await own_calls.read_form(request, own_calls.SMALL_FORM)
+    sent = await results.read_form(request, results.SMALL_FORM)
     place, key = rendering.local_address(sent.text("next")), sent.text("key")
     if len(key) > clients.LARGEST_KEY or _engine(request).keys.client_of(key) is None:
         return _form(place, "This key is not known here.", 401)
@@ -72,7 +62,7 @@ async def login(request: Request) -> Response:
 @account.post("/logout")
 async def logout(request: Request) -> Response:
     """The cookie taken back."""
-    await own_calls.read_form(request, own_calls.SMALL_FORM)
+    await results.read_form(request, results.SMALL_FORM)
     answer = RedirectResponse("/login", 303)
     answer.delete_cookie(clients.COOKIE, httponly=True, samesite="strict", secure=_is_secure(request))
     return answer
@@ -81,7 +71,7 @@ async def logout(request: Request) -> Response:
 @account.post("/theme")
 async def theme(request: Request) -> Response:
     """Light, dark, or as the system says; remembered for a year."""
-    sent = await own_calls.read_form(request, own_calls.SMALL_FORM)
+    sent = await results.read_form(request, results.SMALL_FORM)
     answer = RedirectResponse(rendering.local_address(sent.text("back")), 303)
     if sent.text("theme") in rendering.THEMES:
         answer.set_cookie(
@@ -118,7 +108,7 @@ def _is_secure(request: Request) -> bool:
 
 
 router.get("/static/{mark}/{name}")(rendering.static)
-for part in (account, learn.open_router):
+for part in (account, library.open_router):
     router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
-for pages in (solve, exercises, result_pages, simulate, atlas_pages, batch_pages, learn):
+for pages in (solve, exercises, results, simulate, library):
     router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

@@ -20,16 +20,7 @@ from inverse_service.reading import reader
 from inverse_service.service.documents import text_page
 from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, Engine
-from inverse_service.web.pages import (
-    atlas_pages,
-    own_calls,
-    reading_back,
-    rendering,
-    result_pages,
-    result_tasks,
-    solve,
-    typesetting,
-)
+from inverse_service.web.pages import forms, library, rendering, result_tasks, results, solve, typesetting
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.preview import preview_task, price_task
 from inverse_service.web.problems import Refusal
@@ -58,18 +49,18 @@ async def form(request: Request) -> HTMLResponse:
 @router.post("/simulate")
 async def run(request: Request) -> Response:
     """The job of the scene; on to its page, or back with what to change."""
-    sent = await own_calls.read_form(request, request.app.state.engine.settings.max_body)
+    sent = await results.read_form(request, request.app.state.engine.settings.max_body)
     filled, base = await _sent_form(request, sent)
     try:
         scene = changed_scene(base, scene_document(filled, base["system"]))
         await _refuse_unreadable(request, scene)
     except errors.InputError as error:
-        return simulate_page(filled, reading_back.problem_of_error(error, {}), 422)
+        return simulate_page(filled, forms.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
-    answer = await own_calls.call(request, "POST", CALLS[kind], scene, {"Prefer": "respond-async"})
+    answer = await results.call(request, "POST", CALLS[kind], scene, {"Prefer": "respond-async"})
     if answer.is_problem:
-        return simulate_page(filled, reading_back.problem_of(answer.value, {}), answer.status)
-    return RedirectResponse(result_pages.result_address(answer), 303)
+        return simulate_page(filled, forms.problem_of(answer.value, {}), answer.status)
+    return RedirectResponse(results.result_address(answer), 303)
 
 
 async def _refuse_unreadable(request: Request, scene: dict[str, Any]) -> None:
@@ -111,7 +102,7 @@ async def price(request: Request) -> Response:
 
 async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Response:
     """What a task makes of the form as it stands, or what is wrong beside which field."""
-    sent = await own_calls.read_form(request, request.app.state.engine.settings.max_body)
+    sent = await results.read_form(request, request.app.state.engine.settings.max_body)
     form, base = await _sent_form(request, sent)
     engine: Engine = request.app.state.engine
     try:
@@ -125,7 +116,7 @@ async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[st
 
 def _told(places: Sequence[errors.Place]) -> dict[str, Any]:
     """What is wrong, and beside which fields it is said."""
-    faults = {field_of(place.pointer): reading_back.sentence(place) for place in places}
+    faults = {field_of(place.pointer): forms.sentence(place) for place in places}
     return {"reason": " ".join(faults.values()), "faults": {name: said for name, said in faults.items() if name}}
 
 
@@ -139,7 +130,7 @@ async def _sent_form(request: Request, sent: Form) -> tuple[SceneForm, dict[str,
     return empty if sent.text("filled") else with_sent(empty, sent), base
 
 
-def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, status: int = 200) -> HTMLResponse:
+def simulate_page(form: SceneForm, problem: forms.Problem | None = None, status: int = 200) -> HTMLResponse:
     """The page with the form filled in."""
     systems = [(name, catalogue.entry(name)["title"]) for name in catalogue.names("nonholonomic")]
     return rendering.page(
@@ -147,7 +138,7 @@ def simulate_page(form: SceneForm, problem: reading_back.Problem | None = None, 
         status,
         active="/simulate",
         form=form,
-        body=atlas_pages.body_of(form.system),
+        body=library.body_of(form.system),
         systems=systems,
         methods=METHODS,
         observables=OBSERVABLES,
@@ -165,8 +156,8 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
     if not job:
         return form_of_system({"catalogue": system}), {"system": {"catalogue": system}}
     found = None
-    if await result_pages.successful(request, job) is not None:
-        found = await result_pages.made(request, job, result_tasks.part_task, partial(_form_of_result, job=job))
+    if await results.successful(request, job) is not None:
+        found = await results.made(request, job, result_tasks.part_task, partial(_form_of_result, job=job))
     if found is None:
         raise Refusal(404, "not-found", "There is no result with a system at this address.")
     form, base = found
@@ -230,7 +221,7 @@ def _title(system: Mapping[str, Any]) -> str:
 
 async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:
     """The form filled with a scene that was run before, and that scene."""
-    job = await result_pages.stored_job(request, identifier)
+    job = await results.stored_job(request, identifier)
     if job is None or job.kind not in CALLS:
         raise Refusal(404, "not-found", "There is no scene at this address.")
     scene = json.loads(job.document)

@@ -17,7 +17,7 @@ from api_schemas import base
 from inverse_service import catalogue, errors
 from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
-from inverse_service.web.pages import forms, own_calls, reading_back, rendering, result_pages, result_tasks, sheets
+from inverse_service.web.pages import forms, rendering, result_tasks, results, sheets
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -103,7 +103,7 @@ async def glance_of(request: Request, fields: dict[str, str], patience: float) -
 
 async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, str]) -> None:
     with suppress(Refusal):
-        outcome = await engine.run_quick(client, reading_back.glance_of_fields, fields, seconds=LONG_DEADLINE)
+        outcome = await engine.run_quick(client, result_tasks.glance_of_fields, fields, seconds=LONG_DEADLINE)
         if outcome.status == "done" and outcome.value is not None:
             if len(_GLANCES) >= MOST_GLANCES:
                 _GLANCES.pop(next(iter(_GLANCES)))
@@ -114,23 +114,23 @@ async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, 
 async def submit(request: Request) -> Response:
     """The job of the form; on to its page, or back with what to change."""
     try:
-        sent = await own_calls.read_sent(request, request.app.state.engine.settings.max_body, reading_back.sent_task)
+        sent = await results.read_sent(request, request.app.state.engine.settings.max_body, forms.sent_task)
     except Refusal as refusal:
         return _not_read(refusal)
     if sent.document is None:
         return await _refused(request, sent.fields, sent.problem, 422)
-    answer = await own_calls.call(request, "POST", "/v1/solve", sent.document, {"Prefer": "respond-async"})
+    answer = await results.call(request, "POST", "/v1/solve", sent.document, {"Prefer": "respond-async"})
     if answer.is_problem:
-        return await _refused(request, sent.shown, reading_back.problem_of(answer.value, sent.shown), answer.status)
-    return RedirectResponse(result_pages.result_address(answer), 303)
+        return await _refused(request, sent.shown, forms.problem_of(answer.value, sent.shown), answer.status)
+    return RedirectResponse(results.result_address(answer), 303)
 
 
 @router.post("/understood")
 async def echo(request: Request) -> Response:
     """What was understood of the form: the fragment for the script, else the form's link, whose page says it."""
     try:
-        fields, found = await own_calls.read_sent(
-            request, request.app.state.engine.settings.max_body, reading_back.echo_sent_task
+        fields, found = await results.read_sent(
+            request, request.app.state.engine.settings.max_body, forms.echo_sent_task
         )
     except Refusal as refusal:
         return _not_read(refusal)
@@ -143,9 +143,7 @@ async def echo(request: Request) -> Response:
     )
 
 
-async def _refused(
-    request: Request, fields: dict[str, str], problem: reading_back.Problem | None, status: int
-) -> Response:
+async def _refused(request: Request, fields: dict[str, str], problem: forms.Problem | None, status: int) -> Response:
     """The form with what to change: its link where the page there says the same, so that a reload asks nothing."""
     if forms.is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
         return RedirectResponse(forms.link_of_fields(fields), 303)
@@ -160,8 +158,8 @@ async def answer_beside(request: Request) -> Response:
         if not is_free:
             return Response(status_code=204)
         try:
-            found = await own_calls.read_sent(
-                request, engine.settings.max_body, reading_back.glance_task, 2 * reading_back.GLANCE
+            found = await results.read_sent(
+                request, engine.settings.max_body, result_tasks.glance_task, 2 * result_tasks.GLANCE
             )
         except Refusal as refusal:
             if refusal.kind not in ("limit", "busy"):
@@ -174,14 +172,14 @@ def _not_read(refusal: Refusal) -> HTMLResponse:
     """The form at its start, where what was sent is too heavy to be read; anything else is refused as everywhere."""
     if refusal.kind != "limit":
         raise refusal
-    problem = reading_back.problem_of({"detail": refusal.detail}, {})
+    problem = forms.problem_of({"detail": refusal.detail}, {})
     return solve_page(forms.fields_from({"equations": START}), problem=problem, status=refusal.status)
 
 
 async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
     """How the fields are understood, for the template; nothing where no worker has said it in `patience` seconds."""
     engine: Engine = request.app.state.engine
-    asked = engine.run_quick(clients.client_of(request), reading_back.echo_task, fields, seconds=QUICK_DEADLINE)
+    asked = engine.run_quick(clients.client_of(request), forms.echo_task, fields, seconds=QUICK_DEADLINE)
     try:
         outcome = await asyncio.wait_for(asked, patience)
     except (Refusal, TimeoutError):
@@ -223,8 +221,6 @@ def example_document(name: str) -> dict[str, Any]:
 
 async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     """The form filled with the document of a result."""
-    if await result_pages.successful(request, identifier) is None:
+    if await results.successful(request, identifier) is None:
         raise Refusal(404, "not-found", "There is no result at this address.")
-    return await result_pages.made(request, identifier, result_tasks.fields_task) or forms.fields_from(
-        {"equations": START}
-    )
+    return await results.made(request, identifier, result_tasks.fields_task) or forms.fields_from({"equations": START})

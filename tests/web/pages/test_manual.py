@@ -7,7 +7,7 @@ import re
 import httpx
 import pytest
 
-from inverse_service.web.pages.learn import PAGES
+from inverse_service.web.pages.library import PAGES
 
 NAMES = [name for name, _ in PAGES]
 

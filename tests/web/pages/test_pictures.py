@@ -6,7 +6,7 @@ import pytest
 
 from inverse_service import solve
 from inverse_service.catalogue import atlas
-from inverse_service.web.pages.atlas_pages import BODIES, body_of
+from inverse_service.web.pages.library import BODIES, body_of
 from inverse_service.web.pages.rendering import environment
 from inverse_service.web.pages.starts import motion_of, picture_of
 

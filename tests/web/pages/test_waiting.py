@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from inverse_service.service.documents import documents
-from inverse_service.web.pages.reading_back import understood
+from inverse_service.web.pages.forms import understood
 from inverse_service.web.pages.rendering import page
-from inverse_service.web.pages.result_pages import asked_of
+from inverse_service.web.pages.results import asked_of
 
 
 @pytest.mark.parametrize(

@@ -1,27 +1,118 @@
-"""A job's page: its progress, then its result, under one permanent address."""
+"""A job's page under one permanent address, its files, and batches; asked through the service's own calls, so that a
+page says what the API says.
+
+Forms that browsers send are taken from our own pages only, and read by workers where they may be large.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+import logging
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, TypeVar, cast
 
+import httpx
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service.reading import document_names
+from inverse_service.service.documents import text_page
+from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import Job
+from inverse_service.service.jobs.statements import BatchAnswer
+from inverse_service.web import asking, clients, journal, routes_jobs
 from inverse_service.web.clients import client_of, viewer_of
-from inverse_service.web.engine import LONG_DEADLINE, Engine
+from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
-from inverse_service.web.pages import reading_back, result_tasks, simulations
-from inverse_service.web.pages.own_calls import SMALL_FORM, Answer, call, read_form
+from inverse_service.web.pages import forms, result_tasks, sheets, simulations
 from inverse_service.web.pages.rendering import POLICY, VISITOR, packed, page
+from inverse_service.web.problems import Refusal
 
 T = TypeVar("T")
 router = APIRouter()
+
+# The service's own calls.
+
+# What says who asks; everything else of the browser's request is the page's own business.
+PASSED_ON = ("authorization", "x-api-key", "cookie", "host")
+ORIGIN = "http://pages.invalid"
+# It would note every one of these calls, which the service counts itself.
+logging.getLogger("httpx").setLevel(logging.WARNING)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a call answered."""
+
+    status: int
+    headers: Mapping[str, str] = field(default_factory=dict)
+    body: bytes = b""
+
+    @property
+    def value(self) -> Any:
+        """The JSON value of the body."""
+        return json.loads(self.body)
+
+    @property
+    def is_problem(self) -> bool:
+        """Whether the call was refused."""
+        return self.status >= 400
+
+
+async def call(
+    request: Request, method: str, path: str, document: Any = None, headers: Mapping[str, str] | None = None
+) -> Answer:
+    """One call of this service, made inside the process; `document` is sent as JSON, bytes as they are."""
+    sent = {name: request.headers[name] for name in PASSED_ON if name in request.headers} | dict(headers or {})
+    sent["X-Request-Id"] = journal.REQUEST.get()
+    content = document
+    if document is not None and not isinstance(document, bytes):
+        content = json.dumps(document, default=str).encode()
+    if content is not None:
+        sent.setdefault("Content-Type", "application/json")
+    client = (request.client.host, request.client.port) if request.client else ("", 0)
+    transport = httpx.ASGITransport(app=request.app, raise_app_exceptions=False, client=client)
+    async with httpx.AsyncClient(transport=transport, base_url=ORIGIN, timeout=None) as http:
+        found = await http.request(method, path, content=content, headers=as_sent(sent))
+    return Answer(found.status_code, found.headers, found.content)
+
+
+def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
+    """Headers as bytes: a cookie that another program on this host has set may hold any."""
+    return {name.encode(): value.encode("latin-1") for name, value in headers.items()}
+
+
+# A key, a button, a color: read where it stands.
+SMALL_FORM = 10_000
+
+
+async def read_form(request: Request, limit: int) -> forms.Form:
+    """The sent form; refuses one of another site (403), too large (413), not written by a browser (400)."""
+    return await read_sent(request, limit, forms.form_of)
+
+
+async def read_sent(
+    request: Request, limit: int, task: Callable[[bytes, str], T], seconds: float = QUICK_DEADLINE
+) -> T:
+    """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form` does."""
+    if not clients.is_of_own_page(request):
+        raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
+    engine: Engine = request.app.state.engine
+    content_type = request.headers.get("content-type", "")
+    async with asking.body_of(request, limit) as body:
+        if limit <= SMALL_FORM:
+            return task(body, content_type)
+        return await engine.read_body(client_of(request), task, body, content_type, seconds=seconds)
+
+
+# A job.
+
 IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 # A short job's result comes with its first page; a longer one's page shows its progress.
 PATIENCE = 1.5
@@ -279,7 +370,7 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
         asked = asked_of(json.loads(stored.document)) if stored is not None else []
         return page("working.html", 200, active="", job=job, asked=asked, waited=int(time.time() - job["created"]))
     if job["status"] != "successful":
-        problem = reading_back.problem_of(job["problem"], {}) if job["problem"] else None
+        problem = forms.problem_of(job["problem"], {}) if job["problem"] else None
         return page("ended.html", 200, active="", job=job, problem=problem)
     return await made(request, job["id"], result_tasks.page_task, job, _look(request), check)
 
@@ -287,3 +378,157 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
 def _look(request: Request) -> result_tasks.Look:
     settings = request.app.state.engine.settings
     return result_tasks.Look(VISITOR.get(), str(request.base_url).rstrip("/"), settings.time_limit)
+
+
+# Many systems at once: upload, progress, and the answers as a table.
+
+SHOWN_LINES = 300
+LARGEST_SHOWN = 64 * 1024
+EXAMPLE = """x'' = -x
+x'' = -x - k*x'
+x'' = -y'; y'' = -y
+{"id": "disk", "equations": {"phi": "0", "theta": "0", "x": "-sin(phi)*phi'*theta'", "y": "cos(phi)*phi'*theta'"}}
+x'' = kx
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table; `verdict` is that of the result, or "failed"; without `lagrangian` there is a `reason`.
+
+    The page shows `word`, in the color of `shade`.
+    """
+
+    number: int
+    name: str
+    verdict: str
+    word: str
+    shade: str
+    lagrangian: str = ""
+    reason: str = ""
+    checked: str = ""
+    where: str = ""
+
+
+@router.get("/batch")
+async def form() -> HTMLResponse:
+    """The form with four lines in it."""
+    return page("batch.html", active="/batch", typed=EXAMPLE, problem=None)
+
+
+@router.post("/batch")
+async def submit(request: Request) -> Response:
+    """Store the batch; on to its page."""
+    sent = await read_form(request, asking.FACTORS["batch"] * request.app.state.engine.settings.max_body)
+    upload = sent.files.get("file")
+    body = upload.data if upload is not None else as_documents(sent.text("lines")).encode()
+    is_array = body.lstrip()[:1] == b"["
+    kind = "application/json" if is_array else "application/x-ndjson"
+    answer = await call(request, "POST", "/v1/batches", body, {"Content-Type": kind})
+    if answer.is_problem:
+        typed = sent.text("lines") or EXAMPLE
+        return page("batch.html", answer.status, active="/batch", typed=typed, problem=answer.value["detail"])
+    return RedirectResponse(f"/batch/{answer.value['id']}", 303)
+
+
+def as_documents(text: str) -> str:
+    """Lines of equations as documents, names that are not declared taken as constants; documents stay as they are."""
+    if text.lstrip()[:1] in ("[", ""):
+        return text
+    lines = [line.strip() for line in text.split("\n") if line.strip()]
+    plain = {"parameters": document_names.GUESS}
+    documents = [line if line[0] == "{" else json.dumps({"id": line[:80], "equations": line} | plain) for line in lines]
+    return "\n".join(documents)
+
+
+@router.get("/batch/{identifier}/results.csv")
+async def as_table(request: Request, identifier: str) -> Response:
+    """What is answered as CSV: line, name, verdict, L or the reason, and what the checker said."""
+    answers = await _answers(request, identifier, routes_jobs.engine_of(request).settings.max_lines)
+    if answers is None:
+        return missing()
+    return Response(await routes_jobs.engine_of(request).in_thread(_csv, answers), media_type="text/csv")
+
+
+def _csv(answers: list[BatchAnswer]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(("line", "name", "verdict", "lagrangian or reason", "checked", "where"))
+    for row in sorted(map(row_of, answers), key=lambda row: row.number):
+        # A leading sign makes a formula of a cell in a spreadsheet.
+        cells = (row.name, row.verdict, row.lagrangian or row.reason, row.checked, row.where)
+        writer.writerow((row.number, *(f"'{cell}" if cell[:1] in ("=", "+", "-", "@") else cell for cell in cells)))
+    return text.getvalue()
+
+
+@router.get("/batch/{identifier}")
+async def batch(request: Request, identifier: str) -> HTMLResponse:
+    """The batch, as far as it is."""
+    values = await _values(request, identifier)
+    return missing() if values is None else page("batch_result.html", active="/batch", **values)
+
+
+@router.get("/batch/{identifier}/table")
+async def table(request: Request, identifier: str) -> HTMLResponse:
+    """Progress and table alone, for the script."""
+    values = await _values(request, identifier)
+    return missing() if values is None else page("batch_table.html", **values)
+
+
+@router.post("/batch/{identifier}/cancel")
+async def cancel_batch(request: Request, identifier: str) -> Response:
+    """Stop what is still open."""
+    await read_form(request, SMALL_FORM)
+    if IDENTIFIER.fullmatch(identifier):
+        await call(request, "DELETE", f"/v1/batches/{identifier}")
+    return RedirectResponse(f"/batch/{identifier}", 303)
+
+
+@router.get("/batch/{identifier}/lines/{number}")
+async def line(request: Request, identifier: str, number: int) -> Response:
+    """The page of one line's result."""
+    for answer in await _answers(request, identifier) or []:
+        if answer.number == number and answer.status == "successful":
+            return RedirectResponse(f"/results/{answer.job}", 303)
+    return missing()
+
+
+async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
+    if not IDENTIFIER.fullmatch(identifier):
+        return None
+    found = await call(request, "GET", f"/v1/batches/{identifier}")
+    if found.is_problem:
+        return None
+    counts = found.value["counts"]
+    answers = await _answers(request, identifier) or []
+    rows = await routes_jobs.engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
+    is_open = bool(counts.get("accepted", 0) + counts.get("running", 0))
+    done = found.value["total"] - counts.get("accepted", 0) - counts.get("running", 0)
+    return {"batch": found.value, "rows": rows[:SHOWN_LINES], "is_open": is_open, "done": done, "all_rows": len(rows)}
+
+
+async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer] | None:
+    """The answers that are there now; the call under /v1 would wait for all. None where there is no such batch."""
+    engine = routes_jobs.engine_of(request)
+    if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, viewer_of(request)) is None:
+        return None
+    return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
+
+
+def row_of(answer: BatchAnswer) -> Row:
+    """An answer as a line of the table; a large one is not read for it."""
+    if answer.status == "successful" and answer.body is None:
+        return Row(answer.number, str(json.loads(answer.identifier)), "done", "done", "")
+    found = json.loads(answer_line(answer))
+    name = "\u2013" if found["id"] is None else str(found["id"])
+    if "error" in found:
+        return Row(answer.number, name, "failed", "failed", sheets.NO, reason=found["detail"])
+    first = text_page.first_answer(found)
+    lagrangian = (first.get("lagrangian") or {}).get("text", "")
+    where = ", ".join(text_page.conditions_of(first))
+    others = len(found.get("branches") or ()) - 1
+    where += f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else ""
+    verdict = text_page.common_verdict(text_page.branches_of(found)) or "done"  # results of other kinds have none
+    word, shade = (sheets.badge_of(found), sheets.verdict_of(found)) if "verdict" in found else ("done", "")
+    checked = sheets.proof_of(first) or ""
+    return Row(answer.number, name, verdict, word, shade, lagrangian, found.get("reason", ""), checked, where)
