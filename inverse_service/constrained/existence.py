@@ -26,7 +26,8 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
-from inverse_service.field.dense_series import SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.dense_series import SeriesProgram, constants_at, run
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import Point, SingularPoint, Variable
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined, requirements
 from inverse_service.field.reduction import reduce_atoms, signed_factors

@@ -31,8 +31,8 @@ from inverse_service.expressions import printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import modular, reduction
 from inverse_service.field import point as ps
-from inverse_service.field.dense_series import TooLarge
 from inverse_service.field.echelon import Echelon
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import Expansion, Point, Series, SeriesRing, SingularPoint, Variable, evaluate
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels

@@ -39,6 +39,7 @@ from inverse_service.expressions.tree import (
     factors_of,
 )
 from inverse_service.field import modular
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, number_value, power_value
 from inverse_service.kernels.machine_code.kernels import Kept
@@ -443,10 +444,6 @@ def list_coefficients(chosen: Integers, registers: Storage, starts: Integers, la
         found.starts[number + 1] = count
 
 
-class TooLarge(Exception):
-    """The series would take too many words."""
-
-
 @dataclass(slots=True)
 class SeriesProgram:
     """Instructions and constants, for orders up to `order`; registers are numbered as they come, constant 0 is 1.
@@ -468,13 +465,13 @@ class SeriesProgram:
     def __post_init__(self) -> None:
         self.places = {variable: place for place, variable in enumerate(self.variables)}
         if products(len(self.variables), self.order) > self.most_products:
-            raise TooLarge
+            raise TooLarge("its series would take too many words")
 
     def register(self, count: int = 1) -> int:
         """The first of so many new registers, whose series are 0."""
         self.registers += count
         if self.registers * coefficients(len(self.variables), self.order) > self.most_words:
-            raise TooLarge
+            raise TooLarge("its series would take too many words")
         return self.registers - count
 
     def constant(self, recipe: Recipe) -> int:

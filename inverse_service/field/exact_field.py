@@ -40,7 +40,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
+from flint import Ordering, fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 from flint.utils.flint_exceptions import DomainError
 
 from inverse_service.deadline import end, now
@@ -1030,20 +1030,10 @@ def _padded(row: list[Fraction], length: int) -> list[Fraction]:
 
 def _solve(basis: Sequence[Coordinates], target: Coordinates) -> list[Fraction] | None:
     """Coefficients c with target = sum c_b basis_b for independent basis vectors, or None."""
-    keys = sorted({key for vector in (*basis, target) for key in vector}, key=repr)
-    rows = [[vector.get(key, Fraction(0)) for vector in (*basis, target)] for key in keys]
-    for column in range(len(basis)):
-        pivot = next(index for index in range(column, len(rows)) if rows[index][column])
-        rows[column], rows[pivot] = rows[pivot], rows[column]
-        lead = rows[column][column]
-        rows[column] = [value / lead for value in rows[column]]
-        for index, row in enumerate(rows):
-            if index != column and row[column]:
-                factor = row[column]
-                rows[index] = [a - factor * b for a, b in zip(row, rows[column], strict=True)]
-    if any(row[-1] for row in rows[len(basis) :]):
-        return None
-    return [rows[column][-1] for column in range(len(basis))]
+    keys, size = {key for vector in (*basis, target) for key in vector}, len(basis)
+    entries = [fmpq(*vector.get(key, Fraction(0)).as_integer_ratio()) for key in keys for vector in (*basis, target)]
+    reduced, rank = fmpq_mat(len(keys), size + 1, entries).rref()
+    return [as_fraction(reduced[row, size]) for row in range(size)] if rank == size else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat, fmpq_mpoly
 from numpy.typing import NDArray
 
-from inverse_service.field.exact_field import ExactRing, Quotient, as_fraction, coefficients_of, sum_of
+from inverse_service.field.exact_field import ExactRing, Quotient, coefficients_of, sum_of
 
 Row = list[Quotient]
 
@@ -135,16 +135,12 @@ def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> 
 
 def _reduced_numbers(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> ReducedRows | None:
     """The same of rational numbers, as a matrix of these; None where some entry is none."""
-    values = []
-    for entry in (entry for row in rows for entry in row):
-        value = entry.constant_value
-        if value is None:
-            return None
-        values.append(fmpq(value.numerator, value.denominator))
-    reduced, rank = fmpq_mat(len(rows), size, values).rref()
-    lines = [[as_fraction(reduced[i, k]) for k in range(size)] for i in range(rank)]
-    pivots = tuple(next(k for k, value in enumerate(line) if value) for line in lines)
-    return ReducedRows(tuple(tuple(map(one.scaled, line)) for line in lines), pivots, ())
+    values = [[entry.constant_value for entry in row] for row in rows]
+    known = [[value for value in row if value is not None] for row in values]
+    if any(len(row) < size for row in known):
+        return None
+    found = echelon_of(known, size)
+    return ReducedRows(tuple(tuple(map(one.scaled, line)) for _, line in found), tuple(k for k, _ in found), ())
 
 
 def solution(

@@ -28,7 +28,7 @@ from fractions import Fraction
 from functools import partial
 from itertools import combinations
 
-from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz_mat
+from flint import fmpq_mpoly, fmpz_mat
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, inequalities
@@ -51,7 +51,7 @@ from inverse_service.field.tower import (
     is_root,
 )
 
-_MOST_TERMS = 3_000
+_MOST_TERMS, _CAPACITY = 3_000, 48
 # Of an angle under a root: its sine has twice this degree in the tangent of the half angle.
 _LARGEST_MULTIPLE = 24
 
@@ -69,47 +69,47 @@ Way = tuple[ex.Expression, tuple[ex.Expression, ...]]
 _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
 
 
-@dataclass(frozen=True, slots=True)
-class Quotient:
-    """numerator / denominator, not reduced."""
-
-    numerator: fmpq_mpoly
-    denominator: fmpq_mpoly
-
-
 @dataclass(slots=True)
-class Generators:
-    """A growing list of generators (as trees) and the polynomial ring over them.
+class Generators(exact_field.ExactRing):
+    """A ring that adjoins functions and roots as they come; a square root gets its relation.
 
     Where `opaque`, functions and roots are generators as they stand, whatever relations they have.
     """
 
-    tower: Tower
-    trees: list[ex.Expression] = field(default_factory=list)
-    squares: dict[ex.Expression, ex.Expression] = field(default_factory=dict)
-    capacity: int = 48
+    tower: Tower = field(default_factory=lambda: Tower(()))
     opaque: bool = False
 
-    @property
-    def context(self) -> fmpq_mpoly_ctx:
-        return fmpq_mpoly_ctx.get(tuple(f"g{k}" for k in range(self.capacity)), Ordering.degrevlex)
-
-    def generator(self, tree: ex.Expression) -> fmpq_mpoly:
-        if tree not in self.trees:
-            if len(self.trees) == self.capacity:
+    def letter(self, tree: ex.Expression, square: fmpq_mpoly | None = None) -> exact_field.Quotient:
+        """The tree as a generator; IrreducibleAtoms where there are too many."""
+        if tree not in self.atoms:
+            if not self.free:
                 raise errors.IrreducibleAtoms("too many different atoms stand under roots")
-            self.trees.append(tree)
-        return self.context.gen(self.trees.index(tree))
+            self.atoms[tree] = self.generator(index := self.new_generator(tree))
+            if square is not None:
+                self.field.relate(index, 2, square)
+        return self.atoms[tree]
 
-    def constant(self, value: Fraction) -> fmpq_mpoly:
-        return self.context.constant(fmpq(value.numerator, value.denominator))
+    def value(self, tree: ex.Expression) -> exact_field.Quotient:
+        """The tree (in kernels) over the generators; TooLarge where it grows out of bounds."""
+        match tree:
+            case ex.Symbol() | ex.Velocity() | ex.Arbitrary():
+                return self.letter(tree)
+            case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
+                return self.value(base) ** int(exponent)
+            case ex.Power() | ex.Apply() if self.opaque:
+                return self.letter(tree)
+            case ex.Power(base, ex.Number(exponent)):
+                return _root(self, base, exponent)
+            case ex.Apply():
+                return _atom(self, tree)
+        return exact_field.ExactRing.value(self, tree)
 
     def tree_of(self, polynomial: fmpq_mpoly) -> ex.Expression:
         """The polynomial as a tree."""
         parts = []
         for exponents, coefficient in polynomial.to_dict().items():
             factors = [self.trees[k] ** int(e) for k, e in enumerate(exponents) if e]
-            parts.append(ex.multiply(ex.number(Fraction(int(coefficient.p), int(coefficient.q))), *factors))
+            parts.append(ex.multiply(ex.number(exact_field.as_fraction(coefficient)), *factors))
         return ex.add(*parts)
 
     def sign(self, factor: ex.Expression) -> int:
@@ -118,8 +118,11 @@ class Generators:
             return self.tower.real_signs.get(factor, 1)
         return next((sign for known, sign in self.tower.signs if known == factor), 1)
 
-    def has_roots(self, polynomial: fmpq_mpoly) -> bool:
-        return any(self.trees[k] in self.squares for k in used_generators(polynomial))
+
+def _generators(tower: Tower | None = None) -> Generators:
+    """None yet; opaque where there is no tower."""
+    field = exact_field.QuotientField.with_generators(_CAPACITY)
+    return Generators(field, (), _CAPACITY, False, tower=tower or Tower(()), opaque=tower is None)
 
 
 def used_generators(polynomial: fmpq_mpoly) -> list[int]:
@@ -134,192 +137,102 @@ def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, in
         raise errors.IrreducibleAtoms(str(error)) from error
 
 
-def to_quotient(ring: Generators, expression: ex.Expression) -> Quotient:
-    """The tree (in kernels) over the generators; IrreducibleAtoms where it grows out of bounds."""
-    result = _to_quotient(ring, expression)
-    if max(len(result.numerator), len(result.denominator)) > _MOST_TERMS:
+def to_quotient(ring: Generators, expression: ex.Expression) -> exact_field.Quotient:
+    """The tree (in kernels) over the generators; IrreducibleAtoms where it has no value or grows out of bounds."""
+    try:
+        found = ring.value(expression)
+    except (exact_field.TooLarge, ZeroDivisionError) as error:
+        raise errors.IrreducibleAtoms("an expression under a root is too large to be factored") from error
+    if len(found.numerator) > _MOST_TERMS:
         raise errors.IrreducibleAtoms("an expression under a root is too large to be factored")
-    return result
+    return found
 
 
-def _to_quotient(ring: Generators, expression: ex.Expression) -> Quotient:
-    one = ring.constant(Fraction(1))
-    match expression:
-        case ex.Number(value):
-            return Quotient(ring.constant(value), one)
-        case ex.Symbol() | ex.Velocity() | ex.Arbitrary():
-            return Quotient(ring.generator(expression), one)
-        case ex.Sum(terms):
-            return _sum(ring, [to_quotient(ring, term) for term in terms])
-        case ex.Product(parts):
-            return _product_of_quotients(ring, [to_quotient(ring, part) for part in parts])
-        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
-            return _integer_power(to_quotient(ring, base), int(exponent))
-        case _ if ring.opaque:
-            return Quotient(ring.generator(expression), one)
-        case ex.Power(base, ex.Number(exponent)):
-            return _root(ring, base, exponent)
-        case ex.Apply():
-            return _atom(ring, expression)
-    raise TypeError(f"{type(expression).__name__} is not a kernel")
-
-
-def _sum(ring: Generators, parts: list[Quotient]) -> Quotient:
-    total = parts[0]
-    for part in parts[1:]:
-        if total.denominator == part.denominator:
-            total = Quotient(total.numerator + part.numerator, total.denominator)
-        else:
-            total = Quotient(
-                total.numerator * part.denominator + part.numerator * total.denominator,
-                total.denominator * part.denominator,
-            )
-    return Quotient(reduce_roots(ring, total.numerator), total.denominator)
-
-
-def _product_of_quotients(ring: Generators, parts: list[Quotient]) -> Quotient:
-    numerator = denominator = ring.constant(Fraction(1))
-    for part in parts:
-        numerator, denominator = numerator * part.numerator, denominator * part.denominator
-    return Quotient(reduce_roots(ring, numerator), reduce_roots(ring, denominator))
-
-
-def _integer_power(base: Quotient, exponent: int) -> Quotient:
-    if exponent < 0:
-        return Quotient(base.denominator ** (-exponent), base.numerator ** (-exponent))
-    return Quotient(base.numerator**exponent, base.denominator**exponent)
-
-
-def _root(ring: Generators, base: ex.Expression, exponent: Fraction) -> Quotient:
+def _root(ring: Generators, base: ex.Expression, exponent: Fraction) -> exact_field.Quotient:
     """prod p_i^(k_i exponent) over the irreducible factors of the base; under even roots all |p_i|."""
-    quotient = to_quotient(ring, base)
+    quotient = ring.value(base)
     even = exponent.denominator % 2 == 0
-    sign = 1 if even else _content_sign(quotient) ** exponent.numerator
-    result = Quotient(ring.constant(Fraction(sign)), ring.constant(Fraction(1)))
+    negative = not even and factors(quotient.numerator)[0] < 0
+    result = ring.constant((-1 if negative else 1) ** exponent.numerator)
     for tree, multiplicity in positive_factors(ring, quotient):
         positive = -tree if even and ring.sign(tree) < 0 else tree
-        result = _product_of_quotients(ring, [result, _root_power(ring, positive, exponent * multiplicity)])
+        result = result * _root_power(ring, positive, exponent * multiplicity)
     return result
 
 
-def _content_sign(quotient: Quotient) -> int:
-    contents = [factors(polynomial)[0] for polynomial in (quotient.numerator, quotient.denominator)]
-    return -1 if (contents[0] < 0) != (contents[1] < 0) else 1
-
-
-def positive_factors(ring: Generators, quotient: Quotient) -> Iterator[tuple[ex.Expression, int]]:
+def positive_factors(ring: Generators, quotient: exact_field.Quotient) -> Iterator[tuple[ex.Expression, int]]:
     """Irreducible factors (primes of the content first) of numerator and denominator, as trees."""
-    for polynomial, side in ((quotient.numerator, 1), (quotient.denominator, -1)):
-        content, found = factors(polynomial)
-        for value, way in ((abs(content.numerator), 1), (content.denominator, -1)):
-            yield from ((ex.number(ell), side * way * k) for ell, k in modular.prime_factors(value))
-        yield from ((ring.tree_of(factor), side * k) for factor, k in found)
+    content, found = factors(quotient.numerator)
+    for value, way in ((abs(content.numerator), 1), (content.denominator, -1)):
+        yield from ((ex.number(ell), way * k) for ell, k in modular.prime_factors(value))
+    yield from ((ring.tree_of(factor), k) for factor, k in found)
+    yield from ((ring.tree_of(ring.field.denominators[index]), -k) for index, k in quotient.exponents)
 
 
-def _root_power(ring: Generators, base: ex.Expression, exponent: Fraction) -> Quotient:
+def _root_power(ring: Generators, base: ex.Expression, exponent: Fraction) -> exact_field.Quotient:
     """base^exponent with a generator for the root of smallest denominator."""
     whole = math.floor(exponent)
-    part = exponent - whole
-    result = _integer_power(_to_quotient(ring, base), whole)
-    if part:
-        root = base ** Fraction(1, part.denominator)
-        if part.denominator == 2:
-            ring.squares[root] = base
-        else:
-            ring.squares.setdefault(root, root)
-        generator = ring.generator(root) ** part.numerator
-        result = Quotient(result.numerator * generator, result.denominator)
-    return result
+    part, inner = exponent - whole, ring.value(base)
+    if not part:
+        return inner**whole
+    square = inner.numerator if part.denominator == 2 else None
+    return inner**whole * ring.letter(base ** Fraction(1, part.denominator), square) ** part.numerator
 
 
-def reduce_roots(ring: Generators, polynomial: fmpq_mpoly) -> fmpq_mpoly:
-    """r^2 replaced by its radicand for generators r that are square roots of polynomials."""
-    for k in used_generators(polynomial):
-        tree = ring.trees[k]
-        square = ring.squares.get(tree)
-        if square is None or square == tree or polynomial.degrees()[k] < 2:
-            continue
-        radicand = _to_quotient(ring, square)
-        low, high = split_square(ring, polynomial, k)
-        while high:
-            polynomial = low + reduce_roots(ring, high * radicand.numerator)
-            low, high = split_square(ring, polynomial, k)
-    return polynomial
-
-
-def split_square(ring: Generators, polynomial: fmpq_mpoly, k: int) -> tuple[fmpq_mpoly, fmpq_mpoly]:
-    """(low, high) with polynomial = low + r^2 high, low of degree <= 1 in generator k."""
-    low: dict[tuple[int, ...], fmpq] = {}
-    high: dict[tuple[int, ...], fmpq] = {}
-    for exponents, coefficient in polynomial.to_dict().items():
-        if exponents[k] < 2:
-            low[exponents] = coefficient
-        else:
-            high[(*exponents[:k], exponents[k] - 2, *exponents[k + 1 :])] = coefficient
-    return ring.context.from_dict(low), ring.context.from_dict(high)
-
-
-def _atom(ring: Generators, atom: ex.Apply) -> Quotient:
-    one = ring.constant(Fraction(1))
+def _atom(ring: Generators, atom: ex.Apply) -> exact_field.Quotient:
     for rule in ring.tower.rules:
         if isinstance(rule, AngleRule):
             if rule.angle == atom.argument and atom.function in ("sin", "cos"):
-                cosine, sine = _sine_cosine(ring, rule)
-                return sine if atom.function == "sin" else cosine
+                return _sine_cosine(ring, rule)[atom.function == "sin"]
         elif rule.atom == atom:
             if isinstance(rule, ExponentialRule) and not rule.free:
                 return _dependent_exponential(ring, rule)
             if isinstance(rule, LogarithmRule | ArctangentRule) and not rule.free:
                 return _linear(ring, rule)
-    return Quotient(ring.generator(atom), one)
+    return ring.letter(atom)
 
 
-def _dependent_exponential(ring: Generators, rule: ExponentialRule) -> Quotient:
+def _dependent_exponential(ring: Generators, rule: ExponentialRule) -> exact_field.Quotient:
     parts = [_root_power(ring, atom, a) for atom, a in rule.exponentials]
     parts += [_root(ring, argument, a) for argument, a in rule.arguments_of_logarithms]
     parts += [_root_power(ring, ex.number(ell), a) for ell, a in rule.prime_powers]
     if rule.constant:
-        parts.append(Quotient(ring.generator(ex.apply("exp", ex.number(rule.constant))), ring.constant(Fraction(1))))
-    return _product_of_quotients(ring, parts)
+        parts.append(ring.letter(ex.apply("exp", ex.number(rule.constant))))
+    return math.prod(parts, start=ring.constant(1))
 
 
-def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> Quotient:
-    parts = [to_quotient(ring, a * u) for u, a in rule.linear]
+def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> exact_field.Quotient:
+    parts = [ring.value(a * u) for u, a in rule.linear]
     if isinstance(rule, ArctangentRule):
-        parts.append(to_quotient(ring, rule.turns * ex.PI))
+        parts.append(ring.value(rule.turns * ex.PI))
     else:
-        parts.append(_constant_logarithm(ring, rule))
-    return _sum(ring, parts)
+        for value, way in ((rule.constant.numerator, 1), (rule.constant.denominator, -1)):
+            for ell, k in modular.prime_factors(value):
+                logarithm = ring.letter(ex.apply("log", ex.number(ell)))
+                parts.append(logarithm.scaled(Fraction(way * k, rule.root)))
+    return exact_field.sum_of(ring.constant(0), parts)
 
 
-def _constant_logarithm(ring: Generators, rule: LogarithmRule) -> Quotient:
-    total = ring.constant(Fraction(0))
-    for value, way in ((rule.constant.numerator, 1), (rule.constant.denominator, -1)):
-        for ell, k in modular.prime_factors(value):
-            total += ring.generator(ex.apply("log", ex.number(ell))) * ring.constant(Fraction(way * k, rule.root))
-    return Quotient(total, ring.constant(Fraction(1)))
-
-
-def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[Quotient, Quotient]:
+def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[exact_field.Quotient, exact_field.Quotient]:
     """(cos, sin) as fractions in tan(half angle)."""
     if rule.turns or rule.arctangents:
         raise errors.IrreducibleAtoms("an angle with pi or an arctangent stands under a root")
-    one = ring.constant(Fraction(1))
-    real, imaginary, denominator = one, one * 0, one
+    one = ring.constant(1)
+    real, imaginary, denominator = one, one - one, one
     steps: Mapping[ex.Expression, Fraction] = {rule.angle: Fraction(1)} if rule.free else dict(rule.angles)
     if rule.radians:
         steps = {**steps, RADIAN: rule.radians}
     for angle, factor in steps.items():
         scale = ring.tower.scale(angle)
-        t = ring.generator(half_angle(angle, scale))
+        t = ring.letter(half_angle(angle, scale))
         count = int(factor * scale)
         if abs(count) > _LARGEST_MULTIPLE:
             raise errors.IrreducibleAtoms("an angle under a root is too large a multiple of another to be reduced")
-        c, s = one - t * t, t * (2 if count > 0 else -2)
+        c, s = one - t * t, t.scaled(2 if count > 0 else -2)
         for _ in range(abs(count)):
             real, imaginary = real * c - imaginary * s, real * s + imaginary * c
-        denominator *= (one + t * t) ** abs(count)
-    return Quotient(real, denominator), Quotient(imaginary, denominator)
+        denominator = denominator * (one + t * t) ** abs(count)
+    return real / denominator, imaginary / denominator
 
 
 def fix_branches(tower: Tower, table: real_point.RealTable | None) -> None:
@@ -327,7 +240,7 @@ def fix_branches(tower: Tower, table: real_point.RealTable | None) -> None:
     radicands, tower.radicands = tower.radicands, []
     if radicands and table is None:
         raise errors.IrreducibleAtoms("f contains roots and no real point was found at which all of them are defined")
-    ring = Generators(tower)
+    ring = _generators(tower)
     for radicand in radicands:
         assert table is not None
         _fix(ring, radicand, table, _DEEPEST)
@@ -350,7 +263,7 @@ def _fix_factor(ring: Generators, factor: ex.Expression, table: real_point.RealT
         return
     sign = real_point.real_sign(factor, table)
     polynomial = to_quotient(ring, factor).numerator
-    if ring.has_roots(polynomial) and _has_constant_symbol(ring.tower, factor):
+    if any(is_root(ring.trees[k]) for k in used_generators(polynomial)) and _has_constant_symbol(ring.tower, factor):
         positive = factor if sign > 0 else -factor
         root = _denested(ring, positive, table, depth)
         known.append((root, real_point.real_sign(root, table)))
@@ -371,11 +284,8 @@ def _has_constant_symbol(tower: Tower, factor: ex.Expression) -> bool:
 def _denested(ring: Generators, factor: ex.Expression, table: real_point.RealTable, depth: int) -> ex.Expression:
     """A tree whose square is the factor, in roots of simpler quantities."""
     polynomial = to_quotient(ring, factor).numerator
-    for k in reversed(used_generators(polynomial)):
-        square = ring.squares.get(ring.trees[k])
-        if square is None or square == ring.trees[k]:
-            continue
-        root = _split_root(ring, polynomial, k, square)
+    for k in used_generators(polynomial):
+        root = _split_root(ring, polynomial, k) if k in ring.field.relations else None
         if root is None:
             continue
         for radicand in root[:2]:
@@ -391,21 +301,15 @@ def _denested(ring: Generators, factor: ex.Expression, table: real_point.RealTab
 
 
 def _split_root(
-    ring: Generators, polynomial: fmpq_mpoly, k: int, square: ex.Expression
+    ring: Generators, polynomial: fmpq_mpoly, k: int
 ) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
     """((A + e)/2, (A - e)/2, B) for A + B r with e^2 = A^2 - B^2 r^2 a square up to a rational factor."""
-    generator = ring.context.gen(k)
     slope = polynomial.derivative(k)
-    if k in used_generators(slope):
-        return None
-    rest = polynomial - slope * generator
-    radicand: Quotient = to_quotient(ring, square)
-    discriminant = rest * rest * radicand.denominator - slope * slope * radicand.numerator
-    root = _square_root(ring, reduce_roots(ring, discriminant))
-    if root is None or split_square(ring, polynomial, k)[1]:
+    rest = polynomial - slope * ring.field.context.gen(k)
+    e = _square_root(ring, ring.field.reduce(rest * rest - slope * slope * ring.field.relations[k].right))
+    if e is None:
         return None
     middle, half = ring.tree_of(rest), ex.number(Fraction(1, 2))
-    e = root / ex.square_root(ring.tree_of(radicand.denominator))
     return half * (middle + e), half * (middle - e), ring.tree_of(slope)
 
 
@@ -584,21 +488,16 @@ def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
     """The irreducible factors over Q, functions and roots taken as letters."""
     if isinstance(tree, ex.Number):
         return (tree.value, {}) if tree.value else (Fraction(1), {tree: 1})
-    ring = Generators(Tower(()), opaque=True)
+    ring = _generators()
     try:
         quotient = to_quotient(ring, tree)
-        parts = [
-            (*factors(polynomial), side) for polynomial, side in ((quotient.numerator, 1), (quotient.denominator, -1))
-        ]
+        content, pieces = factors(quotient.numerator)
     except errors.IrreducibleAtoms:
         return Fraction(1), {tree: 1}
-    content, found = Fraction(1), Factors()
-    for value, pieces, side in parts:
-        if not value:
-            return Fraction(1), {tree: 1}
-        content *= value**side
-        for piece, times in pieces:
-            found[ring.tree_of(piece)] = side * times
+    if not content:
+        return Fraction(1), {tree: 1}
+    found = {ring.tree_of(piece): times for piece, times in pieces}
+    found |= {ring.tree_of(ring.field.denominators[index]): -times for index, times in quotient.exponents}
     if len(found) == 1 and content == 1 and next(iter(found.values())) == 1:
         return content, {tree: 1}
     return content, found

@@ -18,7 +18,8 @@ from inverse_service.deadline import STEP, check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, node_count
 from inverse_service.field import modular
-from inverse_service.field.dense_series import Machine, SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.dense_series import Machine, SeriesProgram, constants_at, run
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, variables_in
 from inverse_service.field.real_point import RealTable

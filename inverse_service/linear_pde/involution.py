@@ -21,8 +21,9 @@ from flint import nmod_mat
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.field import modular
-from inverse_service.field.dense_series import Registers, SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.dense_series import Registers, SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Echelon, Flags, Indices, SparseRows, Words
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import GOLDEN, Field, compiled, mixed, multiply
 from inverse_service.field.point import Point, SingularPoint
 from inverse_service.linear_pde.equations import (

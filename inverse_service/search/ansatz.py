@@ -31,8 +31,9 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
 from inverse_service.field import modular
-from inverse_service.field.dense_series import SeriesProgram, TooLarge, constants_at, run
+from inverse_service.field.dense_series import SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Words
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
 from inverse_service.field.point import Point, evaluate, number_value
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined

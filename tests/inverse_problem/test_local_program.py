@@ -11,7 +11,7 @@ from inverse_service.decision import deciding
 from inverse_service.decision.deciding import Decision, analyze, decide, equations, local_system
 from inverse_service.decision.kinds import helmholtz
 from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.field.dense_series import TooLarge
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import safe_prime
 from inverse_service.field.point import Variable
 from inverse_service.field.tower import draw_point

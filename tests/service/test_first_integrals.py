@@ -152,6 +152,7 @@ def test_a_part_of_the_coordinates_is_closed() -> None:
     assert (result["reduced"]["coordinates"], result["reduced"]["checked"]) == (["x", "y"], "valid")
 
 
+@pytest.mark.slow
 def test_the_measure_of_the_ball_is_real() -> None:
     document = {
         "coordinates": ["x", "y", "ph", "th", "ps"],

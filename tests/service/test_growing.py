@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import time
 from typing import Any
 
 import pytest
@@ -41,13 +42,16 @@ ALL = {
 
 
 _TOLD: dict[str, Any] = {}
+_TAKEN: dict[str, float] = {}
 
 
 def told_once(document: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """As `told`, for tests that change nothing on the way; the caller gets a copy."""
     key = json.dumps(document)
     if key not in _TOLD:
+        began = time.monotonic()
         _TOLD[key] = told(document)
+        _TAKEN[key] = time.monotonic() - began
     return copy.deepcopy(_TOLD[key])
 
 
@@ -97,11 +101,8 @@ def test_a_definite_answer_is_never_taken_back(document: dict[str, Any]) -> None
 
 @pytest.mark.parametrize("document", ALL.values(), ids=ALL)
 def test_the_seconds_of_the_parts_add_up(document: dict[str, Any]) -> None:
-    import time
-
-    began = time.monotonic()
-    _, result = told(document)
-    taken = time.monotonic() - began
+    result = told_once(document)[1]
+    taken = _TAKEN[json.dumps(document)]
     assert sum(result["provenance"]["seconds"].values()) == pytest.approx(taken, rel=0.1, abs=0.01)
 
 
@@ -150,7 +151,7 @@ def test_a_caller_of_python_hears_of_each_part() -> None:
     assert [part for part, _ in found][:2] == ["conditions", "existence"]
 
 
-@pytest.mark.parametrize("place", range(6))
+@pytest.mark.parametrize("place", [0, 3])
 def test_cut_off_anywhere_the_result_is_what_was_finished(place: int) -> None:
     messages, result = told_once(KNIFE_EDGE)
     so_far = states(messages)[min(place, len(messages) - 2)]
