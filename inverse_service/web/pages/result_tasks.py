@@ -259,6 +259,8 @@ LANGUAGES = {
     "maxima": "mac", "c": "c", "cpp": "cpp", "fortran": "f90", "rust": "rs", "javascript": "js",
 }  # fmt: skip
 
+ENDINGS = {**LANGUAGES, "latex": "tex", "client": "py", "curl": "sh", "embed": "html"}
+
 
 LABELS = {
     "sympy": "SymPy", "julia": "Julia", "matlab": "MATLAB", "c": "C", "latex": "LaTeX", "python": "Python",

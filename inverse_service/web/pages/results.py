@@ -199,87 +199,52 @@ async def cancel(request: Request, identifier: str) -> Response:
     return RedirectResponse(f"/results/{identifier}", 303)
 
 
-@router.get("/results/{identifier}/figures.json")
-async def figure_data(request: Request, identifier: str) -> Response:
-    """The data of the figures of a simulation."""
-    return await _file(request, identifier, "application/json", "figures", result_tasks.figure_data_task)
-
-
-@router.get("/results/{identifier}/figures/{file}")
-async def figure_file(request: Request, identifier: str, file: str) -> Response:
-    """One figure as SVG or PNG."""
-    name, _, ending = file.rpartition(".")
-    if name not in simulations.NAMES or ending not in simulations.PICTURES:
-        return missing()
-    return await _file(request, identifier, simulations.PICTURES[ending], file, result_tasks.picture_task, name, ending)
-
-
-@router.get("/results/{identifier}/prices.csv")
-async def prices(request: Request, identifier: str) -> Response:
-    """The prices of a work-precision measurement."""
-    answer = await successful(request, identifier)
-    if answer is None or answer.value["kind"] != "work-precision":
-        return missing()
-    return await _file(request, identifier, "text/csv", "prices", result_tasks.prices_task)
-
-
-@router.get("/results/{identifier}/data/{file:path}")
-async def data_file(request: Request, identifier: str, file: str) -> Response:
-    """The columns of one method as CSV or NPZ."""
-    label, _, ending = file.rpartition(".")
-    if ending not in simulations.TABLES:
-        return missing()
-    return await _file(request, identifier, simulations.TABLES[ending], ending, result_tasks.file_task, label, ending)
-
-
-@router.get("/results/{identifier}/picture.{ending}")
-async def answer_picture(request: Request, identifier: str, ending: str) -> Response:
-    """The motion of a solved system, for pages without scripts and for links that are shared."""
-    if ending not in simulations.PICTURES:
-        return missing()
-    media_type, task = simulations.PICTURES[ending], result_tasks.answer_picture_task
-    return await _file(request, identifier, media_type, f"picture-{ending}", task, ending, of_scene=False)
-
-
-@router.get("/results/{identifier}/code/{language}")
-async def code(request: Request, identifier: str, language: str) -> Response:
-    """The accelerations, L, H, momenta and multiplier as a program."""
-    answer = await successful(request, identifier)
-    endings = {**result_tasks.LANGUAGES, "latex": "tex", "client": "py", "curl": "sh", "embed": "html"}
-    if answer is None or answer.value["kind"] != "solve" or language not in endings:
-        return missing()
-    text = await made(request, identifier, result_tasks.code_task, language, str(request.base_url).rstrip("/"))
-    headers = kept(answer, language) | {"Content-Disposition": f'inline; filename="system.{endings[language]}"'}
-    return Response(text, headers=headers, media_type="text/plain")
-
-
-@router.get("/results/{identifier}/certificate.json")
-async def certificate(request: Request, identifier: str) -> Response:
-    """The certificates alone, as a file."""
-    answer = await successful(request, identifier)
-    if answer is None or answer.value["kind"] != "solve":
-        return missing()
-    text = await made(request, identifier, result_tasks.certificate_task)
-    headers = {"Content-Disposition": f'attachment; filename="certificate-{identifier[:12]}.json"'}
-    return Response(text, headers=headers | kept(answer, "certificate"), media_type="application/json")
-
-
-async def _file(
-    request: Request, identifier: str, media_type: str, what: str, task: Callable[..., bytes | None], *arguments: str,
-    of_scene: bool = True,
-) -> Response:  # fmt: skip
+@router.get("/results/{identifier}/{file:path}")
+async def made_file(request: Request, identifier: str, file: str) -> Response:
     """A file that a worker makes of a result; nothing is made for who has it already."""
     answer = await successful(request, identifier)
-    if answer is None or (answer.value["kind"] == "solve") == of_scene:
+    found = None if answer is None else _file_of(answer.value["kind"], file, identifier, _address(request))
+    if answer is None or found is None:
         return missing()
-    headers = kept(answer, what)
+    media_type, disposition, task, arguments = found
+    headers = kept(answer, file.rpartition(".")[2].rpartition("/")[2])
     if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     data = await made(request, identifier, task, *arguments)
     if data is None:
         return missing()
+    headers |= {"Content-Disposition": disposition} if disposition else {}
     respond = packed if task is result_tasks.figure_data_task else Response
     return respond(data, headers=headers, media_type=media_type)
+
+
+Made = tuple[str, str, Callable[..., Any], tuple[str, ...]]
+
+
+def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None:
+    """Media type, disposition, task and its arguments of a file; None where a job of this kind has no such file."""
+    folder, slash, rest = file.partition("/")
+    folder, rest = (folder, rest) if slash else ("", file)
+    name, _, ending = rest.rpartition(".")
+    if kind == "solve":
+        if file == "certificate.json":
+            attached = f'attachment; filename="certificate-{identifier[:12]}.json"'
+            return "application/json", attached, result_tasks.certificate_task, ()
+        if not folder and name == "picture" and ending in simulations.PICTURES:
+            return simulations.PICTURES[ending], "", result_tasks.answer_picture_task, (ending,)
+        if folder == "code" and rest in result_tasks.ENDINGS:
+            inline = f'inline; filename="system.{result_tasks.ENDINGS[rest]}"'
+            return "text/plain", inline, result_tasks.code_task, (rest, address)
+        return None
+    if file == "figures.json":
+        return "application/json", "", result_tasks.figure_data_task, ()
+    if folder == "figures" and name in simulations.NAMES and ending in simulations.PICTURES:
+        return simulations.PICTURES[ending], "", result_tasks.picture_task, (name, ending)
+    if folder == "data" and ending in simulations.TABLES:
+        return simulations.TABLES[ending], "", result_tasks.file_task, (name, ending)
+    if file == "prices.csv" and kind == "work-precision":
+        return "text/csv", "", result_tasks.prices_task, ()
+    return None
 
 
 def kept(answer: Answer, what: str = "result") -> dict[str, str]:
@@ -376,8 +341,11 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
 
 
 def _look(request: Request) -> result_tasks.Look:
-    settings = request.app.state.engine.settings
-    return result_tasks.Look(VISITOR.get(), str(request.base_url).rstrip("/"), settings.time_limit)
+    return result_tasks.Look(VISITOR.get(), _address(request), request.app.state.engine.settings.time_limit)
+
+
+def _address(request: Request) -> str:
+    return str(request.base_url).rstrip("/")
 
 
 # Many systems at once: upload, progress, and the answers as a table.
