@@ -110,7 +110,7 @@ def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple
     """What is constant along the motion; velocities that only stretch are proposed."""
     motion, exact = report.motion, report.exact
     proposed = _or_none(lambda: tuple(nonholonomic_integrals.scaled_velocities(exact))) or ()
-    return kept.first_integrals(motion, motion.system.lagrangian, (), seed, time_limit, proposed)
+    return kept.first_integrals(motion, motion.system.lagrangian, seed, time_limit, proposed)
 
 
 def _or_none(work: Callable[[], T]) -> T | None:

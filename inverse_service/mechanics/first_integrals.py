@@ -15,21 +15,20 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial, reduce
+from functools import reduce
 
+import numpy as np
 from flint import nmod_mat
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
 from inverse_service.expressions import collecting, derivative, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, matrices, real_point, reduction
-from inverse_service.field import point as ps
-from inverse_service.field.point import Expansion, Point, Variable
-from inverse_service.field.point import evaluate as value_at
-from inverse_service.field.tower import AngleRule, Tower, draw_point, moved_point, to_kernels
+from inverse_service.field import exact_field, flow, matrices
+from inverse_service.field.point import Variable
+from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -37,8 +36,8 @@ Expression = ex.Expression
 # Terms of one ansatz, without and with constraints: 400 take 0.3 to 1 s; with more the degree of the functions of
 # position is lowered. The angular momentum in spherical coordinates needs 192 linear ones, found in 0.2 s.
 _MOST_TERMS, _MOST_LINEAR, _MOST_WITH_CONSTRAINTS = 130, 200, 400
-# So many samples more than unknowns.
-_SPARE = 6
+# So many samples more than unknowns; points for one without roots that do not exist; doublings of their number.
+_SPARE, _DRAWN, _DOUBLED = 6, 64, 5
 # Coordinates beyond which only the energy and momenta are looked for.
 _MOST_COORDINATES = 12
 # Functions of several coordinates with more nodes are no factors.
@@ -79,7 +78,6 @@ def motion_of(system: SecondOrderSystem) -> ConstrainedMotion:
 def first_integrals(
     motion: ConstrainedMotion,
     lagrangian: Expression | None,
-    positive: Sequence[Expression] = (),
     seed: int = 1,
     time_limit: float = 2.0,
     proposed: Sequence[FirstIntegral] = (),
@@ -89,8 +87,8 @@ def first_integrals(
     `lagrangian` is that of the motion, or of the system with constraints; those `proposed` come after the linear ones,
     and are taken if they are conserved.
     """
-    work = _Integrals(motion, lagrangian, tuple(positive), seed, now() + time_limit)
-    with suppress(*_NO_RING, OutOfTime, ValueError, ps.SingularPoint):
+    work = _Integrals(motion, lagrangian, seed, now() + time_limit)
+    with suppress(*_NO_RING, OutOfTime, ValueError):
         work.find(proposed)
     return tuple(work.kept)
 
@@ -107,12 +105,10 @@ class _Integrals:
         self,
         motion: ConstrainedMotion,
         lagrangian: Expression | None,
-        positive: tuple[Expression, ...],
         seed: int,
         deadline: float,
     ) -> None:
-        self.motion, self.lagrangian, self.positive = motion, lagrangian, positive
-        self.seed, self.deadline = seed, deadline
+        self.motion, self.lagrangian, self.deadline = motion, lagrangian, deadline
         self.names = motion.coordinates
         self.constraints = dict(motion.on_constraints)
         self.free = tuple(map(ex.Velocity, motion.free))
@@ -123,6 +119,7 @@ class _Integrals:
         held = [*motion.free_accelerations, *motion.dependent_velocities, *([] if lagrangian is None else [lagrangian])]
         self.moves = any(ex.holds(tree, ex.TIME) for tree in held)
         self.trees = held
+        self.random = np.random.default_rng(seed)
         self.units = _Units(self)
 
     def find(self, proposed: Sequence[FirstIntegral]) -> None:
@@ -224,13 +221,14 @@ class _Integrals:
         return collecting.collect(ex.substitute(tree, self.constraints)) if self.constraints else tree
 
     def _keep(self, one: FirstIntegral, tree: Expression) -> None:
-        """Take it if it is independent of those before."""
+        """Take it if it is independent of those before, by the gradients in q and v: d_t F follows from these."""
         trees = [*self.functions, tree]
-        point = draw_point(self._tower(trees), self.seed)
-        variables: list[Variable] = [ex.TIME, *self.positions, *self.free]
-        at = Expansion(point, variables, 1)
-        rows = [ps.gradient(at.expand(to_kernels(one))) for one in trees]
-        if nmod_mat(len(rows), len(variables), [x for row in rows for x in row], point.prime).rank() < len(rows):
+        points, jets = self._along(list(map(to_kernels, trees)), {}, _DRAWN, gradients=True)
+        if not points.good.any():
+            return
+        first = int(np.argmax(points.good))
+        rows = np.array([jet.data[1:, 0, first] for jet in jets])
+        if nmod_mat(len(trees), rows.shape[1], rows.ravel().tolist(), flow.PRIME).rank() < len(trees):
             return
         self.functions.append(tree)
         names = [each.name for each in self.kept]
@@ -240,17 +238,34 @@ class _Integrals:
 
     # Points modulo a prime.
 
-    @property
-    def variables(self) -> list[Variable]:
-        parameters = map(ex.Symbol, self.motion.parameters)
-        return [ex.TIME, *self.positions, *map(ex.Velocity, self.names), *parameters]
+    def _along(
+        self, kernels: Sequence[Expression], fixed: Mapping[flow.Generator, int], count: int, gradients: bool = False
+    ) -> tuple[flow.Points, list[flow.Jet]]:
+        """Points of the motion, and for each tree its value and rate, or its gradients in q and v, at them."""
+        rates = {v: to_kernels(w) for v, w in self.constraints.items()}
+        forces = dict(zip(self.free, map(to_kernels, self.motion.free_accelerations), strict=True))
+        units = flow.Units.of([*kernels, *rates.values(), *forces.values()])
+        points = flow.Points(self.names, units, count, self.random, fixed)
+        velocities, width = list(map(ex.Velocity, self.names)), len(self.names)
+        q, v = (np.zeros((width, 2, count), np.int64) for _ in range(2))
+        q[:, 0] = [points.value(("variable", x)) for x in self.positions]
+        v[:, 0] = [points.value(("variable", w)) if w in forces else q[0, 1] for w in velocities]
 
-    def _tower(self, trees: Sequence[Expression]) -> Tower:
-        wanted = list(dict.fromkeys(map(to_kernels, [*self.trees, *trees])))
-        table = real_point.find_real_point(wanted, self.variables, 2, self.positive)
-        if table is None:
-            raise errors.IrreducibleAtoms("no common real point")
-        return reduction.reduce_atoms(wanted, self.variables, table)
+        def evaluation(order: int, size: int) -> flow.Evaluation:
+            found = flow.Evaluation(points, self.names, q[:, :order], v[:, :order], size)
+            for dependent in rates:
+                found.known.pop(dependent)
+            found.known.update({dependent: found.jet(w) for dependent, w in rates.items()})
+            return found
+
+        if gradients:
+            at_once = evaluation(1, 1 + 2 * width)
+            return points, [at_once.jet(tree) for tree in kernels]
+        start = evaluation(1, 1)
+        q[:, 1] = [start.jet(w).data[0, 0] for w in velocities]
+        v[:, 1] = [start.jet(forces[w]).data[0, 0] if w in forces else v[0, 1] for w in velocities]
+        moving = evaluation(2, 1)
+        return points, [moving.jet(tree) for tree in kernels]
 
     def _search(self, ansatz: _Ansatz, degree: int, moving: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
@@ -270,74 +285,41 @@ class _Integrals:
                 self._keep(*self._written(ansatz, vector, degree))
 
     def _supports(self, ansatz: _Ansatz) -> list[list[int]]:
-        """The terms of each integral of a basis, at one value of the parameters.
-
-        Functions of position are expanded once for all velocities at one place.
-        """
-        forms = tuple(map(to_kernels, ansatz.forms))
-        factors = [[(to_kernels(letter), e) for letter, e in _letters(tree)] for tree in ansatz.factors]
-        letters = list(dict.fromkeys(letter for factor in factors for letter, _ in factor))
-        rates = {v: to_kernels(w) for v, w in self.constraints.items()}
-        forces = [to_kernels(f) for f in self.motion.free_accelerations]
-        tower = self._tower([*ansatz.forms, *ansatz.factors])
-        nodes = (node for tree in _in_rules(tower) for node in ex.walk(tree))
-        still_atoms = not any(isinstance(node, ex.Velocity) for node in nodes)
-        base = draw_point(tower, self.seed)
-        prime, places = base.prime, [ex.TIME, *self.positions]
-        values: list[list[int]] = []
-        slopes: list[list[int]] = []
-        width = len(ansatz.terms)
-        # Functions of position alone take as many places as there are of them.
-        places_needed, wanted = len(factors) + _SPARE, width + _SPARE
-        at_once = 1 + wanted // places_needed
-        for number in range(2 * places_needed):
-            if number >= places_needed and len(values) >= wanted:
+        """The terms of each integral of a basis, at one value of the parameters."""
+        kernels = [*map(to_kernels, ansatz.forms), *map(to_kernels, ansatz.factors)]
+        moving: tuple[Variable, ...] = (ex.TIME, *self.positions, *map(ex.Velocity, self.names))
+        points, _ = self._along(kernels, {}, _DRAWN)
+        if not points.good.any():
+            return []
+        first = int(np.argmax(points.good))
+        fixed = {key: int(x[first]) for key, x in points.values.items() if not ex.holds(key[1], *moving)}
+        wanted = len(ansatz.terms) + _SPARE
+        for doubling in range(_DOUBLED):
+            points, jets = self._along(kernels, fixed, (wanted + _SPARE) << doubling)
+            good = np.flatnonzero(points.good)[:wanted]
+            if len(good) == wanted:
                 break
-            check(width)
-            if now() > self.deadline:
-                return []
-            try:
-                place = moved_point(tower, base, [*places, *self.free], number)
-                still = Expansion(place, places, 1)
-                slow = {letter: still.expand(letter) for letter in letters}
-                known = _products_of_powers(factors, slow, len(places), prime)
-                for other in range(1 + number * at_once, 1 + (number + 1) * at_once):
-                    draw = _with_velocities if still_atoms else partial(moved_point, tower)
-                    point = draw(place, self.free, other)
-                    flow, drift = self._flow(point, rates, forces)
-                    pairs = [_value_and_rate(flow.expand(form)) for form in forms]
-                    pairs += [(a, sum(x * y for x, y in zip(da, drift, strict=True)) % prime) for a, da in known]
-                    value, slope = _products(ansatz, pairs, prime)
-                    values.append(value)
-                    slopes.append(slope)
-            except (ps.SingularPoint, ValueError):
-                continue
-        if len(values) < wanted:
+        else:
             return []
         check(1 + wanted * wanted // 100)
-        # Terms that are combinations of 1 and of those before them add nothing.
-        samples = len(values)
-        with_one = nmod_mat(samples, width + 1, [x for row in values for x in (1, *row)], prime)
-        own = [place - 1 for place in _pivots(with_one) if place]
-        chosen = nmod_mat(samples, len(own), [row[place] for row in slopes for place in own], prime)
-        return [[own[k] for k in vector] for vector in _kernel(chosen)]
+        pairs = [jet.data[0][:, good] for jet in jets]
+        forms = len(ansatz.forms)
 
-    def _flow(
-        self, point: Point, rates: dict[Expression, Expression], forces: Sequence[Expression]
-    ) -> tuple[Expansion, list[int]]:
-        """Series in the time along the motion, to first order, and (1, v)."""
-        point.variables.update((v, value_at(w, point)) for v, w in rates.items() if isinstance(v, ex.Velocity))
-        flow = Expansion(point, [ex.TIME], 1)
-        step = flow.ring.variable(0, 0)
-        speeds = [point.variable(ex.Velocity(name)) for name in self.names]
-        for q, speed in zip(self.positions, speeds, strict=True):
-            flow.known[q] = ps.add(flow.ring.constant(point.variable(q)), ps.scale(step, speed))
-        for v, f in zip(self.free, forces, strict=True):
-            moved = ps.scale(step, value_at(f, point))
-            flow.known[v] = ps.add(flow.ring.constant(point.variable(v)), moved)
-        for dependent, w in rates.items():
-            flow.known[dependent] = flow.expand(w)
-        return flow, [1, *speeds]
+        def product(one: flow.Numbers, other: flow.Numbers) -> flow.Numbers:
+            """(u w, u' w + u w') of two functions along the motion."""
+            rate = (one[0] * other[1] % flow.PRIME + one[1] * other[0]) % flow.PRIME
+            return np.stack([one[0] * other[0] % flow.PRIME, rate])
+
+        one = np.zeros((2, wanted), np.int64)
+        one[0] = 1
+        powers = {key: reduce(product, (pairs[k] for k in key), one) for key in {key for key, _ in ansatz.terms}}
+        values = np.array([one, *(product(powers[key], pairs[forms + k]) for key, k in ansatz.terms)])
+        # Terms that are combinations of 1 and of those before them add nothing.
+        with_one = nmod_mat(wanted, len(values), values[:, 0].T.ravel().tolist(), flow.PRIME)
+        own = [place - 1 for place in _pivots(with_one) if place]
+        rates = values[1:, 1][own].T
+        chosen = nmod_mat(wanted, len(own), rates.ravel().tolist(), flow.PRIME)
+        return [[own[k] for k in vector] for vector in _kernel(chosen)]
 
     # Exact.
 
@@ -439,72 +421,6 @@ class _Integrals:
             ):
                 return f"angular momentum in {listed}"
         return otherwise
-
-
-def _in_rules(tower: Tower) -> list[Expression]:
-    """What the values of atoms and the branches of roots are made of."""
-    atoms = [rule.angle if isinstance(rule, AngleRule) else rule.atom for rule in tower.rules]
-    return [*atoms, *tower.radicands, *(tree for tree, _ in tower.signs)]
-
-
-def _with_velocities(place: Point, free: Sequence[ex.Velocity], number: int) -> Point:
-    """The same place with other velocities, on which no atom depends."""
-    kept: dict[Variable, int] = {name: x for name, x in place.variables.items() if not isinstance(name, ex.Velocity)}
-    return replace(place, salts={**place.salts, **dict.fromkeys(free, number)}, variables=kept)
-
-
-def _letters(tree: Expression) -> list[tuple[Expression, int]]:
-    """The factors of a product with their integer powers."""
-    found = []
-    for factor in ex.factors_of(tree):
-        match factor:
-            case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
-                found.append((base, int(exponent)))
-            case _:
-                found.append((factor, 1))
-    return found
-
-
-def _products_of_powers(
-    factors: Sequence[Sequence[tuple[Expression, int]]], letters: Mapping[Expression, ps.Series], size: int, prime: int
-) -> list[tuple[int, list[int]]]:
-    """The value and gradient of each product of powers of letters; SingularPoint where a letter is 0."""
-    slopes: dict[Expression, tuple[int, list[int]]] = {}
-    for letter, series in letters.items():
-        value = ps.value_at_point(series)
-        if value == 0:
-            raise ps.SingularPoint("a function of position is 0")
-        unit = pow(value, -1, prime)
-        slopes[letter] = value, [x * unit % prime for x in ps.gradient(series)]
-    found = []
-    for factor in factors:
-        value, logarithmic = 1, [0] * size
-        for letter, e in factor:
-            own, slope = slopes[letter]
-            value = value * pow(own, e, prime) % prime
-            logarithmic = [x + e * y for x, y in zip(logarithmic, slope, strict=True)]
-        found.append((value, [value * x % prime for x in logarithmic]))
-    return found
-
-
-def _value_and_rate(series: ps.Series) -> tuple[int, int]:
-    return ps.value_at_point(series), ps.gradient(series)[0]
-
-
-def _products(ansatz: _Ansatz, pairs: Sequence[tuple[int, int]], prime: int) -> tuple[list[int], list[int]]:
-    """The value of each term and its rate."""
-    forms = len(ansatz.forms)
-
-    def product(one: tuple[int, int], other: tuple[int, int]) -> tuple[int, int]:
-        return one[0] * other[0] % prime, (one[0] * other[1] + one[1] * other[0]) % prime
-
-    moving = {key: reduce(product, (pairs[k] for k in key), (1, 0)) for key in {key for key, _ in ansatz.terms}}
-    values, rates = [], []
-    for key, factor in ansatz.terms:
-        (a, da), (b, db) = moving[key], pairs[forms + factor]
-        values.append(a * b % prime)
-        rates.append((a * db + da * b) % prime)
-    return values, rates
 
 
 def _pivots(matrix: nmod_mat) -> list[int]:

@@ -40,28 +40,14 @@ from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field.exact_field import Budget, TooLarge, exact_ring, factored
+from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.field.real_point import real_sign
 from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles
-from inverse_service.search.flow_points import (
-    PRIME,
-    Flow,
-    Generator,
-    Given,
-    Interpolation,
-    NoFit,
-    Numbers,
-    Points,
-    Units,
-    inverses,
-    kernel_of,
-    letters_of,
-    matrix_product,
-    whole_numbers,
-)
 from inverse_service.search.gradients import ONE_TERM, Integrator
+from inverse_service.search.interpolation import Given, Interpolation, NoFit, kernel_of, letters_of, whole_numbers
 from inverse_service.search.material import Material
 from inverse_service.search.quadratures import exponential
 from inverse_service.search.terms import (
@@ -187,16 +173,11 @@ class OneMatrix:
         def rank(generator: Generator) -> int:
             return {"angle": 0, "exp": 1}.get(generator[0], 2 if generator[1] in own else 3)
 
-        found = [
-            (kind, what) for kind, what in points.values if not (isinstance(what, ex.Velocity) or _holds_velocity(what))
-        ]
-        return sorted(found, key=rank)
+        return sorted((one for one in points.values if not has_velocity(one[1])), key=rank)
 
     def matrix(self) -> list[Terms]:
         """The one matrix, or of several the one of least degree."""
         if self.kernel > 1:
-            from inverse_service.search.one_matrix import lowest_matrix
-
             return lowest_matrix(self)
         return Interpolation(self.matrix_values, self.variables(), self.units).terms()
 
@@ -350,12 +331,6 @@ class OneMatrix:
         return [terms_of(tree) for tree in factored(trees, names, Budget.long())]
 
 
-def _holds_velocity(what: object) -> bool:
-    """Whether a generator's tree or monomial holds a velocity."""
-    trees: list[ex.Expression] = [letter for letter, _ in what] if isinstance(what, frozenset) else [what]  # type: ignore[list-item]
-    return any(map(has_velocity, trees))
-
-
 # The highest degree, and unknown coefficients.
 _DEGREE, _UNKNOWNS = 2, 700
 # A coefficient: the entry of the matrix and the product of letters.
@@ -365,7 +340,8 @@ Column = tuple[int, Monomial]
 def lowest_matrix(search: OneMatrix) -> list[Terms]:
     """The entries of the matrix; NoFit where no degree has exactly one regular solution."""
     variables = search.variables()
-    own = [v for v in variables if _is_moving(v, search)]
+    names = {ex.TIME, *map(ex.Symbol, search.system.coordinates)}
+    own = [v for v in variables if ex.holds(v[1], *names)]
     constants = [v for v in variables if v not in own]
     anchor = search.points({}, 1)
     fixed = {constant: int(anchor.value(constant)[0]) for constant in constants}
@@ -385,17 +361,10 @@ def lowest_matrix(search: OneMatrix) -> list[Terms]:
     raise NoFit("no least degree has one matrix")
 
 
-def _is_moving(variable: Generator, search: OneMatrix) -> bool:
-    names = {ex.TIME, *map(ex.Symbol, search.system.coordinates)}
-    what = variable[1]
-    trees: list[ex.Expression] = [p for p, _ in what] if isinstance(what, frozenset) else [what]  # type: ignore[list-item]
-    return any(ex.holds(tree, *names) for tree in trees)
-
-
 def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list[Monomial]:
     """Products of letters of `degree` different variables at most; a coordinate only where it is no angle."""
     angles = {what for kind, what in own if kind == "angle"}
-    used = [v for v in own if not (v[0] == "variable" and frozenset([(v[1], 1)]) in angles)]
+    used = [v for v in own if not (v[0] == "variable" and v[1] in angles)]
     found: dict[Monomial, None] = {EMPTY: None}
     for size in range(1, degree + 1):
         for chosen in combinations(used, size):

@@ -184,10 +184,9 @@ def _first_integrals(work: confirming.Work, *answers: Answer | None) -> tuple[Fi
     began = deadline.now()
     work.progress("first integrals")
     known = next((one.lagrangian for one in answers if one is not None and one.lagrangian is not None), None)
-    positive = system.positive if known is None else known.positive
     limit = min(_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
     tree = None if known is None else second_order_system.on_branch(known.expression, system)
-    found = first_integrals(motion_of(system), tree, positive, work.options.seed, limit)
+    found = first_integrals(motion_of(system), tree, work.options.seed, limit)
     work.add_seconds("first integrals", began)
     return found
 

@@ -57,7 +57,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     answer = answering.answer_motion(motion, (), question, options.seed, end, grow.stage, reduced=own)
     open_answer = solutions.Answer("undetermined", reason=ONLY_THE_MOTION)
     result = translate.to_result(solutions.Solution(first_system(motion), open_answer, None, None), schema)
-    kept = first_integrals(motion, None, (), options.seed, MOST_FOR_INTEGRALS) if schema.first_integrals else ()
+    kept = first_integrals(motion, None, options.seed, MOST_FOR_INTEGRALS) if schema.first_integrals else ()
     told = dict(result) | {"first_integrals": [translate.integral_part(one) for one in kept]}
     about = translate_nonholonomic.to_any_associated(answer)
     whole = nonholonomic.NonholonomicResult(**told, nonholonomic=None, any_associated=about)

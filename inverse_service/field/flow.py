@@ -1,6 +1,4 @@
-"""Points on the flow of q'' = f, and formulas interpolated from their values.
-
-Forces and their tensors as numbers: truncated series along the motion with gradients, at many points modulo a prime.
+"""Formulas as numbers along the motion q'' = f, at many points modulo a prime: truncated series with gradients.
 
 At a random point the motion is a power series in s (order by order, q'' = f); f is evaluated once more on these series
 with its gradients in the 2 n directions of q and v. That gives J = f_v and K = f_q as matrix series along the flow,
@@ -15,21 +13,11 @@ What a formula is made of are generators with independent random values: t, coor
 angles of circular functions a rational point (2 u, 1 - u^2)/(1 + u^2) of the circle, beside the coordinate's own value;
 for exponentials, logarithms, and arctangents a residue; for arbitrary functions each partial derivative. Roots are true
 roots: the prime is a safe one, so that a square has one root that is a square, and a point without it is dropped.
-
-A vector of polynomials that is known up to a factor at points modulo a prime (Zippel 1979, projectively).
-
-The vector (v_1 : ... : v_m) is one common polynomial vector (P_1, ..., P_m): with a reference entry r the unknown
-coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is asked for. For each variable alone the least
-degree for which there is a fit is found, the others fixed; then the variables are added one at a time, the support so
-far times powers of the new one, and what comes out as 0 is dropped. The least degrees make the vector primitive.
-
-The basis in an angle is c^a s^b with b <= 1, in any other variable its powers. Coefficients are divided by one of them
-and reconstructed as rational numbers; that the result is right is for the caller to check.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
@@ -37,18 +25,20 @@ from math import factorial, lcm
 
 import numpy as np
 import numpy.typing as npt
-from flint import nmod_mat
 
 from inverse_service import deadline
+from inverse_service.expressions import collecting, collecting_trees, derivative
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular, tower
-from inverse_service.search.terms import Monomial, Terms, add_terms, monomial_tree, terms_of, times
+from inverse_service.field import tower
 
 Numbers = npt.NDArray[np.int64]
-PRIME = 2_147_483_579  # 2 q + 1 with q prime
+# 2 q + 1 with q prime, modulo which 2, 3, 5, 7, 11, 13 and 17 have roots.
+PRIME = 2_147_454_839
 _HALF = (PRIME - 1) // 2
-# A generator: a variable, ("angle" | "exp", unit), ("log" | "atan", tree), or (name, argument values' key, orders).
-Generator = tuple[str, object]
+# ("variable", itself), ("angle" | "exp", its unit), ("function", a derivative of it), or (name, argument) of others.
+Generator = tuple[str, ex.Expression]
+_INVERSES = ("log", "atan", "asin", "acos", "asinh", "acosh", "atanh")
+_ARGUMENT = ex.Symbol("argument of a function")
 
 
 def inverses(values: Numbers) -> Numbers:
@@ -144,18 +134,18 @@ def _derivative(a: Numbers) -> Numbers:
 class Units:
     """How fine the generators of angles and exponentials have to be: for each unit the common denominator."""
 
-    angles: dict[Monomial, int] = field(default_factory=dict)
-    exponentials: dict[Monomial, int] = field(default_factory=dict)
+    angles: dict[ex.Expression, int] = field(default_factory=dict)
+    exponentials: dict[ex.Expression, int] = field(default_factory=dict)
 
     @classmethod
     def of(cls, trees: Iterable[ex.Expression]) -> Units:
-        """Of all circular functions and exponentials in these kernels. TooManyTerms for a long argument."""
+        """Of all circular functions and exponentials in these kernels."""
         found = cls()
         for node in ex.distinct_nodes(trees):
             if isinstance(node, ex.Apply) and node.function in ("sin", "cos", "exp"):
                 table = found.exponentials if node.function == "exp" else found.angles
-                for key, value in terms_of(node.argument).items():
-                    table[key] = lcm(table.get(key, 1), value.denominator)
+                for unit, value in _multiples(node.argument):
+                    table[unit] = lcm(table.get(unit, 1), value.denominator)
         return found
 
 
@@ -185,7 +175,7 @@ class Points:
                 self.values[generator] = self.random.integers(2, PRIME - 2, self.count)
         return self.values[generator]
 
-    def circle(self, unit: Monomial) -> tuple[Numbers, Numbers]:
+    def circle(self, unit: ex.Expression) -> tuple[Numbers, Numbers]:
         """(sin, cos) of the unit over its denominator."""
         u = self.value(("angle", unit))
         square = u * u % PRIME
@@ -213,11 +203,11 @@ class Flow:
         q[:, 0] = [points.value(("variable", ex.Symbol(name))) for name in names]
         q[:, 1] = [points.value(("variable", ex.Velocity(name))) for name in names]
         for k in range(order if n else 0):
-            plain = _Evaluation(points, names, q[:, : k + 1], _derivatives(q)[:, : k + 1], 1)
+            plain = Evaluation(points, names, q[:, : k + 1], _derivatives(q)[:, : k + 1], 1)
             for i, f in enumerate(kernels):
                 q[i, k + 2] = plain.jet(f).data[0, k] * pow((k + 1) * (k + 2), -1, PRIME) % PRIME
         self.q = q
-        self.evaluation = _Evaluation(points, names, q[:, :order], _derivatives(q)[:, :order], self.size)
+        self.evaluation = Evaluation(points, names, q[:, :order], _derivatives(q)[:, :order], self.size)
         self.forces = [self.evaluation.jet(f) for f in kernels]
 
     def tree(self, tree: ex.Expression) -> Jet:
@@ -267,7 +257,7 @@ def _derivatives(q: Numbers) -> Numbers:
     return np.array([_derivative(one) for one in q])
 
 
-class _Evaluation:
+class Evaluation:
     """Trees on given series of the coordinates and velocities; equal trees are evaluated once."""
 
     def __init__(self, points: Points, names: Sequence[str], q: Numbers, v: Numbers, size: int) -> None:
@@ -356,11 +346,10 @@ class _Evaluation:
         series = inner.data[0]
         if function == "exp":
             start = np.ones(self.points.count, np.int64)
-            for key, value in terms_of(argument).items():
-                scale = self.points.units.exponentials[key]
-                exponent = int(value * scale)
-                unit = self.points.value(("exp", key))
-                start = start * powers(unit if exponent > 0 else inverses(unit), abs(exponent)) % PRIME
+            for unit, value in _multiples(argument):
+                exponent = int(value * self.points.units.exponentials[unit])
+                one = self.points.value(("exp", unit))
+                start = start * powers(one if exponent > 0 else inverses(one), abs(exponent)) % PRIME
             grown = self._exponential(series, start)
             return inner.with_series(grown, grown)
         if function in ("sin", "cos"):
@@ -368,15 +357,12 @@ class _Evaluation:
             if function == "sin":
                 return inner.with_series(sine, cosine)
             return inner.with_series(cosine, (PRIME - sine) % PRIME)
-        if function in ("log", "atan"):
+        if function in _INVERSES:
+            rate = ex.substitute(
+                derivative.differentiate(ex.Apply(function, _ARGUMENT), _ARGUMENT), {_ARGUMENT: argument}
+            )
+            slope = self.jet(tower.to_kernels(rate)).data[0]
             start = self.points.value((function, argument))
-            if function == "log":
-                slope = _power(series, PRIME - 1, inverses(series[0]))
-                self.points.good &= series[0] != 0
-            else:
-                below = _times(series, series)
-                below[0] = (below[0] + 1) % PRIME
-                slope = _power(below, PRIME - 1, inverses(below[0]))
             return inner.with_series(_primitive(_times(slope, _derivative(series)), start), slope)
         raise ValueError(f"{function} has no value here")
 
@@ -391,9 +377,9 @@ class _Evaluation:
 
     def _sine_and_cosine(self, argument: ex.Expression, series: Numbers) -> tuple[Numbers, Numbers]:
         sine, cosine = np.zeros(self.points.count, np.int64), np.ones(self.points.count, np.int64)
-        for key, value in terms_of(argument).items():
-            times = int(value * self.points.units.angles[key])
-            s, c = self.points.circle(key)
+        for unit, value in _multiples(argument):
+            times = int(value * self.points.units.angles[unit])
+            s, c = self.points.circle(unit)
             s = s if times > 0 else (PRIME - s) % PRIME
             for _ in range(abs(times)):
                 sine, cosine = (sine * c + cosine * s % PRIME) % PRIME, (cosine * c - sine * s % PRIME) % PRIME
@@ -437,276 +423,16 @@ class _Evaluation:
         return total
 
 
+def _multiples(argument: ex.Expression) -> list[tuple[ex.Expression, Fraction]]:
+    """The argument as a sum of multiples of units."""
+    return [(collecting_trees.monomial_tree(unit), value) for unit, value in collecting.expand(argument)]
+
+
 def generator_tree(generator: Generator, units: Units) -> ex.Expression:
     """What stands for the generator in a formula; of an angle its cosine."""
     kind, what = generator
     if kind == "exp":
-        return ex.Apply("exp", Fraction(1, units.exponentials[what]) * monomial_tree(what))  # type: ignore[index,arg-type]
+        return ex.Apply("exp", Fraction(1, units.exponentials[what]) * what)
     if kind == "angle":
-        return ex.Apply("cos", Fraction(1, units.angles[what]) * monomial_tree(what))  # type: ignore[index,arg-type]
-    if kind in ("log", "atan"):
-        return ex.Apply(kind, what)  # type: ignore[arg-type]
-    return what  # type: ignore[return-value]
-
-
-# Degrees in one variable, unknown coefficients, and draws for one batch of points.
-_DEGREE, _UNKNOWNS, _DRAWS = 8, 1_200, 24
-# Points for the degree in one variable.
-_BLOCK = 24
-# Numerators and denominators that one prime of 31 bits can tell apart.
-_LARGEST = 32_767
-Power = tuple[int, int]
-# The vector at points with these generators fixed, (entries, points), and the good points themselves.
-Given = Mapping[Generator, int | Numbers]
-Values = Callable[[Given, int], tuple[Numbers, Points]]
-
-
-class NoFit(ArithmeticError):
-    """No polynomial vector of moderate degree was found."""
-
-
-@dataclass(slots=True)
-class Interpolation:
-    """The vector as polynomials in the variables; `polynomials[e]` maps exponents of all variables to coefficients."""
-
-    values: Values
-    variables: Sequence[Generator]
-    units: Units
-
-    def terms(self) -> list[Terms]:
-        """The entries as sums of products of letters, with integer coefficients without a common factor."""
-        anchor_values, anchor = self.drawn({}, 1)
-        fixed = {variable: int(anchor.value(variable)[0]) for variable in self.variables}
-        entries = [e for e in range(anchor_values.shape[0]) if anchor_values[e, 0]]
-        entries = sorted({*entries, *self._met(anchor_values.shape[0])})
-        support: list[list[tuple[Power, ...]]] = [[()] for _ in entries]
-        done: list[Generator] = []
-        vector: list[int] = [1] * len(entries)
-        if len(entries) > 1:
-            degrees = self._degrees(entries, fixed)
-            for variable in self.variables:
-                if degrees[variable] == 0:
-                    continue
-                done.append(variable)
-                added = _basis(variable, degrees[variable])
-                candidates = [[(*old, power) for power in added for old in olds] for olds in support]
-                support, vector = self._fitted(candidates, entries, done, fixed)
-            if not done:
-                support, vector = self._fitted(support, entries, done, fixed)
-        found = self._trees(support, vector, done)
-        whole: list[Terms] = [{} for _ in range(anchor_values.shape[0])]
-        for e, terms in zip(entries, found, strict=True):
-            whole[e] = terms
-        return whole
-
-    def drawn(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
-        """At least so many points, all good."""
-        for k in range(_DRAWS):
-            deadline.check(count)
-            values, points = self.values(fixed, (count + 8) << min(k, 3))
-            if values.shape[1] >= count:
-                return values, points
-        raise NoFit("too few points")
-
-    def _met(self, size: int) -> set[int]:
-        values, _ = self.drawn({}, 3)
-        return {e for e in range(size) if values[e].any()}
-
-    def _degrees(self, entries: Sequence[int], fixed: Mapping[Generator, int]) -> dict[Generator, int]:
-        """The least degree in each variable, the others fixed: all of them from one batch of points."""
-        block, generator = _BLOCK, np.random.default_rng(block_seed(fixed))
-        total = block * len(self.variables)
-        given: dict[Generator, int | Numbers] = {}
-        for place, variable in enumerate(self.variables):
-            values = np.full(total, fixed[variable], np.int64)
-            values[place * block : (place + 1) * block] = generator.integers(2, PRIME - 2, block)
-            given[variable] = values
-        values, points = self.values(given, total)
-        own = np.arange(total)[points.good] // block
-        found = {}
-        for place, variable in enumerate(self.variables):
-            mine = np.flatnonzero(own == place)
-            for degree in range(_DEGREE + 1):
-                basis = [[(power,) for power in _basis(variable, degree)] for _ in entries]
-                if _needed(basis) <= len(mine):
-                    fits = _fits(basis, entries, values, _powers(basis, [variable], points), mine)
-                else:
-                    fits = self._kernel(basis, entries, [variable], _without(fixed, [variable]))
-                if fits:
-                    found[variable] = degree
-                    break
-            else:
-                raise NoFit("the degree in one variable is high")
-        return found
-
-    def _fitted(
-        self,
-        candidates: list[list[tuple[Power, ...]]],
-        entries: Sequence[int],
-        done: Sequence[Generator],
-        fixed: Mapping[Generator, int],
-    ) -> tuple[list[list[tuple[Power, ...]]], list[int]]:
-        """The support and the coefficients of the only vector in the span of the candidates."""
-        kernel = self._kernel(candidates, entries, done, _without(fixed, done))
-        if len(kernel) != 1:
-            raise NoFit("the vector is not the only one in its support")
-        (vector,), place = kernel, 0
-        kept, coefficients = list[list[tuple[Power, ...]]](), list[int]()
-        for olds in candidates:
-            values = vector[place : place + len(olds)]
-            place += len(olds)
-            kept.append([old for old, value in zip(olds, values, strict=True) if value])
-            coefficients += [value for value in values if value]
-        return kept, coefficients
-
-    def _kernel(
-        self,
-        candidates: Sequence[Sequence[tuple[Power, ...]]],
-        entries: Sequence[int],
-        done: Sequence[Generator],
-        others: Given,
-    ) -> list[list[int]]:
-        """A basis of the coefficients of all fits."""
-        unknowns = sum(map(len, candidates))
-        if unknowns > _UNKNOWNS:
-            raise NoFit("too many unknown coefficients")
-        count = _needed(candidates)
-        values, points = self.drawn(others, count)
-        return _fits(candidates, entries, values, _powers(candidates, done, points), np.arange(count))
-
-    def _trees(
-        self, support: Sequence[Sequence[tuple[Power, ...]]], vector: Sequence[int], done: Sequence[Generator]
-    ) -> list[Terms]:
-        unit = pow(vector[0], -1, PRIME)
-        numbers = [modular.reconstruct(value * unit % PRIME, PRIME, _LARGEST) for value in vector]
-        if any(number is None for number in numbers):
-            raise NoFit("the coefficients are no small rational numbers")
-        found, place = list[Terms](), 0
-        letters = [letters_of(variable, self.units) for variable in done]
-        for olds in support:
-            total: Terms = {}
-            for old in olds:
-                key: Monomial = frozenset()
-                for power, pair in zip(old, letters, strict=True):
-                    for letter, e in zip(pair, power, strict=True):
-                        key = times(key, letter, e) if e else key
-                number = numbers[place]
-                assert number is not None
-                total = add_terms(total, {key: number})
-                place += 1
-            found.append(total)
-        return found
-
-
-def _without(fixed: Mapping[Generator, int], done: Sequence[Generator]) -> dict[Generator, int]:
-    return {key: value for key, value in fixed.items() if key not in done}
-
-
-def block_seed(fixed: Mapping[Generator, int]) -> int:
-    """A seed that follows from the anchor."""
-    return sum(fixed.values()) % PRIME
-
-
-def _needed(candidates: Sequence[Sequence[tuple[Power, ...]]]) -> int:
-    """Points that determine all coefficients: each entry has one equation with the reference at each."""
-    least = min(map(len, candidates))
-    together = -(-sum(map(len, candidates)) // max(1, len(candidates) - 1))
-    return max(together, least + max(map(len, candidates))) + 4
-
-
-def _powers(
-    candidates: Sequence[Sequence[tuple[Power, ...]]], done: Sequence[Generator], points: Points
-) -> dict[tuple[Power, ...], Numbers]:
-    """The value of each product of powers at the good points."""
-    found = {}
-    for old in dict.fromkeys(old for olds in candidates for old in olds):
-        result = np.ones(int(points.good.sum()), np.int64)
-        for power, variable in zip(old, done, strict=True):
-            for base, e in zip(letters_at(variable, points), power, strict=True):
-                for _ in range(e):
-                    result = result * base[points.good] % PRIME
-        found[old] = result
-    return found
-
-
-def _fits(
-    candidates: Sequence[Sequence[tuple[Power, ...]]],
-    entries: Sequence[int],
-    values: Numbers,
-    powers: Mapping[tuple[Power, ...], Numbers],
-    chosen: Numbers,
-) -> list[list[int]]:
-    """A basis of the coefficients with v_e P_r = v_r P_e at the chosen points."""
-    reference = min(range(len(entries)), key=lambda k: (len(candidates[k]), k))
-    starts = np.cumsum([0, *map(len, candidates)])
-    blocks = []
-    for k, e in enumerate(entries):
-        if k == reference:
-            continue
-        block = np.zeros((len(chosen), int(starts[-1])), np.int64)
-        for j, old in enumerate(candidates[reference]):
-            block[:, starts[reference] + j] = values[e][chosen] * powers[old][chosen] % PRIME
-        for j, old in enumerate(candidates[k]):
-            block[:, starts[k] + j] = (PRIME - values[entries[reference]][chosen]) * powers[old][chosen] % PRIME
-        blocks.append(block)
-    return kernel_of(np.concatenate(blocks))
-
-
-def kernel_of(rows: Numbers) -> list[list[int]]:
-    """A basis of the vectors that a matrix modulo the prime takes to 0."""
-    height, width = rows.shape
-    matrix = nmod_mat(height, width, rows.ravel().tolist(), PRIME)
-    echelon, rank = matrix.rref()
-    if rank == width:
-        return []
-    table = [[int(echelon[i, j]) for j in range(width)] for i in range(rank)]
-    pivots = [next(j for j, value in enumerate(row) if value) for row in table]
-    found = []
-    for free in (j for j in range(width) if j not in set(pivots)):
-        vector = [0] * width
-        vector[free] = 1
-        for pivot, row in zip(pivots, table, strict=True):
-            vector[pivot] = -row[free] % PRIME
-        found.append(vector)
-    return found
-
-
-def _basis(variable: Generator, degree: int) -> list[Power]:
-    """Exponents of (cos, sin) of an angle, of (x, nothing) for other variables."""
-    if variable[0] == "angle":
-        return [(total - b, b) for total in range(degree + 1) for b in (0, 1) if b <= total]
-    return [(k, 0) for k in range(degree + 1)]
-
-
-def letters_at(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
-    """The values of the two letters of a variable, the second one of an angle alone."""
-    if variable[0] == "angle":
-        sine, cosine = points.circle(variable[1])  # type: ignore[arg-type]
-        return cosine, sine
-    return points.value(variable), np.ones(points.count, np.int64)
-
-
-def letters_of(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
-    """The two letters of a variable as monomials."""
-    tree = generator_tree(variable, units)
-    second = ex.Apply("sin", tree.argument) if variable[0] == "angle" and isinstance(tree, ex.Apply) else ex.ONE
-    return _monomial(tree), _monomial(second)
-
-
-def _monomial(tree: ex.Expression) -> Monomial:
-    terms = terms_of(tree)
-    ((key, value),) = terms.items()
-    if value != 1:
-        raise NoFit("a letter has a factor")
-    return key
-
-
-def whole_numbers(vector: Sequence[Terms]) -> list[Terms]:
-    """The vector times the number that makes its coefficients integers without a common factor."""
-    from math import gcd, lcm
-
-    numbers = [value for terms in vector for value in terms.values()]
-    if not numbers:
-        return list(vector)
-    factor = Fraction(lcm(*(n.denominator for n in numbers)), gcd(*(n.numerator for n in numbers)))
-    return [{key: value * factor for key, value in terms.items()} for terms in vector]
+        return ex.Apply("cos", Fraction(1, units.angles[what]) * what)
+    return ex.Apply(kind, what) if kind in _INVERSES else what

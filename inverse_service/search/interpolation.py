@@ -1,0 +1,285 @@
+"""A vector of polynomials that is known up to a factor at points modulo a prime (Zippel 1979, projectively).
+
+The vector (v_1 : ... : v_m) is one common polynomial vector (P_1, ..., P_m): with a reference entry r the unknown
+coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is asked for. For each variable alone the least
+degree for which there is a fit is found, the others fixed; then the variables are added one at a time, the support so
+far times powers of the new one, and what comes out as 0 is dropped. The least degrees make the vector primitive.
+
+The basis in an angle is c^a s^b with b <= 1, in any other variable its powers. Coefficients are divided by one of them
+and reconstructed as rational numbers; that the result is right is for the caller to check.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import gcd, lcm
+
+import numpy as np
+from flint import nmod_mat
+
+from inverse_service import deadline
+from inverse_service.expressions import tree as ex
+from inverse_service.field import modular
+from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units, generator_tree
+from inverse_service.search.terms import Monomial, Terms, add_terms, terms_of, times
+
+# Degrees in one variable, unknown coefficients, and draws for one batch of points.
+_DEGREE, _UNKNOWNS, _DRAWS = 8, 1_200, 24
+# Points for the degree in one variable.
+_BLOCK = 24
+# Numerators and denominators that one prime of 31 bits can tell apart.
+_LARGEST = 32_767
+Power = tuple[int, int]
+# The vector at points with these generators fixed, (entries, points), and the good points themselves.
+Given = Mapping[Generator, int | Numbers]
+Values = Callable[[Given, int], tuple[Numbers, Points]]
+
+
+class NoFit(ArithmeticError):
+    """No polynomial vector of moderate degree was found."""
+
+
+@dataclass(slots=True)
+class Interpolation:
+    """The vector as polynomials in the variables; `polynomials[e]` maps exponents of all variables to coefficients."""
+
+    values: Values
+    variables: Sequence[Generator]
+    units: Units
+
+    def terms(self) -> list[Terms]:
+        """The entries as sums of products of letters, with integer coefficients without a common factor."""
+        anchor_values, anchor = self.drawn({}, 1)
+        fixed = {variable: int(anchor.value(variable)[0]) for variable in self.variables}
+        entries = [e for e in range(anchor_values.shape[0]) if anchor_values[e, 0]]
+        entries = sorted({*entries, *self._met(anchor_values.shape[0])})
+        support: list[list[tuple[Power, ...]]] = [[()] for _ in entries]
+        done: list[Generator] = []
+        vector: list[int] = [1] * len(entries)
+        if len(entries) > 1:
+            degrees = self._degrees(entries, fixed)
+            for variable in self.variables:
+                if degrees[variable] == 0:
+                    continue
+                done.append(variable)
+                added = _basis(variable, degrees[variable])
+                candidates = [[(*old, power) for power in added for old in olds] for olds in support]
+                support, vector = self._fitted(candidates, entries, done, fixed)
+            if not done:
+                support, vector = self._fitted(support, entries, done, fixed)
+        found = self._trees(support, vector, done)
+        whole: list[Terms] = [{} for _ in range(anchor_values.shape[0])]
+        for e, terms in zip(entries, found, strict=True):
+            whole[e] = terms
+        return whole
+
+    def drawn(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
+        """At least so many points, all good."""
+        for k in range(_DRAWS):
+            deadline.check(count)
+            values, points = self.values(fixed, (count + 8) << min(k, 3))
+            if values.shape[1] >= count:
+                return values, points
+        raise NoFit("too few points")
+
+    def _met(self, size: int) -> set[int]:
+        values, _ = self.drawn({}, 3)
+        return {e for e in range(size) if values[e].any()}
+
+    def _degrees(self, entries: Sequence[int], fixed: Mapping[Generator, int]) -> dict[Generator, int]:
+        """The least degree in each variable, the others fixed: all of them from one batch of points."""
+        block, generator = _BLOCK, np.random.default_rng(block_seed(fixed))
+        total = block * len(self.variables)
+        given: dict[Generator, int | Numbers] = {}
+        for place, variable in enumerate(self.variables):
+            values = np.full(total, fixed[variable], np.int64)
+            values[place * block : (place + 1) * block] = generator.integers(2, PRIME - 2, block)
+            given[variable] = values
+        values, points = self.values(given, total)
+        own = np.arange(total)[points.good] // block
+        found = {}
+        for place, variable in enumerate(self.variables):
+            mine = np.flatnonzero(own == place)
+            for degree in range(_DEGREE + 1):
+                basis = [[(power,) for power in _basis(variable, degree)] for _ in entries]
+                if _needed(basis) <= len(mine):
+                    fits = _fits(basis, entries, values, _powers(basis, [variable], points), mine)
+                else:
+                    fits = self._kernel(basis, entries, [variable], _without(fixed, [variable]))
+                if fits:
+                    found[variable] = degree
+                    break
+            else:
+                raise NoFit("the degree in one variable is high")
+        return found
+
+    def _fitted(
+        self,
+        candidates: list[list[tuple[Power, ...]]],
+        entries: Sequence[int],
+        done: Sequence[Generator],
+        fixed: Mapping[Generator, int],
+    ) -> tuple[list[list[tuple[Power, ...]]], list[int]]:
+        """The support and the coefficients of the only vector in the span of the candidates."""
+        kernel = self._kernel(candidates, entries, done, _without(fixed, done))
+        if len(kernel) != 1:
+            raise NoFit("the vector is not the only one in its support")
+        (vector,), place = kernel, 0
+        kept, coefficients = list[list[tuple[Power, ...]]](), list[int]()
+        for olds in candidates:
+            values = vector[place : place + len(olds)]
+            place += len(olds)
+            kept.append([old for old, value in zip(olds, values, strict=True) if value])
+            coefficients += [value for value in values if value]
+        return kept, coefficients
+
+    def _kernel(
+        self,
+        candidates: Sequence[Sequence[tuple[Power, ...]]],
+        entries: Sequence[int],
+        done: Sequence[Generator],
+        others: Given,
+    ) -> list[list[int]]:
+        """A basis of the coefficients of all fits."""
+        unknowns = sum(map(len, candidates))
+        if unknowns > _UNKNOWNS:
+            raise NoFit("too many unknown coefficients")
+        count = _needed(candidates)
+        values, points = self.drawn(others, count)
+        return _fits(candidates, entries, values, _powers(candidates, done, points), np.arange(count))
+
+    def _trees(
+        self, support: Sequence[Sequence[tuple[Power, ...]]], vector: Sequence[int], done: Sequence[Generator]
+    ) -> list[Terms]:
+        unit = pow(vector[0], -1, PRIME)
+        numbers = [modular.reconstruct(value * unit % PRIME, PRIME, _LARGEST) for value in vector]
+        if any(number is None for number in numbers):
+            raise NoFit("the coefficients are no small rational numbers")
+        found, place = list[Terms](), 0
+        letters = [letters_of(variable, self.units) for variable in done]
+        for olds in support:
+            total: Terms = {}
+            for old in olds:
+                key: Monomial = frozenset()
+                for power, pair in zip(old, letters, strict=True):
+                    for letter, e in zip(pair, power, strict=True):
+                        key = times(key, letter, e) if e else key
+                number = numbers[place]
+                assert number is not None
+                total = add_terms(total, {key: number})
+                place += 1
+            found.append(total)
+        return found
+
+
+def _without(fixed: Mapping[Generator, int], done: Sequence[Generator]) -> dict[Generator, int]:
+    return {key: value for key, value in fixed.items() if key not in done}
+
+
+def block_seed(fixed: Mapping[Generator, int]) -> int:
+    """A seed that follows from the anchor."""
+    return sum(fixed.values()) % PRIME
+
+
+def _needed(candidates: Sequence[Sequence[tuple[Power, ...]]]) -> int:
+    """Points that determine all coefficients: each entry has one equation with the reference at each."""
+    least = min(map(len, candidates))
+    together = -(-sum(map(len, candidates)) // max(1, len(candidates) - 1))
+    return max(together, least + max(map(len, candidates))) + 4
+
+
+def _powers(
+    candidates: Sequence[Sequence[tuple[Power, ...]]], done: Sequence[Generator], points: Points
+) -> dict[tuple[Power, ...], Numbers]:
+    """The value of each product of powers at the good points."""
+    found = {}
+    for old in dict.fromkeys(old for olds in candidates for old in olds):
+        result = np.ones(int(points.good.sum()), np.int64)
+        for power, variable in zip(old, done, strict=True):
+            for base, e in zip(letters_at(variable, points), power, strict=True):
+                for _ in range(e):
+                    result = result * base[points.good] % PRIME
+        found[old] = result
+    return found
+
+
+def _fits(
+    candidates: Sequence[Sequence[tuple[Power, ...]]],
+    entries: Sequence[int],
+    values: Numbers,
+    powers: Mapping[tuple[Power, ...], Numbers],
+    chosen: Numbers,
+) -> list[list[int]]:
+    """A basis of the coefficients with v_e P_r = v_r P_e at the chosen points."""
+    reference = min(range(len(entries)), key=lambda k: (len(candidates[k]), k))
+    starts = np.cumsum([0, *map(len, candidates)])
+    blocks = []
+    for k, e in enumerate(entries):
+        if k == reference:
+            continue
+        block = np.zeros((len(chosen), int(starts[-1])), np.int64)
+        for j, old in enumerate(candidates[reference]):
+            block[:, starts[reference] + j] = values[e][chosen] * powers[old][chosen] % PRIME
+        for j, old in enumerate(candidates[k]):
+            block[:, starts[k] + j] = (PRIME - values[entries[reference]][chosen]) * powers[old][chosen] % PRIME
+        blocks.append(block)
+    return kernel_of(np.concatenate(blocks))
+
+
+def kernel_of(rows: Numbers) -> list[list[int]]:
+    """A basis of the vectors that a matrix modulo the prime takes to 0."""
+    height, width = rows.shape
+    matrix = nmod_mat(height, width, rows.ravel().tolist(), PRIME)
+    echelon, rank = matrix.rref()
+    if rank == width:
+        return []
+    table = [[int(echelon[i, j]) for j in range(width)] for i in range(rank)]
+    pivots = [next(j for j, value in enumerate(row) if value) for row in table]
+    found = []
+    for free in (j for j in range(width) if j not in set(pivots)):
+        vector = [0] * width
+        vector[free] = 1
+        for pivot, row in zip(pivots, table, strict=True):
+            vector[pivot] = -row[free] % PRIME
+        found.append(vector)
+    return found
+
+
+def _basis(variable: Generator, degree: int) -> list[Power]:
+    """Exponents of (cos, sin) of an angle, of (x, nothing) for other variables."""
+    if variable[0] == "angle":
+        return [(total - b, b) for total in range(degree + 1) for b in (0, 1) if b <= total]
+    return [(k, 0) for k in range(degree + 1)]
+
+
+def letters_at(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
+    """The values of the two letters of a variable, the second one of an angle alone."""
+    if variable[0] == "angle":
+        sine, cosine = points.circle(variable[1])
+        return cosine, sine
+    return points.value(variable), np.ones(points.count, np.int64)
+
+
+def letters_of(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
+    """The two letters of a variable as monomials."""
+    tree = generator_tree(variable, units)
+    second = ex.Apply("sin", tree.argument) if variable[0] == "angle" and isinstance(tree, ex.Apply) else ex.ONE
+    return _monomial(tree), _monomial(second)
+
+
+def _monomial(tree: ex.Expression) -> Monomial:
+    ((key, value),) = terms_of(tree).items()
+    if value != 1:
+        raise NoFit("a letter has a factor")
+    return key
+
+
+def whole_numbers(vector: Sequence[Terms]) -> list[Terms]:
+    """The vector times the number that makes its coefficients integers without a common factor."""
+    numbers = [value for terms in vector for value in terms.values()]
+    if not numbers:
+        return list(vector)
+    factor = Fraction(lcm(*(n.denominator for n in numbers)), gcd(*(n.numerator for n in numbers)))
+    return [{key: value * factor for key, value in terms.items()} for terms in vector]
