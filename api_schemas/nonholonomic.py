@@ -219,6 +219,7 @@ class AnyAssociatedPart(base.Document):
     freedom: str = ""
     certificate: dict[str, Any] | None = None
     certificate_with_time: dict[str, Any] | None = None
+    exceptions: list[str] = Field(default_factory=list)
     explanation: list[result.ExplanationStep] = Field(default_factory=list)
 
 

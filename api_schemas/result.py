@@ -209,7 +209,7 @@ class NotAnsweredPart(base.Document):
 class KindPart(base.Document):
     """Whether there is a regular Lagrangian of a kind; with friction, `dissipation` is D in E_i = dD/dv_i.
 
-    `near` is the real point that the certificate speaks of.
+    `near` is the real point that the certificate speaks of, `exceptions` as in the result.
     """
 
     verdict: Verdict
@@ -219,6 +219,7 @@ class KindPart(base.Document):
     certificate: dict[str, Any] | None = None
     checked: Checked | None = None
     near: dict[str, str] = Field(default_factory=dict)
+    exceptions: list[str] = Field(default_factory=list)
 
 
 class InsteadPart(base.Document):

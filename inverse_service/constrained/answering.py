@@ -86,7 +86,10 @@ class MotionLagrangian:
 
 @dataclass(frozen=True, slots=True)
 class MotionAnswer:
-    """`certificates` prove the verdicts, that of L(q, q') first; one may prove both."""
+    """`certificates` prove the verdicts, that of L(q, q') first; one may prove both.
+
+    They do for general parameters: `exceptions` are equations between them where one proves nothing.
+    """
 
     verdict: Verdict
     verdict_with_time: Verdict
@@ -95,6 +98,7 @@ class MotionAnswer:
     lagrangian: MotionLagrangian | None = None
     freedom: str = ""
     explanation: tuple[Step, ...] = ()
+    exceptions: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -182,6 +186,7 @@ def _both(work: _Work, time_dependent: bool | None, analyzed: AnalyzedMotion, re
         other.lagrangian,
         first.freedom or other.freedom,
         (*first.explanation, *(other.explanation if other.verdict == "variational" else ())),
+        tuple(dict.fromkeys([*first.exceptions, *other.exceptions])),
     )
 
 
@@ -195,15 +200,16 @@ def _of_reduced(work: _Work, analyzed: AnalyzedMotion, reduced: Answer) -> Motio
     (closed,) = closed_coordinates(work.motion)
     steps = reduced_steps(closed.system.coordinates)
     if reduced.lagrangian is None:
-        return MotionAnswer("variational", "variational", "", (reduced.certificate,), None, "", steps)
+        proof = (reduced.certificate,)
+        return MotionAnswer("variational", "variational", "", proof, None, "", steps, reduced.exceptions)
     whole = on_whole_motion(work.motion, closed, reduced.lagrangian)
     plain = existence.of_lagrangian(analyzed, whole.expression, False)
-    certificate = _confirmed(work, analyzed, plain, [whole.expression])
-    if certificate is None:
+    proven = _confirmed(work, analyzed, plain, [whole.expression])
+    if proven is None:
         return None
-    found = _carried_on(work, whole)
+    found, (certificate, exceptions) = _carried_on(work, whole), proven
     steps += lagrangian_steps(whole.expression, found.jet)
-    return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps)
+    return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps, exceptions)
 
 
 def _decided(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> Finding:
@@ -218,39 +224,41 @@ def _answer(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bo
         work.tell(_proven(work, analyzed, found, with_time, "variational"))
     for lagrangian in _lagrangians(work, with_time):
         tree = lagrangian.lagrangian.expression
-        certificate = _confirmed(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
-        if certificate is not None:
+        proven = _confirmed(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
+        if proven is not None:
+            certificate, exceptions = proven
             steps = (
                 *finding_steps(analyzed, found, with_time),
                 *lagrangian_steps(lagrangian.lagrangian.expression, lagrangian.jet),
             )
             size = freedom(found, len(work.motion.coordinates), with_time)
-            return MotionAnswer("variational", "variational", "", (certificate,), lagrangian, size, steps)
+            proof = (certificate,)
+            return MotionAnswer("variational", "variational", "", proof, lagrangian, size, steps, exceptions)
     if found.exists is None:
         return MotionAnswer("undetermined", "undetermined", open_reason(found))
     return _proven(work, analyzed, found, with_time, "variational")
 
 
 def _proven(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool, verdict: Verdict) -> MotionAnswer:
-    certificate = _confirmed(work, analyzed, existence.of_finding(analyzed, found, with_time))
+    proven = _confirmed(work, analyzed, existence.of_finding(analyzed, found, with_time))
     size = freedom(found, len(work.motion.coordinates), with_time)
-    if certificate is None:
+    if proven is None:
         reason = f"the solver found {verdict.replace('_', ' ')} at order {found.order}, but {_NOT_CONFIRMED}"
         return MotionAnswer("undetermined", "undetermined", reason, (), None, size)
     steps = finding_steps(analyzed, found, with_time)
     steps += series_steps(analyzed, found, with_time) if found.exists else ()
-    return MotionAnswer(verdict, verdict, "", (certificate,), None, size, steps)
+    return MotionAnswer(verdict, verdict, "", proven[:1], None, size, steps, proven[1])
 
 
 def _confirmed(
     work: _Work, analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
-) -> dict[str, Any] | None:
-    """The certificate that the checker finds valid: as it is, or about one side of what is under roots."""
+) -> tuple[dict[str, Any], tuple[str, ...]] | None:
+    """The certificate that the checker finds valid, as it is or about one side of roots, and its exceptions."""
     found = check_certificate(certificate, time_limit=max(1.0, work.left()))
     if found.verdict == "incomplete":
         certificate = existence.on_one_side(analyzed, certificate, more)
         found = check_certificate(certificate, time_limit=max(1.0, work.left()))
-    return certificate if found.verdict == "valid" else None
+    return (certificate, found.exceptions) if found.verdict == "valid" else None
 
 
 def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:

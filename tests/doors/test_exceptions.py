@@ -13,6 +13,8 @@ import pytest
 
 import inverse_service
 from inverse_service.service.documents.derived import left_out
+from inverse_service.service.documents.latex_page import latex_page
+from inverse_service.service.documents.text_page import text_page
 
 COUPLED = {"equations": {"x": "a*y", "y": "b*x*y'"}, "parameters": ["a", "b"]}
 FRICTION = {"equations": {"x": "-x + k*y - c*x'", "y": "-y + k*x"}, "parameters": ["c", "k"]}
@@ -86,3 +88,45 @@ def test_van_der_pol_is_one_sentence() -> None:
     steps = inverse_service.solve({"equations": {"x": "-x + (1 - x^2)*x'"}}, time_limit=1)["explanation"]
     assert len(steps) == 1
     assert "Sonin" in steps[0]["text"]
+
+
+@pytest.fixture(scope="module")
+def kinds() -> dict[str, Any]:
+    """A natural Lagrangian of the damped oscillator is one without damping."""
+    asked = {"equations": {"x": "-k*x - c*x'"}, "parameters": ["k", "c"], "kinds": ["natural"]}
+    found: dict[str, Any] = json.loads(inverse_service.solve(asked).to_json())
+    return found
+
+
+@pytest.fixture(scope="module")
+def motion() -> dict[str, Any]:
+    asked = {"coordinates": ["x", "y", "z"], "motion": {"x": "-x + k*y - c*x'", "y": "-y + k*x"},
+             "constraints": ["z' = y*x'"], "parameters": ["c", "k"]}  # fmt: skip
+    found: dict[str, Any] = json.loads(inverse_service.solve(asked).to_json())
+    return found
+
+
+def test_kinds_and_motions_on_constraints_name_what_their_proofs_leave_out(
+    kinds: dict[str, Any], motion: dict[str, Any]
+) -> None:
+    for result, part, place, left in (
+        (kinds, kinds["kinds"]["natural"], "/kinds/natural/exceptions", {"c = 0"}),
+        (motion, motion["any_associated"], "/any_associated/exceptions", {"c = 0", "k = 0"}),
+    ):
+        assert part["verdict"] == "not_variational"
+        assert {*part["exceptions"]} == left
+        report = inverse_service.check(result)
+        assert report["verdict"] == "valid"
+        assert place not in report["not_checked"]
+        forged = copy.deepcopy(result)
+        (forged["kinds"]["natural"] if result is kinds else forged["any_associated"])["exceptions"] = ["k = 17"]
+        assert [one["field"] for one in inverse_service.check(forged)["contradictions"]] == [place]
+
+
+@pytest.mark.parametrize("form", ["text", "latex"])
+def test_the_exceptions_of_kinds_and_motions_are_written(
+    kinds: dict[str, Any], motion: dict[str, Any], form: str
+) -> None:
+    for result in (kinds, motion):
+        written = text_page(result, False) if form == "text" else latex_page(result, False)
+        assert "not decided here: c = 0" in written

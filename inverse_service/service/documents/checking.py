@@ -398,8 +398,12 @@ class Examination:
 
     def exceptions(self, shown: Shown, proof: CheckResult) -> None:
         """The stated list has all values of parameters for which the proof is none, each of which is proven one."""
-        found, place = proof.exceptions, f"{shown.at}/exceptions"
-        stated = shown.part.get("exceptions", found if shown.kind else [])
+        # A part of a result that an older program wrote has no list.
+        stated = shown.part.get("exceptions", proof.exceptions if shown.kind else [])
+        self.agreed_exceptions(shown.at, stated, proof.exceptions)
+
+    def agreed_exceptions(self, at: str, stated: Sequence[str], found: Sequence[str]) -> None:
+        place = f"{at}/exceptions"
         if any(one.startswith("single values") for one in (*found, *stated)):
             return  # for one of both the time was over
         proven = f"It is proven for general parameters, without {', '.join(found) or 'exceptions'}."
@@ -602,6 +606,8 @@ class Examination:
         )
         if part.get("checked") is not None and certificates:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
+        found = [one for certificate in certificates for one in self.proof(certificate).exceptions]
+        self.agreed_exceptions(at, part.get("exceptions", found), found)
         if "undetermined" in (part.get("verdict"), part.get("verdict_with_time")):
             only = isinstance(plain, dict) and ("motion" in plain or plain.get("associated") == "any")
             if only:
@@ -725,7 +731,7 @@ def _leave_open(result: dict[str, Any], why: str) -> None:
     branches = [each for branch in result["branches"] for each in (branch, branch["with_time"])]
     result |= {"instead": None} if result.get("instead") else {}
     for one in (result.get("kinds") or {}).values():
-        one |= {"certificate": None, "checked": None, "lagrangian": None, "dissipation": None}
+        one |= {"certificate": None, "checked": None, "lagrangian": None, "dissipation": None, "exceptions": []}
     for one in filter(None, (result, result["with_time"], *branches, *(result.get("kinds") or {}).values())):
         for key in ("verdict", "verdict_with_time"):
             if one.get(key) is not None:
@@ -748,8 +754,9 @@ def compare_motion(result: dict[str, Any], time_limit: float) -> None:
 
 
 def _open_motion(part: dict[str, Any], why: str) -> dict[str, Any]:
-    kept = {"statement": OPEN_MOTION, "reason": why, "verdict": "undetermined", "verdict_with_time": "undetermined"}
-    return dict.fromkeys(part, None) | {"parts": [], "image": [], "freedom": "", "explanation": []} | kept
+    kept = {"statement": OPEN_MOTION, "reason": why, "freedom": ""}
+    kept |= dict.fromkeys(("verdict", "verdict_with_time"), "undetermined")
+    return dict.fromkeys(part, None) | {key: [] for key in ("parts", "image", "explanation", "exceptions")} | kept
 
 
 def _systems(result: dict[str, Any]) -> Iterator[Canonical]:

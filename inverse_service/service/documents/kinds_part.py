@@ -137,4 +137,5 @@ def kind_part(found: KindAnswer) -> KindPart:
         lagrangian=None if found.lagrangian is None else lagrangian_part(found.lagrangian),
         dissipation=None if drag is None else formula(drag),
         near=(certificate or {}).get("near") or {},
+        exceptions=list(found.exceptions),
     )

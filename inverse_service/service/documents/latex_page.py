@@ -30,8 +30,8 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     if text_page.is_forward_result(result):
         return "\n".join([*lines, *forward_latex(result), *end]) + "\n"
     names = names_of(result["system"])
+    lines += [line for each in text_page.motions_of(result) for line in any_associated_latex(each, explain, names)]
     if result.get("nonholonomic") is not None:
-        lines += [line for each in text_page.motions_of(result) for line in any_associated_latex(each, explain, names)]
         lines += nonholonomic_latex(result["nonholonomic"], names)
     if result["system"] is not None:
         lines += [escaped(result["system"]["name"]), *map(display, result["system"]["latex"].values())]
@@ -178,6 +178,8 @@ def _items(node: dict[str, Any]) -> Iterator[str]:
 def any_associated_latex(part: Mapping[str, Any], explain: bool, names: Names) -> Iterator[str]:
     """The answer about the motion itself: L, its restriction and transverse momenta, H and the image."""
     yield f"{_sentence(part, 'statement', names)} {escaped(part['reason'])}".strip()
+    if part.get("exceptions"):
+        yield escaped(f"This holds {canonical.in_general(names.parameters, part['exceptions'])}.")
     if part["checked"]:
         yield f"Independent check: {part['checked']}."
     found = part["lagrangian"]

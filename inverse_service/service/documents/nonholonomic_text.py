@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
+
+from inverse_service.service.documents import canonical
 
 LONG = 300
 
 
-def any_associated_lines(part: dict[str, Any], explain: bool) -> list[str]:
+def any_associated_lines(part: dict[str, Any], explain: bool, parameters: Sequence[str] = ()) -> list[str]:
     """The answer about the motion itself, line by line."""
     lines = [part["statement"]]
+    if part.get("exceptions"):
+        lines.append(f"  {canonical.in_general(parameters, part['exceptions'])}")
     lines += [f"  {part['reason']}"] if part["reason"] else []
     lines += [f"  independent check: {part['checked']}"] if part["checked"] else []
     found = part["lagrangian"]

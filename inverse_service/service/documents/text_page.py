@@ -27,7 +27,12 @@ def text_page(result: dict[str, Any], explain: bool) -> str:
     if is_forward_result(result):
         return forward_text(result)
     part = result.get("nonholonomic")
-    lines = [line for each in motions_of(result) for line in nonholonomic_text.any_associated_lines(each, explain)]
+    parameters = (result["system"] or {}).get("parameters") or ()
+    lines = [
+        line
+        for each in motions_of(result)
+        for line in nonholonomic_text.any_associated_lines(each, explain, parameters)
+    ]
     lines += [] if part is None else [*nonholonomic_text.nonholonomic_lines(part), ""]
     lines += [f"  {words}" for words in guessed_words(result)]
     lines += [*_system(result["system"]), *_cases(result)]
@@ -96,9 +101,11 @@ def kinds_answered(result: dict[str, Any]) -> Iterator[tuple[str, Mapping[str, A
         question = (part["certificate"] or {}).get("question")
         of = f", {QUESTIONS[question == 'time_dependent']}" if question else ""
         near = ", ".join(f"{letter} = {value}" for letter, value in part["near"].items()) if name == DEFINITE else ""
-        reason = f", {part['reason']}" if part["reason"] else ""
         check = f" (independent check: {part['checked']})" if part["checked"] else ""
-        yield f"{name}{of}{where}{' at ' * bool(near)}{near}: {_YES_OR_NO[part['verdict']]}{reason}{check}", part
+        exceptions = part.get("exceptions")
+        general = canonical.in_general(result["system"]["parameters"], exceptions) if exceptions else ""
+        verdict = ", ".join(filter(None, (_YES_OR_NO[part["verdict"]], part["reason"], general)))
+        yield f"{name}{of}{where}{' at ' * bool(near)}{near}: {verdict}{check}", part
 
 
 def instead_answered(part: Mapping[str, Any]) -> str:

@@ -94,7 +94,7 @@ def answer_definite(
     """
     main = solution.main
     if main is not None and main.verdict == "not_variational" and main.checked == "valid":
-        return kind_answers.KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
+        return kind_answers.of_no(main)
     try:
         analysis = deciding.analyze(solution.system)
     except errors.IrreducibleAtoms as problem:
@@ -159,12 +159,8 @@ def _claim(near: Near, key: str, matrix: matrices.Matrix | None = None) -> dict[
 
 
 def _confirmed(certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float) -> kind_answers.KindAnswer:
-    valid = kind_answers.is_valid(certificate, deadline)
-    return (
-        kind_answers.KindAnswer(verdict, "", certificate)
-        if valid
-        else kind_answers.KindAnswer("undetermined", _SPECIAL)
-    )
+    found = kind_answers.confirmed(kind_answers.KindAnswer(verdict, "", certificate), deadline)
+    return found or kind_answers.KindAnswer("undetermined", _SPECIAL)
 
 
 def _of_known(
@@ -191,8 +187,8 @@ def _of_known(
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
         whole = alone.expression if alone else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
         certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
-        if kind_answers.is_valid(certificate, deadline):
-            return kind_answers.KindAnswer(
-                "variational", "", certificate, alone or protocol.describe(analysis, whole, FAMILY)
-            )
+        shown = alone or protocol.describe(analysis, whole, FAMILY)
+        answer = kind_answers.KindAnswer("variational", "", certificate, shown)
+        if (found := kind_answers.confirmed(answer, deadline)) is not None:
+            return found
     return None

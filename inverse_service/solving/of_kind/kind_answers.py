@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from inverse_service import errors
@@ -22,13 +22,17 @@ _HOMOGENEOUS = ("riemannian", "finsler")
 
 @dataclass(frozen=True, slots=True)
 class KindAnswer:
-    """Whether there is a regular Lagrangian of a kind; `dissipation` is D where it is one with friction."""
+    """Whether there is a regular Lagrangian of a kind; `dissipation` is D where it is one with friction.
+
+    The proof is one for general parameters: `exceptions` are equations between them where it is none.
+    """
 
     verdict: solutions.Verdict
     reason: str = ""
     certificate: Mapping[str, Any] | None = None
     lagrangian: solutions.Lagrangian | None = None
     dissipation: Expression | None = None
+    exceptions: tuple[str, ...] = ()
 
 
 def answer_kind(
@@ -43,7 +47,7 @@ def answer_kind(
     if solution.system.depends_on_time and kind.name in _HOMOGENEOUS:
         return KindAnswer("undetermined", "f contains t: no homogeneous Lagrangian is looked for")
     if main is not None and main.verdict == "not_variational" and main.checked == "valid":
-        return KindAnswer("not_variational", "no Lagrangian of any kind exists", main.certificate)
+        return of_no(main)
     try:
         analysis = deciding.analyze(solution.system)
         return _of_known(analysis, main, kind, deadline) or decided(analysis, kind, asked.seed, deadline)
@@ -58,8 +62,9 @@ def _of_known(
     with_time = analysis.system.depends_on_time
     for lagrangian in lagrangians_of(main):
         certificate = certify.of_lagrangian(analysis, lagrangian.expression, with_time, kind)
-        if is_valid(certificate, deadline):
-            return KindAnswer("variational", "", certificate, lagrangian)
+        found = confirmed(KindAnswer("variational", "", certificate, lagrangian), deadline)
+        if found is not None:
+            return found
     return None
 
 
@@ -78,9 +83,9 @@ def decided(
     found = deciding.decide(even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations)
     if found.verdict == "undetermined":
         return KindAnswer("undetermined", found.reason)
-    certificate = certify.of_decision(analysis, found, kind=kind)
-    if is_valid(certificate, deadline):
-        return KindAnswer(found.verdict, "", certificate)
+    answer = KindAnswer(found.verdict, "", certify.of_decision(analysis, found, kind=kind))
+    if (proven := confirmed(answer, deadline)) is not None:
+        return proven
     words = found.verdict.replace("_", " ")
     return KindAnswer(
         "undetermined",
@@ -88,6 +93,13 @@ def decided(
     )
 
 
-def is_valid(certificate: Mapping[str, Any], deadline: float) -> bool:
-    """Whether the checker confirms it in the time that is left."""
-    return checker.check_certificate(certificate, time_limit=left(deadline, 1.0)).verdict == "valid"
+def of_no(main: solutions.Answer) -> KindAnswer:
+    """Where there is no Lagrangian there is none of a kind."""
+    reason = "no Lagrangian of any kind exists"
+    return KindAnswer("not_variational", reason, main.certificate, exceptions=main.exceptions)
+
+
+def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
+    """The answer, where the checker confirms its certificate in the time that is left."""
+    proof = checker.check_certificate(answer.certificate, time_limit=left(deadline, 1.0))
+    return replace(answer, exceptions=proof.exceptions) if proof.verdict == "valid" else None

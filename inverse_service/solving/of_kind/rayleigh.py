@@ -26,7 +26,7 @@ from inverse_service.search.protocol import describe
 from inverse_service.search.quadratures import completed
 from inverse_service.search.row_factors import lagrangian_as_given
 from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
-from inverse_service.solving.of_kind.kind_answers import NOT_FOUND, KindAnswer, decided, is_valid
+from inverse_service.solving.of_kind.kind_answers import NOT_FOUND, KindAnswer, confirmed, decided
 
 FAMILY = "natural, with friction"
 HALF = Fraction(1, 2)
@@ -68,8 +68,9 @@ def _refuted(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | Non
     n = len(system.coordinates)
     rows = tuple(("S0", i, i, (0,) * (2 * n + with_time)) for i in range(n))
     certificate = certify.of_decision(analysis, Decision("not_variational", with_time, 0, rows=rows), kind=kind)
-    if is_valid(certificate, deadline):
-        return KindAnswer("not_variational", "f is not quadratic in the velocities", certificate)
+    answer = KindAnswer("not_variational", "f is not quadratic in the velocities", certificate)
+    if (proven := confirmed(answer, deadline)) is not None:
+        return proven
     found = None if with_time else decided(analysis, kind, seed, deadline, even=without_friction(system))
     if (found is None or found.certificate is None) and (n > 2 or with_time):
         found = decided(analysis, replace(kind, derivations=(ANY_FRICTION, *kind.derivations)), seed, deadline)
@@ -97,7 +98,7 @@ def _with_friction(
     if split is None:
         return None
     drag, linear = split
-    return confirmed(analysis, _kind(analysis), tree + linear, drag, deadline)
+    return with_drag(analysis, _kind(analysis), tree + linear, drag, deadline)
 
 
 def _split(names: Sequence[str], push: Sequence[Expression]) -> tuple[Expression, Expression] | None:
@@ -148,14 +149,12 @@ def constant_metrics(system: SecondOrderSystem) -> Iterator[Expression]:
         yield add(*parts, *turns)
 
 
-def confirmed(
+def with_drag(
     analysis: Analysis, kind: LagrangianKind, tree: Expression, drag: Expression, deadline: float
 ) -> KindAnswer | None:
     found = certify.of_lagrangian(analysis, tree, analysis.system.depends_on_time, kind)
     certificate = found | {"dissipation": to_text(drag)}
-    if not is_valid(certificate, deadline):
-        return None
-    return KindAnswer("variational", "", certificate, describe(analysis, tree, FAMILY), drag)
+    return confirmed(KindAnswer("variational", "", certificate, describe(analysis, tree, FAMILY), drag), deadline)
 
 
 def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:

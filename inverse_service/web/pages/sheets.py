@@ -486,9 +486,10 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
     for name, part in (result.get("kinds") or {}).items():
         verdict = VERDICTS.get(part["verdict"], OPEN)
         found = tuple(_formulas(part, result, names))
-        yield Row(
-            KIND_NAMES.get(name, _capital(name)), _capital(part.get("reason") or ""), verdict, WORDS[verdict], found
-        )
+        told = Markup.escape(_capital(part.get("reason") or ""))
+        if part.get("exceptions"):
+            told += Markup(". " * bool(told)) + _general(part["exceptions"], result, names)
+        yield Row(KIND_NAMES.get(name, _capital(name)), told, verdict, WORDS[verdict], found)
     if clock := result.get("with_clock"):
         yield _clock_row(clock, result, names)
     if cases := result.get("special_cases"):
@@ -593,6 +594,8 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     if main and main.formulas:
         shown = main
     notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
+    if motions[0].get("exceptions"):
+        notes.insert(0, _general(motions[0]["exceptions"], result, names))
     reason = motions[0].get("reason")
     if verdict == OPEN and reason and not pending:
         notes.insert(0, Markup("{}.").format(_capital(reason).rstrip(".")))
