@@ -6,7 +6,7 @@ import asyncio
 import re
 import uuid
 from collections import defaultdict
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -131,27 +131,33 @@ def _number(text: str) -> float:
     return float(text) if len(text) < 30 and NUMBER.fullmatch(text) else float("nan")
 
 
-# Who waits for any job at all: the streams of batches.
+# Who waits for the end of any job at all: the streams of batches.
 ANY = "*"
 
 
+def end_of(job: str) -> str:
+    """What who waits for the end of a job alone waits for."""
+    return f"end of {job}"
+
+
 class Hub:
-    """One asyncio.Event for each waiting request, by the id of the job it waits for."""
+    """One asyncio.Event for each waiting request, by the id of the job it waits for, its end, or ANY."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._waiting: dict[str, set[asyncio.Event]] = defaultdict(set)
         self.closing = False
 
-    def tell(self, id: str) -> None:
-        """The job changed; may be called from any thread."""
-        if id in self._waiting or ANY in self._waiting:
-            self._loop.call_soon_threadsafe(self._set, id)
+    def tell(self, id: str, what: str) -> None:
+        """A job changed (see `model.Change`); may be called from any thread."""
+        keys = (id, end_of(id), ANY) if what in ("", *model.FINAL) else (id,)
+        if any(key in self._waiting for key in keys):
+            self._loop.call_soon_threadsafe(self._set, keys)
 
     def close(self) -> None:
         """The service stops: everybody who waits goes on and looks at `closing`."""
         self.closing = True
-        self._loop.call_soon_threadsafe(self._set_all)
+        self._loop.call_soon_threadsafe(lambda: self._set(tuple(self._waiting)))
 
     @contextmanager
     def waiting(self, id: str) -> Iterator[asyncio.Event]:
@@ -165,14 +171,9 @@ class Hub:
             if not self._waiting[id]:
                 del self._waiting[id]
 
-    def _set(self, id: str) -> None:
-        for key in (id, ANY):
+    def _set(self, keys: Iterable[str]) -> None:
+        for key in keys:
             for event in self._waiting.get(key, ()):
-                event.set()
-
-    def _set_all(self) -> None:
-        for events in self._waiting.values():
-            for event in events:
                 event.set()
 
 

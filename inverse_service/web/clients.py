@@ -125,21 +125,26 @@ COOKIE = "inverse-service-key"
 OWN_PAGES = ("same-origin", "none")
 
 
-def require_client(request: Request) -> None:
-    """A dependency of every call under /v1: notes who asks; 401 without a good key where keys are set."""
+async def require_client(request: Request) -> None:
+    """A dependency of every call under /v1, `note_client`: on the loop, as the framework runs plain ones in threads."""
+    note_client(request)
+
+
+def note_client(request: Request) -> None:
+    """Note who asks; 401 without a good key where keys are set."""
     keys = request.app.state.engine.keys
     request.state.client_name = _client(request, keys)
     request.state.viewer = Viewer(request.state.client_name, not keys.are_asked)
 
 
 def viewer_of(request: Request) -> Viewer:
-    """Who asks, as `require_client` found: all that is read, listed and cancelled is checked against it."""
+    """Who asks, as `note_client` found: all that is read, listed and cancelled is checked against it."""
     viewer: Viewer = request.state.viewer
     return viewer
 
 
 def client_of(request: Request) -> str:
-    """The client that `require_client` found, the address where nobody was asked for a key."""
+    """The client that `note_client` found, the address where nobody was asked for a key."""
     name: str = getattr(request.state, "client_name", None) or address_of(request)
     return name
 

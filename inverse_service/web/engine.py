@@ -164,12 +164,14 @@ class Engine:
         """A batch as this viewer may see it; None also for another client's."""
         return viewer.seen(await self.read(self.store.batch, id))
 
-    async def submit(self, request: model.JobRequest, viewer: model.Viewer) -> model.Job:
-        """The stored job of a question; an answered one without a look at a worker."""
-        job, is_known = await self.read(self._submit, viewer.own(request))
-        if is_known:
-            self.count_known(request.kind)
-        return job
+    async def submit(self, request: model.JobRequest, viewer: model.Viewer, seconds: float) -> model.Job:
+        """The stored job of a question when it is final, or as it is after so many seconds."""
+        own = viewer.own(request)
+        with self.hub.waiting(asking.end_of(own.id)) as ended:
+            job, is_known = await self.read(self._submit, own)
+            if is_known:
+                self.count_known(request.kind)
+            return await self._until_final(job, viewer, seconds, ended)
 
     def count_known(self, kind: str) -> None:
         """One more question was answered without work."""
@@ -197,15 +199,19 @@ class Engine:
 
     async def wait(self, job: model.Job, viewer: model.Viewer, seconds: float) -> model.Job:
         """The job when it is final, or as it is after so many seconds."""
+        with self.hub.waiting(asking.end_of(job.id)) as ended:
+            job = await self.job(job.id, viewer) or job
+            return await self._until_final(job, viewer, seconds, ended)
+
+    async def _until_final(
+        self, job: model.Job, viewer: model.Viewer, seconds: float, ended: asyncio.Event
+    ) -> model.Job:
         end = time.monotonic() + seconds
-        with self.hub.waiting(job.id) as changed:
-            while True:
-                changed.clear()
-                job = await self.job(job.id, viewer) or job
-                left = end - time.monotonic()
-                if job.is_final or left <= 0 or self.hub.closing:
-                    return job
-                await asking.until_set(changed, min(left, self.look_again))
+        while job.is_open and (left := end - time.monotonic()) > 0 and not self.hub.closing:
+            await asking.until_set(ended, min(left, self.look_again))
+            ended.clear()
+            job = await self.job(job.id, viewer) or job
+        return job
 
     async def dismiss(self, id: str, viewer: model.Viewer) -> model.Job | None:
         """Cancel a job for a client; its process is killed where nobody else waits for it."""

@@ -63,7 +63,7 @@ class KnownAnswers:
             while self._bytes > MOST_BYTES:
                 self._forget(next(iter(self._answers)))
 
-    def drop(self, job: str) -> None:
+    def drop(self, job: str, _: str) -> None:
         """The job changed."""
         if job in self._keys:
             with self._lock:

@@ -58,10 +58,8 @@ async def ask(request: Request, kind: str) -> Response:
             engine.count_known(kind)
             return Response(known.body, 200, known.headers | job_answers.applied_of(preference), job_answers.JSON)
         question = await engine.read_body(client, tasks.ask_task, body, terms)
-    job = await engine.submit(question, viewer)
-    if job.is_open and preference.wait > 0:
-        job = await engine.wait(job, viewer, preference.wait)
-    elif job.is_open and kind == "solve":
+    job = await engine.submit(question, viewer, preference.wait)
+    if job.is_open and preference.wait <= 0 and kind == "solve":
         await engine.look_ahead(client, question.document)
     headers, answer = await job_answers.result_response(request, job, engine, job_answers.applied_of(preference))
     if headers and job.expires is None and not media_type and not isinstance(answer, StreamingResponse):

@@ -199,7 +199,7 @@ def test_a_stream_over_a_store_of_this_process_alone_waits_to_be_woken(monkeypat
         assert store.looks == 1
         store.status = "successful"
         engine = client._transport.app.state.engine  # type: ignore[attr-defined]
-        engine.hub.tell("a")
+        engine.hub.tell("a", "successful")
         answer = await asyncio.wait_for(stream, 10)
         assert store.looks == 2
         assert '"status": "successful"' in answer.text

@@ -47,7 +47,7 @@ def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> No
     assert found is not None
     assert (found.body, found.headers) == (b"body" * 100, {"ETag": "1"})
     assert len(found.compressed) < 50
-    known.drop("job")
+    known.drop("job", "accepted")
     assert (known.get(b"a"), known.get(b"b")) == (None, None)
     assert known.get(b"c") is not None
     monkeypatch.setattr("inverse_service.web.known.MOST_BYTES", 1_000)

@@ -124,6 +124,10 @@ class Event:
     data: Mapping[str, Any] = field(default_factory=dict)
 
 
+# The id of a job ("": of several, or of any) and what it is now: a status, "event" for a new one, "" for unknown.
+Change = tuple[str, str]
+
+
 @dataclass(frozen=True, slots=True)
 class Bounds:
     """How many open jobs the store takes, in all and of one client; processor seconds a client may use in a day."""

@@ -19,8 +19,7 @@ import psycopg
 from psycopg.rows import dict_row
 
 from inverse_service import errors
-from inverse_service.service.jobs import statements
-from inverse_service.service.jobs.model import StoreUnavailable, WrongVersion
+from inverse_service.service.jobs import model, statements
 from inverse_service.service.jobs.store import JobStore
 
 log = logging.getLogger(__name__)
@@ -48,19 +47,20 @@ MOST_NOTICES = 50
 
 
 class Changes:
-    """Tells of the ids of jobs that changed in another front end, and the others of those that changed here."""
+    """Tells of what changed in another front end, and the others of what changed here."""
 
-    def __init__(self, address: str, tell: Callable[[Iterable[str]], None]) -> None:
+    def __init__(self, address: str, tell: Callable[[Iterable[model.Change]], None]) -> None:
         self._address, self._tell = address, tell
         self._origin = uuid.uuid4().hex
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="store-changes", daemon=True)
         self._thread.start()
 
-    def announce(self, connection: Connection, told: list[str]) -> None:
+    def announce(self, connection: Connection, told: list[model.Change]) -> None:
         """Tell the others of these jobs, when the transaction is committed."""
         if told:
-            notices = [f"{self._origin}:{id}" for id in (told if len(told) <= MOST_NOTICES else [""])]
+            few = told if len(told) <= MOST_NOTICES else [("", "")]
+            notices = [f"{self._origin}:{id}:{what}" for id, what in few]
             connection.execute("SELECT pg_notify(%s, notice) FROM unnest(%s::text[]) AS notice", (CHANNEL, notices))
 
     def close(self) -> None:
@@ -79,12 +79,12 @@ class Changes:
 
     def _hear(self, connection: Connection) -> None:
         connection.execute(f"LISTEN {CHANNEL}")
-        self._tell([""])  # whatever changed while nobody listened
+        self._tell([("", "")])  # whatever changed while nobody listened
         while not self._stopping.is_set():
             for notice in connection.notifies(timeout=LOOK):
-                origin, _, id = notice.payload.partition(":")
+                origin, id, what = notice.payload.split(":")
                 if origin != self._origin:
-                    self._tell([id])
+                    self._tell([(id, what)])
                 if self._stopping.is_set():
                     return
 
@@ -147,7 +147,7 @@ class Connections:
                     return self._once(function)
             except (*LOST, *CONFLICT) as error:
                 if self._closed or time.monotonic() + pause > end:
-                    raise StoreUnavailable(f"The database does not answer ({type(error).__name__}).") from error
+                    raise model.StoreUnavailable(f"The database does not answer ({type(error).__name__}).") from error
             time.sleep(pause)
             pause = min(1.0, 2 * pause)
 
@@ -161,7 +161,7 @@ class Connections:
     def _take(self) -> Connection:
         with self._lock:
             if self._closed:
-                raise StoreUnavailable("The store is closed.")
+                raise model.StoreUnavailable("The store is closed.")
             if self._idle:
                 return self._idle.pop()
         return connect(self._address)
@@ -192,7 +192,7 @@ class _Session:
     """See `statements.Session`."""
 
     connection: Connection
-    told: list[str]
+    told: list[model.Change]
 
     def rows(self, query: str, *arguments: Any) -> list[Any]:
         return self.connection.execute(_translated(query), arguments).fetchall()
@@ -246,9 +246,9 @@ class PostgresStore(JobStore):
             raise errors.InputError(
                 f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}"
             ) from None
-        except (psycopg.Error, WrongVersion, UnicodeError) as error:
+        except (psycopg.Error, model.WrongVersion, UnicodeError) as error:
             name = type(error).__name__
-            reason = str(error) if isinstance(error, WrongVersion) else f"wrong address or rights ({name})"
+            reason = str(error) if isinstance(error, model.WrongVersion) else f"wrong address or rights ({name})"
             raise errors.InputError(
                 f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}."
             ) from None
@@ -274,7 +274,7 @@ class PostgresStore(JobStore):
         return self._connections.read(lambda connection: function(_Session(connection, [])))
 
     def _write(self, change: Callable[[_Session], T], durable: bool = True) -> T:
-        def announced(connection: Connection) -> tuple[T, list[str]]:
+        def announced(connection: Connection) -> tuple[T, list[model.Change]]:
             session = _Session(connection, [])
             value = change(session)
             self._changes.announce(connection, session.told)

@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from inverse_service.service.jobs import statements
+from inverse_service.service.jobs import model, statements
 from inverse_service.service.jobs.locks import SupervisorLock
-from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
 from inverse_service.service.jobs.store import JobStore
 
 MOST_AT_ONCE = 200
@@ -124,7 +123,7 @@ class _Session:
     """See `statements.Session`; there is one writer, so that nothing needs a lock."""
 
     connection: sqlite3.Connection
-    told: list[str]
+    told: list[model.Change]
 
     def rows(self, query: str, *arguments: Any) -> list[Any]:
         return self.connection.execute(_translated(query), _adapted(arguments)).fetchall()
@@ -190,7 +189,7 @@ def prepare(connection: sqlite3.Connection) -> None:
 def _refuse_other_version(connection: sqlite3.Connection) -> None:
     """A service that runs over the file has it as it is. Raises WrongVersion."""
     if (found := _number(connection, "user_version")) != statements.VERSION:
-        raise WrongVersion(found, statements.VERSION)
+        raise model.WrongVersion(found, statements.VERSION)
 
 
 def _refuse_other_tables(connection: sqlite3.Connection, version: int) -> None:
@@ -268,7 +267,7 @@ class SqliteStore(JobStore):
         """Also what SQLite would leave in its files: pages that are free already are wiped where no service runs."""
         forgotten = super().erase_client(client)
         connection = connect(self.address)
-        with contextlib.closing(connection), contextlib.suppress(DatabaseTaken):
+        with contextlib.closing(connection), contextlib.suppress(model.DatabaseTaken):
             connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
             lock = SupervisorLock(Path(self.address)) if self._lock is None else None
             connection.execute("VACUUM")
@@ -292,7 +291,7 @@ class SqliteStore(JobStore):
         return function(_Session(self._reader(), []))
 
     def _write(self, change: Callable[[_Session], T], durable: bool = True) -> T:
-        told = list[str]()
+        told = list[model.Change]()
         value = self._writer.write(lambda connection: change(_Session(connection, told)), durable)
         self.tell(told)
         return value

@@ -162,8 +162,8 @@ class Session(Protocol):
     """The connection of one transaction."""
 
     @property
-    def told(self) -> list[str]:
-        """The ids of jobs that it changed; "": something did."""
+    def told(self) -> list[model.Change]:
+        """What it changed."""
 
     def rows(self, query: str, *arguments: Any) -> list[Any]:
         """All rows, each a mapping by column."""
@@ -221,7 +221,7 @@ def submit(
     if not of_batch:
         waiting = [(request.id, request.client) for request in requests if found[request.id].is_open]
         session.many("INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0", waiting)
-        session.told.extend(request.id for request in new)
+        session.told.extend((request.id, "accepted") for request in new)
     return [found[request.id] for request in requests]
 
 
@@ -296,7 +296,7 @@ def claim(session: Session, owner: str, limit: int, client_running: int = model.
         f"FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
         owner, ids,
     ) if ids else []  # fmt: skip
-    session.told.extend(ids)
+    session.told.extend((id, "running") for id in ids)
     return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
 
 
@@ -322,7 +322,7 @@ def finish(
     After `kept` s (None: never) the question is computed again where it is asked again.
     """
     add_events(session, [(id, event) for event in events])
-    session.told.append(id)
+    session.told.append((id, status))
     changed = first(
         session,
         "UPDATE jobs SET status = ?, finished = moment(), expires = moment() + CAST(? AS DOUBLE PRECISION), "
@@ -345,7 +345,7 @@ def finish(
 
 def add_events(session: Session, events: Sequence[tuple[str, model.Event]]) -> None:
     """Append events (job id, event); those that are there already stay."""
-    session.told.extend({id for id, _ in events})
+    session.told.extend((id, "event") for id in {id for id, _ in events})
     rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
     session.many("INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING", rows)
 
@@ -382,6 +382,11 @@ def counts(session: Session) -> dict[model.JobStatus, int]:
     return {row["status"]: row["jobs"] for row in rows}
 
 
+def is_waiting(session: Session) -> bool:
+    """Whether any job waits for a worker."""
+    return bool(session.rows("SELECT 1 FROM jobs WHERE status = 'accepted' LIMIT 1"))
+
+
 def oldest(session: Session) -> float | None:
     """When the job was accepted that waits longest; None where none waits."""
     found: float | None = first(session, "SELECT min(created) AS oldest FROM jobs WHERE status = 'accepted'")["oldest"]
@@ -396,7 +401,7 @@ def release(
     What the run took is counted also where the job was dismissed meanwhile; that one keeps as its result what is
     `left`: what was finished of it.
     """
-    session.told.append(id)
+    session.told.append((id, "accepted"))
     session.run(
         "UPDATE jobs SET status = 'accepted', owner = NULL, crashes = crashes + ? "
         "WHERE id = ? AND attempt = ? AND status = 'running'",
@@ -437,7 +442,7 @@ def dismiss(session: Session, id: str, client: str | None = None) -> tuple[model
     job = read_job(session, id)
     if job is None or not job.is_open:
         return job, False
-    session.told.append(id)
+    session.told.append((id, "dismissed"))
     if client is None:
         is_over = bool(dismiss_unwanted(session, [id], "1 = 1"))
         return read_job(session, id), is_over
@@ -480,7 +485,7 @@ def recover(session: Session, owner: str | None = None, lease: float = 0.0) -> l
         *arguments,
     )
     found = jobs_of(rows)
-    session.told.extend(job.id for job in found)
+    session.told.extend((job.id, "accepted") for job in found)
     return found
 
 
@@ -640,7 +645,7 @@ def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
 def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: model.Bounds) -> None:
     """Some lines and the jobs that are new; lines that are there already stay as they are."""
     submit(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)
-    session.told.append("")
+    session.told.append(("", "accepted"))
     rows = [(id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem) for x in lines]
     session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, NULL, 0) ON CONFLICT DO NOTHING", rows)
     answered = f"(job IS NULL OR job IN (SELECT id FROM jobs WHERE {FINISHED}))"
@@ -650,7 +655,6 @@ def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: mod
 
 def complete_batch(session: Session, id: str, total: int) -> Batch:
     """The batch, all of whose lines are stored."""
-    session.told.append("")
     session.run("UPDATE batches SET total = ? WHERE id = ?", total, id)
     batch = read_batch(session, id)
     assert batch is not None
@@ -670,7 +674,7 @@ def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
     lock_jobs(session, ids)
     dismiss_lines(session, "batch = ? AND job AMONG (?)", (batch, ids))
     over = dismiss_unwanted(session, ids)
-    session.told.extend(["", *over])
+    session.told.extend((id, "dismissed") for id in ["", *over])
     return len(ids), over
 
 
@@ -730,7 +734,7 @@ def oldest_moment(session: Session, count: int) -> float | None:
 
 def drain(session: Session, drained: bool) -> None:
     """Let no job begin any more, or let them begin again."""
-    session.told.append("")
+    session.told.append(("", "accepted"))
     session.run(
         "INSERT INTO counters VALUES ('drained', ?) ON CONFLICT (name) DO UPDATE SET value = excluded.value",
         int(drained),
@@ -770,7 +774,6 @@ def prioritise_batch(session: Session, batch: str, priority: int) -> int:
 
 def leave_all(session: Session, client: str) -> list[str]:
     """Dismiss the single jobs that are open for a client; the ids of those that nobody else waits for, which stop."""
-    session.told.append("")
     asked = session.rows(
         f"SELECT id FROM jobs WHERE {OPEN} AND (client = ? OR id IN (SELECT job FROM askers WHERE client = ?)) "
         "ORDER BY id",
@@ -792,7 +795,6 @@ def erase_client(session: Session, client: str) -> int:
         "ORDER BY id FOR UPDATE",
         client,
     )
-    session.told.append("")
     forgotten = _delete(session, [row["id"] for row in rows])
     session.run("UPDATE jobs SET client = '' WHERE client = ?", client)
     return forgotten

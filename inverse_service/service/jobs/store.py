@@ -55,7 +55,7 @@ class JobStore(ABC):
     address: str
 
     def __init__(self) -> None:
-        self._listeners: list[Callable[[str], None]] = []
+        self._listeners: list[Callable[[str, str], None]] = []
 
     @abstractmethod
     def _read(self, function: Callable[[statements.Session], T]) -> T:
@@ -69,15 +69,15 @@ class JobStore(ABC):
     def _used_bytes(self) -> int:
         """Bytes that forgetting can make fewer."""
 
-    def on_change(self, listener: Callable[[str], None]) -> None:
-        """Call the listener with the id of each job whose status or events change in this process."""
+    def on_change(self, listener: Callable[[str, str], None]) -> None:
+        """Call the listener with each `model.Change`."""
         self._listeners.append(listener)
 
-    def tell(self, ids: Iterable[str]) -> None:
-        """Call the listeners; an empty id says that something changed."""
-        for id in ids:
+    def tell(self, changes: Iterable[model.Change]) -> None:
+        """Call the listeners."""
+        for change in changes:
             for listener in self._listeners:
-                listener(id)
+                listener(*change)
 
     @abstractmethod
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
@@ -107,6 +107,7 @@ class JobStore(ABC):
     jobs = _reading(statements.list_jobs)
     events = _reading(statements.read_events)
     counts = _reading(statements.counts)
+    is_waiting = _reading(statements.is_waiting)
     oldest = _reading(statements.oldest)
     used_today = _reading(statements.used_today)
     claim_key = _writing(statements.claim_key, durable=False)

@@ -75,6 +75,8 @@ def _ended(job: model.Job, outcome: Outcome, end: Callable[[model.Job, Outcome],
 DEATHS = ("inverse_service_worker_deaths_total", "Workers that died.")
 FINISHERS = 4
 TICK = 0.1
+# Events of a job that ends sooner are written with its end.
+WRITE_EVENTS = 0.3
 HEARTBEAT = 5.0
 LEASE = 30.0
 POLL = 0.5
@@ -182,11 +184,13 @@ class Supervisor:
             free, most = 2 * self._executor.capacity - len(self._running), self._client_running
             if free <= 0 and self._short is not None:
                 free, most = free + AHEAD, 1
-            jobs = self._store.claim(self._owner, free, most) if free > 0 else []
-            if not jobs:
+            if free <= 0 or not self._store.is_waiting():
                 return
+            jobs = self._store.claim(self._owner, free, most)
             for job in jobs:
                 self._start(job)
+            if len(jobs) < free:
+                return
 
     def _start(self, job: model.Job) -> None:
         if job.restarts >= model.MAX_RESTARTS:
@@ -296,9 +300,12 @@ class Supervisor:
         log.info("job ended", extra={"job": job.id, "client": job.client, "attempt": job.attempt, **about, **figures})
 
     def _tick_loop(self) -> None:
+        written = time.monotonic()
         while not self._stopping.wait(TICK):
             try:
-                self.events.flush()
+                if time.monotonic() - written > WRITE_EVENTS:
+                    self.events.flush()
+                    written = time.monotonic()
                 if self._short is not None:
                     with self._lock:
                         claimed = list(self._running.values())
@@ -331,9 +338,10 @@ class Supervisor:
             if id in lost and runs[id] == 1:  # with two, the later run may be ours
                 task.cancel()
 
-    def _changed(self, id: str) -> None:
-        """A job changed; where another front end may have dismissed it, look before the next heartbeat."""
-        self._wake.set()
+    def _changed(self, id: str, what: str) -> None:
+        """Claim what waits now; where another front end may have dismissed a job, look before the next heartbeat."""
+        if what in ("accepted", ""):
+            self._wake.set()
         if not self._store.exclusive:
             with self._lock:
                 self._doubtful = self._doubtful or any(job.id == id for job, _ in self._running.values())

@@ -74,7 +74,8 @@ class WorkerProcess:
         sender.close()
         self.tasks = 0
         # What the task under way took, read before the process that could tell is killed.
-        self._began, self._used = Reading(), Usage()
+        self._began: tuple[float, float | None] = (0.0, None)
+        self._used = Usage()
 
     @property
     def pid(self) -> int:
@@ -87,7 +88,7 @@ class WorkerProcess:
 
     def run(self, call: Call, report: Report | None = None) -> Outcome:
         """Run the task and kill the process at its deadline. Raises NotStarted."""
-        self._began, self._used = Reading.of(self.pid), Usage()
+        self._began, self._used = (time.monotonic(), processor_time(self.pid)), Usage()
         try:
             self._connection.send(call)
             self._connection.recv()
@@ -97,12 +98,15 @@ class WorkerProcess:
         outcome = self._await(Patience(self.pid, call.deadline), report)
         if outcome.spent.wall:
             return outcome
-        wall = time.monotonic() - self._began.moment
+        wall = time.monotonic() - self._began[0]
         return replace(outcome, spent=self._used if self._used.wall else Usage(wall, wall))
 
     def kill(self) -> None:
         """End the process at once, whatever it does."""
-        self._used = Reading.of(self.pid).since(self._began)
+        (began, before), used = self._began, processor_time(self.pid)
+        wall = time.monotonic() - began
+        # Where the system does not tell, a task is taken to have used the processor all the time.
+        self._used = Usage(wall, wall if used is None or before is None else used - before, peak_memory(self.pid))
         with contextlib.suppress(OSError, AttributeError):
             self._process.kill()
 
@@ -252,13 +256,13 @@ class Patience:
 
     def is_answered(self, connection: Connection) -> bool:
         """Whether something comes over the connection in time."""
-        while True:
+        left = self._began + self._deadline - time.monotonic()
+        while not connection.poll(max(0.0, left)):
             crowded = min(_waited(self._pid) - self._waited, (MOST_CROWDED - 1) * self._deadline)
             left = self._began + self._deadline + crowded - time.monotonic()
-            if connection.poll(max(0.0, left)):
-                return True
             if left <= 0:
                 return False
+        return True
 
 
 def _waited(pid: int) -> float:
@@ -268,32 +272,13 @@ def _waited(pid: int) -> float:
     return 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What another process has used at a moment: s of processor, MiB at the peak; None where the system does not tell.
-
-    Where it does not, a task is taken to have used the processor all the time.
-    """
-
-    moment: float = 0.0
-    cpu: float | None = None
-    memory: float = 0.0
-
-    @classmethod
-    def of(cls, pid: int) -> Reading:
-        """That of now."""
-        cpu = None
-        with contextlib.suppress(OSError, AttributeError, IndexError), open(f"/proc/{pid}/stat") as stream:
-            # After the name, which may hold blanks: state and ten numbers, then those of user and system.
-            user, system = stream.read().rpartition(")")[2].split()[11:13]
-            cpu = (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
-        return cls(time.monotonic(), cpu, peak_memory(pid))
-
-    def since(self, before: Reading) -> Usage:
-        """What was used between the two."""
-        wall = self.moment - before.moment
-        is_known = self.cpu is not None and before.cpu is not None
-        return Usage(wall, (self.cpu or 0.0) - (before.cpu or 0.0) if is_known else wall, self.memory)
+def processor_time(pid: int) -> float | None:
+    """Seconds of processor that a process has used; None where the system does not tell."""
+    with contextlib.suppress(OSError, AttributeError, IndexError), open(f"/proc/{pid}/stat") as stream:
+        # After the name, which may hold blanks: state and ten numbers, then those of user and system.
+        user, system = stream.read().rpartition(")")[2].split()[11:13]
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+    return None
 
 
 class Meter:
@@ -585,7 +570,7 @@ class Workers:
                 task.cancel()
         outcome = Outcome("unstarted", detail="no worker process can be started")
         for _ in range(STARTS):
-            worker = self._healthy(worker)
+            worker = worker or self._healthy(None)  # one that is dead by now says so itself
             if worker is None:
                 self._stopping.wait(START_PAUSE)
                 continue

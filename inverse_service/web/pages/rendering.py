@@ -135,7 +135,7 @@ async def require_visitor(request: Request) -> None:
     """A dependency of the pages that ask the service: on to /login without a good key, where keys are set."""
     keys = request.app.state.engine.keys.are_asked
     try:
-        clients.require_client(request)
+        clients.note_client(request)
     except Refusal:
         if request.headers.get("sec-fetch-mode", "") not in NAVIGATE:
             raise
