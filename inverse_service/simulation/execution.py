@@ -14,7 +14,6 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
@@ -22,15 +21,12 @@ import symengine
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Apply, Expression, Symbol, Velocity, add, multiply, number
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
-from inverse_service.kernels.codegen.symengine_trees import STEP, ZERO, Formula, free_names, real_value, symbol
+from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula, free_names, real_value
 from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, formulas_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
@@ -94,7 +90,6 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
     return compiled(identity, lambda: schemes.program_of(formulas, choice, observation), lanes)
 
 
-MONOTONE = "The step is far beyond what the guard allows, but its equation is monotone: the root found is the only one."
 NO_GUARD = "The guard was off: that each step took the root that belongs to small steps was not checked."
 FEW, MANY, HALF = 4, 4096, 0.5
 
@@ -124,17 +119,13 @@ def run(
     formulas = formulas_of(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
-    refused = begin.missing or refusal(formulas, choice, begin, grid, parameters)
-    if refused:
-        return failed_start(start, refused, grid.begin)
+    if begin.missing:
+        return failed_start(start, begin.missing, grid.begin)
     if choice.guard and not begun and choice.method not in method_table.OWN_STEPS and grid.steps >= FEW:
         unresolved = _first_steps(formulas, choice, begin, grid, parameters)
         if unresolved is not None:
             return failed_start(start, unresolved, grid.begin)
     found = _run(formulas, choice, begin, grid, parameters, observation, stop)
-    if found.outcome.kind == "guard" and _is_monotone(formulas, choice, grid, parameters):
-        found = _run(formulas, replace(choice, guard=False), begin, grid, parameters, observation, stop)
-        return replace(found, outcome=replace(found.outcome, note=MONOTONE))
     return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
 
 
@@ -185,16 +176,6 @@ def _wall_passed(formulas: Formulas, positions: Array, parameters: Mapping[str, 
             if any(value * values[0] < 0 for value in values):
                 return wall.text, values[0]
     return None
-
-
-def _is_monotone(formulas: Formulas, choice: MethodChoice, grid: Grid, parameters: Mapping[str, float]) -> bool:
-    """Whether each substep has one root only, whatever the guard says."""
-    if formulas.depends_on_time:
-        return False
-    program = schemes.program_of(formulas, choice, Observation(momenta=False, velocities=False))
-    known = {"a": choice.alpha, **parameters}
-    substeps = {weight * grid.step for weight in weights_of(choice)}
-    return all(schemes.has_unique_roots(program, known | {"h": step}) for step in substeps)
 
 
 _FIRST_PIECE = 4096
@@ -282,17 +263,13 @@ def _portion(piece: int, left: int, until: int) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """Why a run stopped: kind, quantity, value, remedy; `step` counts from 0.
-
-    `block` is the place of the implicit block whose determinant it was, None for other quantities.
-    """
+    """Why a run stopped: kind, quantity, value, remedy; `step` counts from 0."""
 
     kind: str
     step: int
     quantity: str
     value: float
     remedy: str
-    block: int | None = None
 
 
 def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stopped | None:
@@ -309,20 +286,21 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
     if code >= programs.WATCHED:
         kind, quantity, remedy = card.watches[code - programs.WATCHED]
         remedy = _NO_VALUE if kind == "resolution" and math.isnan(value) else remedy
+        value = abs(value) if kind == "bound" else value
         return Stopped(_KINDS.get(kind, "singular"), step, quantity, value, remedy)
     if code >= programs.GUARDED:
         quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, unknown_names)}"
         return Stopped("guard", step, quantity, value, _REMEDY)
     if code >= programs.SINGULAR:
         place = code - programs.SINGULAR
-        return Stopped("singular", step, _determinant(card, place, unknown_names), value, _REMEDY, place)
+        return Stopped("singular", step, _determinant(card, place, unknown_names), value, _REMEDY)
     if code >= programs.NO_CONVERGENCE:
         place = code - programs.NO_CONVERGENCE
         quantity = _determinant(card, place, unknown_names)
         if place < len(card.solves):
             first, last = (float(memory[layout.place(f"{which}_{place}")]) for which in ("first", "last"))
             if abs(last) < NEARLY_SINGULAR * abs(first):
-                return Stopped("singular", step, quantity, last, _REMEDY, place)
+                return Stopped("singular", step, quantity, last, _REMEDY)
         remedy = _NO_VALUE if math.isnan(value) else _REMEDY
         return Stopped("no_convergence", step, quantity, value if place < len(card.solves) else math.nan, remedy)
     if code == programs.NO_START:
@@ -349,58 +327,6 @@ def at_last(card: Card, memory: Array) -> dict[str, float]:
     """State variables and rates after the last good step."""
     layout = card.layout
     return {name: float(memory[place]) for place, name in enumerate(layout.persistent)}
-
-
-_LONGEST = 160
-_FUNCTIONS = {"sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "asin", "acos", "atan"}
-
-
-def limit_text(f: Formulas, program: programs.Program, block: int) -> tuple[str, int] | None:
-    """The determinant of an implicit block as h -> 0, over q, q' and the momenta, with the sign it was multiplied by.
-
-    The sign makes a constant term -1 into 1. None where the limit is not known or too long to be read.
-    """
-    solves = [one for one in program.blocks if isinstance(one, programs.Solve)]
-    if block >= len(solves):
-        return None
-    limit = programs.limit_at_zero_step(solves[block].jacobian, [symbol(name) for name in solves[block].unknowns])
-    if limit is None:
-        return None
-    formula = limit.subs({symbol(f"d{k}"): STEP * symbol(f"v{k}") for k in range(f.size)}).expand()
-    sign = -1 if isinstance(formula, symengine.Add) and symengine.Integer(-1) in formula.args else 1
-    tree = _tree((sign * formula).expand(), _names(f))
-    text = to_text(collect(tree)) if tree is not None else ""
-    return (text, sign) if 0 < len(text) <= _LONGEST else None
-
-
-def _names(f: Formulas) -> dict[str, Expression]:
-    coordinates, parameters = f.problem.coordinates, f.problem.parameters
-    table: dict[str, Expression] = {f"c{k}": Symbol(name) for k, name in enumerate(parameters)}
-    for k, name in enumerate(coordinates):
-        table |= {f"q{k}": Symbol(name), f"v{k}": Velocity(name), f"p{k}": Symbol(f"p_{name}")}
-    return table
-
-
-def _tree(formula: Formula, names: dict[str, Expression]) -> Expression | None:
-    """A formula of symengine as a tree; None where it holds something else."""
-    if formula.is_Symbol:
-        return names.get(str(formula))
-    if isinstance(formula, symengine.Rational):
-        return number(Fraction(str(formula)))
-    if not formula.args:
-        return None
-    parts = [_tree(part, names) for part in formula.args]
-    known = [part for part in parts if part is not None]
-    if len(known) < len(parts):
-        return None
-    if isinstance(formula, symengine.Add):
-        return add(*known)
-    if isinstance(formula, symengine.Mul):
-        return multiply(*known)
-    if isinstance(formula, symengine.Pow):
-        return known[0] ** known[1]
-    name = type(formula).__name__.lower()
-    return Apply(name, known[0]) if name in _FUNCTIONS and len(known) == 1 else None
 
 
 # So far ahead a pole is felt by the guard or by Newton; the way there is nearly straight.
@@ -569,7 +495,7 @@ def _outcome(ended: Ended) -> Outcome:
     when = grid.begin + halt.step * grid.step
     if choice.method == "modified" and halt.kind == "singular" and len(schemes.parts_of(choice)) == 1:
         # Its own singular set: smooth through the zeros of A_alpha, whatever passes 0 nearby.
-        return Outcome(halt.kind, halt.step, when, *_own_singular_set(f, choice, halt), _remedy(f, choice))
+        return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, _remedy(f, choice))
     if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(ended)):
         return Outcome("singular", halt.step, when, *cause, _remedy(f, choice))
     if cause := _pole(ended):
@@ -589,16 +515,6 @@ def _pole(ended: Ended) -> tuple[str, float] | None:
         return None
     state = {**ended.begin.state, **last, **ended.parameters}
     return pole_ahead(f, state, [last.get(f"d{k}_rate", 0.0) for k in range(f.size)], ended.grid.step)
-
-
-def _own_singular_set(f: Formulas, choice: MethodChoice, halt: Stopped) -> tuple[str, float]:
-    """The determinant as the formula that it is for h -> 0, with its value; its plain name where that is too long."""
-    program = schemes.program_of(f, choice, Observation(momenta=False, velocities=False))
-    found = None if halt.block is None else limit_text(f, program, halt.block)
-    if found is None:
-        return halt.quantity, halt.value
-    text, sign = found
-    return f"{text} (for h -> 0 the {halt.quantity})", sign * halt.value
 
 
 def _vanished(ended: Ended) -> tuple[str, float] | None:
@@ -646,9 +562,6 @@ def _remedy(f: Formulas, choice: MethodChoice) -> str:
         return f"choose smaller {constants}, another alpha, or the variational method in Hamiltonian form"
     return schemes.where_it_ends(f)
 
-
-LIMIT = 1.0
-_SAMPLES, _NEAR_START = 256, 20.0
 
 Numbers = dict[str, float]
 OFF_CONSTRAINTS = 1e-9
@@ -889,28 +802,3 @@ def _discrete_slopes(
         slopes.append((real_value(impulse, table), real_value(force, table)))
     pushes = [real_value(force, table) for force in f.forces] or [0.0] * f.size
     return [(impulse, force + push) for (impulse, force), push in zip(slopes, pushes, strict=True)]
-
-
-def refusal(
-    f: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
-) -> Outcome | None:
-    """A "guard" outcome at step 0 where h max|G'| reaches 1 on the way, else None. `parameters` by kernel name."""
-    if not choice.guard or choice.method != "variational" or f.problem.free_hamiltonian is None or not grid.steps:
-        return None
-    if f.depends_on_time:  # what it is on the way is not known beforehand
-        return None
-    place = f.moving_alone
-    if place is None or f"d{place}" not in begin.rates:
-        return None
-    name = f.problem.coordinates[place]
-    first, rate = begin.state[f"q{place}"], begin.rates[f"d{place}"]
-    whole = rate * grid.step * grid.steps
-    near = np.sign(whole) * min(abs(whole), _NEAR_START)
-    way = np.concatenate([np.linspace(first, first + reach, _SAMPLES) for reach in (near, whole)])
-    with np.errstate(all="ignore"):
-        slopes = np.abs(f.slope_on_way({**parameters, **begin.state}, way))
-    worst = float(slopes[np.isfinite(slopes)].max(initial=0.0))
-    if abs(grid.step) * worst < LIMIT:
-        return None
-    remedy = f"{schemes.GUARD_REMEDY}; |step| must be well below {1.0 / worst:.3g}"
-    return Outcome("guard", 0, grid.begin, f"h*max|d2H/d{name} dp_{name}|", abs(grid.step) * worst, remedy)

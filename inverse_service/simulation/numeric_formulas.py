@@ -216,32 +216,6 @@ class Formulas:
         return [se.translate(tree, self.table).subs(rest) for tree in self.problem.constraints]
 
     @cached_property
-    def moving_alone(self) -> int | None:
-        """The only coordinate in H~, where d2H/dq dp depends on it but not on its momentum; else None."""
-        places = [k for k, q in enumerate(self.symbols("q")) if q in self.hamiltonian.free_symbols]
-        if len(places) != 1:
-            return None
-        (place,) = places
-        names = self._slope(place).free_symbols
-        return place if se.symbol(f"q{place}") in names and se.symbol(f"p{place}") not in names else None
-
-    def _slope(self, place: int) -> se.Formula:
-        return self.hamiltonian.diff(se.symbol(f"q{place}")).diff(se.symbol(f"p{place}")).expand()
-
-    @cached_property
-    def _slope_function(self) -> tuple[list[str], Any]:
-        assert self.moving_alone is not None
-        slope, name = self._slope(self.moving_alone), f"q{self.moving_alone}"
-        names = [name, *sorted(se.free_names(slope) - {name})]
-        return names, se.closure(names, [slope])
-
-    def slope_on_way(self, table: Mapping[str, float], way: Array) -> Array:
-        """d2H/dq dp of the coordinate that moves alone, at places `way` of it."""
-        names, function = self._slope_function
-        columns = [way, *(np.full_like(way, table[name]) for name in names[1:])]
-        return np.asarray(function(np.stack(columns, axis=1)), dtype=np.float64).ravel()
-
-    @cached_property
     def _evaluators(self) -> dict[str, se.Evaluator]:
         return {}
 
