@@ -250,9 +250,12 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
         )
     bounded(list(words), pointer, "arguments", refusals.LIMITS.function_arguments)
     return tuple(
-        "t" if word == "t" else declared_name(word, f"{pointer}/{place}", "argument")
+        "t" if word == "t" else declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}", "argument")
         for place, word in enumerate(words)
     )
+
+
+_VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
 
 
 def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
@@ -263,7 +266,7 @@ def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tupl
             if argument in arguments[:place]:
                 pointer = f"/functions/{function}/{place}"
                 raise errors.InputError(f"{function} has the argument {argument} twice: name it once.", pointer)
-            if argument != "t" and argument not in names.coordinates:
+            if argument != "t" and argument not in names.coordinates and names.derivative(argument) is None:
                 foreign.setdefault(function, place)
     for function, place in foreign.items():
         if all(_always_called(function, text, names) for text in texts.values()) and texts:

@@ -198,14 +198,17 @@ def _called_with(line: Sequence[tokens.Token], place: int, declared: Names) -> i
     opening = place + 1
     while opening < len(line) and line[opening].kind == "prime":
         opening += 1
-    if line[place].text not in CALLED_LETTERS or opening >= len(line) or not line[opening].is_operator("("):
+    if opening >= len(line) or not line[opening].is_operator("("):
         return 0
     end = tokens.closing(line, opening)
     inside = line[opening + 1 : end]
+    count = len(tokens.split_at_commas(inside))
+    if line[place].text not in CALLED_LETTERS and (count == 1 or len(line[place].text) > 1):
+        return 0
     moves = any(token.text == "t" or declared.role(declared.spelling(token.text)) == "coordinate" for token in inside)
     if line[opening].space_before or end == len(line) or not moves:
         return 0
-    return len(tokens.split_at_commas(inside))
+    return count
 
 
 def _ask_back(guessed: Mapping[str, tuple[str, tokens.Token]], names: Names) -> dict[str, tuple[str, ...]]:

@@ -743,7 +743,9 @@ class FormulaParser:
         """A with the arguments that follow, or with those it is declared with; A^2(x) is the square of A(x)."""
         ahead = self._stream.ahead
         if not self._opens_arguments():
-            return ex.Arbitrary(name, tuple(ex.Symbol(argument) for argument in declared), orders)
+            moving = [self._names.derivative(argument) for argument in declared]  # A(x, x_dot) depends on x'
+            pairs = zip(declared, moving, strict=True)
+            return ex.Arbitrary(name, tuple(ex.Velocity(u[0]) if u else ex.Symbol(a) for a, u in pairs), orders)
         if power == ex.number(-1):
             raise refusals.refusal(
                 f"{name}^(-1)( has two meanings", ahead.column, f"write 1/{name}( or another function"
