@@ -6,7 +6,6 @@ way in and its result on the way out; a coordinate called t then has a letter th
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -45,6 +44,7 @@ _NAMED = (
     re.compile(rf"\(\s*D\s*@@\s*2\s*\)\s*\(\s*{_NAME}\s*\)\s*\(\s*{_NAME}\s*\)"),
 )
 _MOVING = re.compile(rf"{_FIRST}(?:\s*['\u2032\u2033]|_?d?dot\b)")
+_MOVES = re.compile(rf"{_MOVING.pattern}|\\dot|[\u0307\u1e8b\u1e8f\u017c]|d[A-Za-z]\w*\s*/\s*dt")
 _BARE = re.compile(rf"{_FIRST}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_FIRST}_?ddot\b")
 
 
@@ -119,42 +119,70 @@ class Prepared:
         return error.said(detail, plain, error.pointer)
 
 
-_BEGINS = r"\s*(?:\$+|\\\[|\\begin\s*\{\w+\*?\})?\s*"
-_LETTER_L = r"\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)|\u2112|L"
-_ENDS = r"\s*(?:\([^()=]*\))?\s*&?\s*=(?!=)"
-_NAMES_L = re.compile(f"{_BEGINS}(?:{_LETTER_L}){_ENDS}")
-_NAMES_L_OR_T = re.compile(f"{_BEGINS}(?:{_LETTER_L}|T){_ENDS}")  # where nothing but inertia acts, L is T
+_LETTER_L = re.compile(r"\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)(?![A-Za-z])|\u2112")
+# L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
+_ENERGY = re.compile(
+    r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
+    r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*=(?!=)"
+)
+_WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
+_DEFINED = re.compile(r"\s*\\?([A-Za-z]\w*(?:_\{\w+\})?)(\([^()]*\))?\s*")
 
 
 def _with_lagrangian(plain: dict[str, Any]) -> dict[str, Any]:
-    """A text that begins with L = … as the document of that Lagrangian, the other lines its constraints."""
-    given = plain.get("equations")
-    texts = [given] if isinstance(given, str) else given
+    """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define names or hold it."""
+    key = "lagrangian" if "lagrangian" in plain else "equations"
+    texts = [plain.get(key)] if isinstance(plain.get(key), str) else plain.get(key)
     if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
         return plain
-    named = _NAMES_L.match(texts[0])
-    if named is None or "lagrangian" in plain or "L" in _declared(plain):
+    lines = [line for text in texts for line in _lines(_LETTER_L.sub(lambda match: "L".ljust(len(match[0])), text))]
+    energies: dict[str, tuple[re.Match[str], str]] = {}
+    others: list[str] = []
+    for line in lines:
+        named = _ENERGY.match(line)
+        kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
+        if named is None or kind in energies or named[kind] in _declared(plain):
+            others.append(line)
+        else:
+            energies[kind] = named, line[named.end() :]
+    moves = "kinetic" in energies and _MOVES.search(energies["kinetic"][1])
+    if not ("whole" in energies or moves) or any(_BARE.search(line) for line in lines):
         return plain
-    first = " " * named.end() + texts[0][named.end() :]
+    lagrangian = ""
+    if "whole" in energies:
+        others += [named[0] + formula for kind, (named, formula) in energies.items() if kind != "whole"]
+        named, formula = energies["whole"]
+        lagrangian = " " * named.end() + formula
+    else:
+        for named, formula in energies.values():
+            sign = ("-" if named["potential"] else "+") + (".5*(" if named["twice"] else "(")
+            lagrangian = lagrangian.ljust(named.end() - len(sign)) + sign + formula + ")"
+    where, constraints = {}, []
+    for line in others:
+        left, equal, right = line.partition("=")
+        if equal and (defined := _DEFINED.fullmatch(left)):
+            where[defined[1]] = right
+            if defined[2]:  # V(x) = k x^2/2
+                lagrangian = lagrangian.replace(f"{defined[1]}{defined[2]}", defined[1].ljust(len(left.strip())))
+        else:
+            constraints.append(line.strip())
+    found = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
+    if where:
+        found["where"] = {**plain.get("where", {}), **where}
+    if constraints:
+        held = plain.get("constraints") or []
+        found["constraints"] = [*([held] if isinstance(held, str) else held), *constraints]
+    return found
+
+
+def _lines(text: str) -> list[str]:
+    """The equations of a text, each after as many spaces that its columns hold."""
     try:
-        groups = reader.split_equations(first, Names())
+        groups = reader.split_equations(text, Names())
     except errors.InputError:
-        return plain
-    ends = [group.end_column - 1 for group in groups]
-    rest = [first[start:end].strip(" ;,\n") for start, end in itertools.pairwise(ends)] + texts[1:]
-    constraints = [text for text in rest if text.strip()]
-    if any(_BARE.search(text) for text in (first, *constraints)):
-        return plain
-    where: dict[str, str] = {}
-    for text in tuple(constraints):
-        left, equal, right = text.partition("=")
-        if equal and re.fullmatch(r"\s*\\?[A-Za-z]\w*\s*", left):
-            where[left.strip().lstrip("\\")] = right
-            constraints.remove(text)
-    changed = {key: value for key, value in plain.items() if key != "equations"}
-    found = {**changed, "lagrangian": first[: ends[0]].rstrip(" ;,\n")}
-    found |= {"where": {**plain.get("where", {}), **where}} if where else {}
-    return found | ({"constraints": constraints} if constraints else {})
+        return [text]
+    places = [(group.tokens[0].column - 1, group.end_column - 1) for group in groups]
+    return [" " * start + _WRAPPER_ENDS.sub("", text[start:end]) for start, end in places]
 
 
 def prepared(document: Any) -> Prepared:
@@ -165,8 +193,6 @@ def prepared(document: Any) -> Prepared:
         raise errors.InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
     plain = _with_lagrangian(plain)
-    if isinstance(plain.get("lagrangian"), str) and (named := _NAMES_L_OR_T.match(plain["lagrangian"])):
-        plain["lagrangian"] = " " * named.end() + plain["lagrangian"][named.end() :]
     if is_forward(plain):
         plain.pop("constraints", None)
     extra = {key: document[key] for key in ("id", "metadata") if key in document}
