@@ -41,6 +41,7 @@ def read_definitions(given: Mapping[str, str], names: Names) -> derivative.Defin
         arguments = names.functions[name]
         with reader.placed_at(pointer):
             tree = reader.read_formula(text, Names(names.coordinates, names.parameters))
+        moving: dict[trees.Expression, trees.Expression]
         moving = {trees.Velocity(of[0]): trees.Symbol(word) for word in arguments if (of := names.derivative(word))}
         tree = trees.substitute(tree, moving)
         foreign = [n for n in trees.walk(tree) if isinstance(n, trees.Velocity) or _is_other(n, arguments, names)]
