@@ -2,6 +2,7 @@
 
 Where that is not possible (no compiler numba, no linker, another system than Linux) the wheel is pure and depends on
 numba, which compiles the kernels at the first use. So does an editable installation.
+INVERSE_SERVICE_WHEEL=aarch64 makes the wheel of that machine on another one.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILER = ["llvmlite>=0.45", "numba>=0.62"]
 FOLDER = "inverse_service/kernels/machine_code/compiled"
+MACHINE = os.environ.get("INVERSE_SERVICE_WHEEL", platform.machine())
 
 
 class Kernels(BuildHookInterface):
@@ -31,11 +33,11 @@ class Kernels(BuildHookInterface):
         build_data["force_include"] |= {str(path): f"{FOLDER}/{path.name}" for path in made}
         build_data["pure_python"] = False
         # The libraries ask for nothing but memset, so any glibc will do.
-        build_data["tag"] = f"py3-none-manylinux_2_17_{platform.machine()}"
+        build_data["tag"] = f"py3-none-manylinux_2_17_{MACHINE}"
 
     def compiled(self) -> list[Path]:
         self.folder = tempfile.TemporaryDirectory()
-        command = [sys.executable, "-m", "inverse_service.service.jobs.shipping", self.folder.name]
+        command = [sys.executable, "-m", "inverse_service.service.jobs.shipping", self.folder.name, MACHINE]
         environment = {**os.environ, "PYTHONPATH": self.root, "SYMPY_GROUND_TYPES": "python"}
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         if done.returncode:

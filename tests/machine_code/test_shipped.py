@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -43,6 +44,19 @@ def test_the_shipped_kernels_answer_without_a_compiler(tmp_path: Path) -> None:
     found = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
     assert found.stdout.split() == ["valid"] * 3
     assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("aarch64-linux-gnu-ld"), reason="no linker for aarch64 is installed")
+def test_kernels_are_compiled_for_another_machine(tmp_path: Path) -> None:
+    made = [sys.executable, "-m", "inverse_service.service.jobs.shipping", str(tmp_path), "aarch64"]
+    subprocess.run(made, check=True, capture_output=True)
+    library = (tmp_path / "kernels-generic.so").read_bytes()
+    assert library[:5] == b"\x7fELF\x02"
+    assert int.from_bytes(library[18:20], "little") == 183  # EM_AARCH64
+    assert all(
+        one["symbol"].encode() in library for one in json.loads((tmp_path / "kernels.json").read_text())["kernels"]
+    )
 
 
 def test_a_library_of_other_sources_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

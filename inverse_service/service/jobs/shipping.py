@@ -1,7 +1,8 @@
-"""Compile the kernels of the solver ahead of time: `python -m inverse_service.service.jobs.shipping [FOLDER]`.
+"""Compile the kernels ahead of time: `python -m inverse_service.service.jobs.shipping [FOLDER [MACHINE]]`.
 
 The systems of `warming` are solved, which needs every kernel; each kernel is compiled for each target of
-`shipped.TARGETS`, and all are linked to one shared library. Needs numba, and `ld` or the package ziglang.
+`shipped.TARGETS`, and all are linked to one shared library. MACHINE is x86_64 or aarch64, this one if it is not given.
+Needs numba, and a linker: `ld`, for another machine its cross linker (`aarch64-linux-gnu-ld`), or the package ziglang.
 """
 
 from __future__ import annotations
@@ -18,18 +19,21 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from inverse_service.kernels.machine_code import building, kernels, loading, shipped
+from inverse_service.kernels.machine_code import building, kernels, shipped
 from inverse_service.service.jobs import warming
 
-# What numba says of the processor at hand stands in attributes of each function.
-HOST = re.compile(r'"(?:target-cpu|target-features|tune-cpu)"="[^"]*"')
+# What numba says of the processor at hand: attributes of each function, two lines at the head of a module.
+HOST = re.compile(
+    r'"(?:target-cpu|target-features|tune-cpu)"="[^"]*"|^target (?:triple|datalayout) = .*$', re.MULTILINE
+)
 ROOT = Path(shipped.__file__).parents[2]
 
 
-def ship(folder: Path) -> list[Path]:
-    """Write index and libraries for the processors of this platform; the files."""
+def ship(folder: Path, machine: str) -> list[Path]:
+    """Write index and libraries for the processors of a platform; the files."""
     warming.warm_up()
-    loading.target_machine()  # initializes LLVM
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
     texts, listed, sources = list[tuple[str, str]](), list[dict[str, Any]](), set[str]()
     for kernel in kernels.KERNELS:
         for kinds in kernel.entries:
@@ -43,28 +47,34 @@ def ship(folder: Path) -> list[Path]:
     index = folder / "kernels.json"
     digests = {name: shipped.digest(name) for name in sorted(sources)}
     index.write_text(json.dumps({"kernels": listed, "sources": digests}), encoding="utf-8")
-    targets = shipped.TARGETS[platform.machine()]
-    return [index, *(linked(texts, target, folder / f"kernels-{target}.so") for target, _ in targets)]
+    return [
+        index,
+        *(linked(texts, machine, cpu, folder / f"kernels-{cpu}.so") for cpu, _ in shipped.TARGETS[machine]),
+    ]
 
 
-def linked(texts: list[tuple[str, str]], target: str, path: Path) -> Path:
+def linked(texts: list[tuple[str, str]], machine: str, cpu: str, path: Path) -> Path:
     """The shared library of all kernels for a processor."""
-    machine: Any = llvm.Target.from_default_triple().create_target_machine(cpu=target, opt=3, reloc="pic")
+    triple = f"{machine}-unknown-linux-gnu"
+    target: Any = llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, opt=3, reloc="pic")
     whole: Any = None
     for symbol, text in texts:
         module = llvm.parse_assembly(text)
-        building.reduce(module, machine, symbol)
+        module.triple, module.data_layout = triple, str(target.target_data)
+        building.reduce(module, target, symbol)
         if whole is None:
             whole = module
         else:
             whole.link_in(module)
     with tempfile.TemporaryDirectory() as name:
         code = Path(name) / "kernels.o"
-        code.write_bytes(machine.emit_object(whole))
-        linker = [shutil.which("ld")] if shutil.which("ld") else [sys.executable, "-m", "ziglang", "cc"]
-        subprocess.run([*map(str, linker), "-shared", "-s", "-o", str(path), str(code)], check=True)
+        code.write_bytes(target.emit_object(whole))
+        found = shutil.which("ld" if machine == platform.machine() else f"{machine}-linux-gnu-ld")
+        linker = [found] if found else [sys.executable, "-m", "ziglang", "cc", "-target", f"{machine}-linux-gnu"]
+        subprocess.run([*linker, "-shared", "-s", "-o", str(path), str(code)], check=True)
     return path
 
 
 if __name__ == "__main__":
-    print(*ship(Path(sys.argv[1]) if len(sys.argv) > 1 else shipped.FOLDER), sep="\n")
+    chosen = dict(enumerate(sys.argv))
+    print(*ship(Path(chosen.get(1, shipped.FOLDER)), chosen.get(2, platform.machine())), sep="\n")
