@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
+import importlib.util
 import re
 import sys
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -31,7 +33,8 @@ from inverse_service.web.problems import Refusal
 
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
 FONT = "stix-two-math.woff2"
-NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "system.js", "icon.svg")
+CHARTS = ("uPlot.iife.js", "uPlot.min.css")  # of the package uplot-python
+NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "system.js", "icon.svg", *CHARTS)
 LOADED = {
     "style.css": (FONT,),
     "motion.js": ("system.js",),
@@ -60,8 +63,19 @@ def asset(name: str) -> Asset:
     return Asset(data, gzip.compress(data, 6, mtime=0), hashlib.sha256(data).hexdigest()[:12])
 
 
+@lru_cache(maxsize=1)
+def chart_folder() -> Path | None:
+    """Where the charting library is installed; its Python, which loads IPython, is left alone. None without it."""
+    found = importlib.util.find_spec("uplot")
+    folders = found.submodule_search_locations if found is not None else None
+    return Path(folders[0]) / "static" if folders else None
+
+
 def _source(name: str) -> bytes:
-    data = (resources.files("inverse_service.web") / "static" / name).read_bytes()
+    folder = chart_folder() if name in CHARTS else resources.files("inverse_service.web") / "static"
+    if folder is None:
+        raise KeyError(name)
+    data = (folder / name).read_bytes()
     # What they load themselves is named by its marked address, so that it is asked for once.
     for named in LOADED.get(name, ()):
         data = re.sub(rb'"[./]*%b"' % re.escape(named.encode()), b'"%b"' % address(named).encode(), data)
@@ -88,7 +102,7 @@ def address(name: str) -> str:
 
 async def static(request: Request, mark: str, name: str) -> Response:
     """One file; whoever asks with an old mark gets the file of today, without leave to keep it."""
-    if name not in NAMES:
+    if name not in NAMES or (name in CHARTS and chart_folder() is None):
         raise Refusal(404, "not-found", "There is no such file.")
     found = asset(name)
     keep = FOREVER if address(name).split("/")[2] == mark else "no-cache"
@@ -217,7 +231,7 @@ def environment() -> Environment:
     )
     found.policies["json.dumps_kwargs"] = {"sort_keys": False}  # sliders stand in the order of the parameters
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
-    found.globals |= {"address": address, "style": style, "navigation": shown}
+    found.globals |= {"address": address, "style": style, "navigation": shown, "charts": chart_folder() is not None}
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
     found.filters["greek"] = lambda name: re.sub(

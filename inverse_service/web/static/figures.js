@@ -1,96 +1,17 @@
-// Draws the figures of a simulation: each has views to choose from.
+// The figures of a simulation, drawn by uPlot: each has views to choose from, values at the cursor, a zoom.
 
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-// Lines that coincide are all seen: each is broader than the next above it, and one through the dashes of another.
-const breadth = (k, count) => 1.6 + 2.4 * Math.min(3, count - 1 - k);
-
-const raised = (power) => String(power).replace(/./g, (sign) => (sign === "-" ? "\u207b" : "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[sign]));
-
-// Axes with round values, lines or dots.
-function chart(canvas, { lines, x, y, dots = false, log_x = false, log_y = false, equal = false }) {
-  const ratio = devicePixelRatio || 1;
-  const [width, height] = [canvas.clientWidth, canvas.clientWidth * 0.66];
-  if (!width) return;
-  [canvas.width, canvas.height] = [width * ratio, height * ratio];
-  const pen = canvas.getContext("2d");
-  pen.scale(ratio, ratio);
-  const span = (values, isLogarithmic) => {
-    let [low, high] = [Infinity, -Infinity];
-    for (const v of values) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
-    if (!(high >= low)) [low, high] = [-1, 1];
-    if (isLogarithmic && high < low + 2) [low, high] = [Math.floor(low) - 1, Math.ceil(high)]; // decades to read it by
-    const margin = 0.06 * (high - low) || 0.5 * Math.max(Math.abs(low), 1);
-    return [low - margin, high + margin];
-  };
-  const scaled = (values, isLogarithmic) => values.map((v) => (v === null ? NaN : isLogarithmic ? (v > 0 ? Math.log10(v) : NaN) : v));
-  lines = lines.map((line) => ({ ...line, x: scaled(line.x, log_x), y: scaled(line.y, log_y) }));
-  const across = span(lines.flatMap((line) => line.x), log_x);
-  const up = span(lines.flatMap((line) => line.y), log_y);
-  const box = { left: 58, right: width - 10, top: 8, bottom: height - 40 };
-  if (equal) {
-    const unit = Math.max((across[1] - across[0]) / (box.right - box.left), (up[1] - up[0]) / (box.bottom - box.top));
-    for (const [range, size] of [[across, box.right - box.left], [up, box.bottom - box.top]]) {
-      const middle = (range[0] + range[1]) / 2;
-      [range[0], range[1]] = [middle - (unit * size) / 2, middle + (unit * size) / 2];
-    }
-  }
-  const X = (v) => box.left + ((v - across[0]) / (across[1] - across[0])) * (box.right - box.left);
-  const Y = (v) => box.bottom - ((v - up[0]) / (up[1] - up[0])) * (box.bottom - box.top);
-  pen.font = "13px sans-serif";
-  for (const [range, place, isX] of [[across, X, true], [up, Y, false]]) {
-    const raw = (range[1] - range[0]) / 5;
-    const power = 10 ** Math.floor(Math.log10(raw));
-    const isLogarithmic = isX ? log_x : log_y;
-    const step = isLogarithmic ? Math.max(1, Math.ceil(raw)) : [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
-    for (let k = Math.ceil(range[0] / step); k * step <= range[1]; k += 1) {
-      const at = place(k * step);
-      pen.strokeStyle = color("--line");
-      pen.beginPath();
-      if (isX) { pen.moveTo(at, box.top); pen.lineTo(at, box.bottom); } else { pen.moveTo(box.left, at); pen.lineTo(box.right, at); }
-      pen.stroke();
-      pen.fillStyle = color("--soft");
-      pen.textAlign = isX ? "center" : "right";
-      const text = isLogarithmic ? `10${raised(k * step)}` : String(Number((k * step).toPrecision(6)));
-      pen.fillText(text, isX ? at : box.left - 6, isX ? box.bottom + 16 : at + 4);
-    }
-  }
-  pen.textAlign = "center";
-  pen.fillText(x, (box.left + box.right) / 2, height - 6);
-  pen.save();
-  pen.translate(12, (box.top + box.bottom) / 2);
-  pen.rotate(-Math.PI / 2);
-  pen.fillText(y, 0, 0);
-  pen.restore();
-  for (const line of lines) {
-    pen.strokeStyle = pen.fillStyle = line.color;
-    pen.globalAlpha = line.alpha ?? 1;
-    if (dots || line.markers) {
-      const size = Math.max(3, line.width ?? 0);
-      pen.beginPath(); // filled at once: where points overlap a pale line stays pale
-      line.x.forEach((v, i) => pen.rect(X(v) - size / 2, Y(line.y[i]) - size / 2, size, size));
-      pen.fill();
-      if (dots) continue;
-    }
-    pen.lineWidth = line.width;
-    pen.setLineDash(line.dash);
-    pen.beginPath();
-    let isDrawn = false;
-    line.x.forEach((v, i) => {
-      const w = line.y[i];
-      if (Number.isFinite(v + w)) pen[isDrawn ? "lineTo" : "moveTo"](X(v), Y(w));
-      isDrawn = Number.isFinite(v + w);
-    });
-    pen.stroke();
-    pen.setLineDash([]);
-  }
-  pen.globalAlpha = 1;
-}
-
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
 const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
 const inked = (name) => (name in LIFTED ? color(LIFTED[name]) : name);
 const DASHES = { solid: [], dash: [7, 4], dot: [2, 4], dashdot: [9, 3, 2, 3], longdash: [13, 5], longdashdot: [13, 4, 2, 4] };
+const raised = (power) => String(power).replace(/./g, (sign) => (sign === "-" ? "\u207b" : "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[sign]));
+const [LEFT, BOTTOM, TOP, RIGHT, SHAPE] = [62, 42, 8, 14, 0.66]; // the margins of a chart, its height over its width
 
+const IDLE = "Drag to zoom, double-click to go back.";
+
+// Lines that coincide are all seen: each is broader than the next above it, and one through the dashes of another.
+const breadth = (k, count) => 1.6 + 2.4 * Math.min(3, count - 1 - k);
 // From below: the true motion as a broad pale band, then the methods; curves of errors have one width.
 function layers(lines, isError = false) {
   const count = lines.filter((line) => line.color !== "ink").length;
@@ -98,6 +19,71 @@ function layers(lines, isError = false) {
   const dressed = lines.map((line, place) => ({ ...line, place, color: inked(line.color), dash: DASHES[line.dash],
     ...(isError ? { width: 2 } : line.color === "ink" && count ? { width: breadth(0, count) + 5, alpha: 0.3 } : { width: breadth(line.color === "ink" ? 0 : k++, count || 1) }) }));
   return dressed.sort((a, b) => b.width - a.width);
+}
+
+// The range of an axis with a margin; a logarithmic one has decades to read it by.
+function range(columns, isLogarithmic) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const v of columns.flat()) if (v !== null && (v > 0 || !isLogarithmic)) { low = Math.min(low, v); high = Math.max(high, v); }
+  if (!(high >= low)) [low, high] = isLogarithmic ? [0.1, 10] : [-1, 1];
+  if (isLogarithmic) {
+    const [a, b] = [Math.log10(low), Math.log10(high)];
+    const margin = 0.06 * (b - a);
+    return b < a + 2 ? [10 ** (Math.floor(a) - 1), 10 ** Math.ceil(b)] : [10 ** (a - margin), 10 ** (b + margin)];
+  }
+  const margin = 0.06 * (high - low) || 0.5 * Math.max(Math.abs(low), 1);
+  return [low - margin, high + margin];
+}
+
+// A line through its points in their order, which uPlot itself takes to be that of x; or dots.
+const path = (dots) => (chart, k) => {
+  const [xs, ys] = chart.data[k];
+  const [stroke, size] = [new Path2D(), 3 * devicePixelRatio];
+  let isDrawn = false;
+  xs.forEach((x, i) => {
+    const isThere = x !== null && ys[i] !== null;
+    const at = isThere ? [chart.valToPos(x, "x", true), chart.valToPos(ys[i], "y", true)] : [];
+    if (isThere && dots) stroke.rect(at[0] - size / 2, at[1] - size / 2, size, size);
+    else if (isThere) stroke[isDrawn ? "lineTo" : "moveTo"](...at);
+    isDrawn = isThere;
+  });
+  return { stroke, fill: dots ? stroke : null };
+};
+
+function axis(label, size, isLogarithmic) {
+  const decades = (chart, k, low, high) => {
+    const [a, b] = [Math.log10(low), Math.log10(high)];
+    const step = Math.max(1, Math.ceil((b - a) / 5));
+    return Array.from({ length: Math.max(0, Math.floor(b / step) - Math.ceil(a / step) + 1) }, (_, i) => 10 ** (step * (Math.ceil(a / step) + i)));
+  };
+  const text = isLogarithmic ? (v) => `10${raised(Math.round(Math.log10(v)))}` : (v) => String(Number(v.toPrecision(6))).replace("-", "\u2212");
+  return { label, size, labelSize: 18, labelGap: -6, font: "13px sans-serif", labelFont: "13px sans-serif", stroke: color("--soft"), grid: { stroke: color("--line"), width: 1 }, ticks: { show: false },
+    filter: (chart, splits) => splits, values: (chart, splits) => splits.map(text), ...(isLogarithmic ? { splits: decades } : {}) };
+}
+
+function chart(place, { lines, x, y, dots = false, log_x = false, log_y = false, equal = false }, told) {
+  const width = Math.max(240, place.clientWidth);
+  const height = Math.round(width * SHAPE);
+  const ranges = { x: range(lines.map((line) => line.x), log_x), y: range(lines.map((line) => line.y), log_y) };
+  if (equal) {
+    const sizes = { x: width - LEFT - RIGHT, y: height - BOTTOM - TOP };
+    const unit = Math.max(...["x", "y"].map((key) => (ranges[key][1] - ranges[key][0]) / sizes[key]));
+    for (const key of ["x", "y"]) {
+      const middle = (ranges[key][0] + ranges[key][1]) / 2;
+      ranges[key] = [middle - (unit * sizes[key]) / 2, middle + (unit * sizes[key]) / 2];
+    }
+  }
+  const scale = (key, isLogarithmic) => ({ time: false, distr: isLogarithmic ? 3 : 1, range: () => ranges[key] });
+  const short = (value) => String(Number(value.toPrecision(4))).replace("-", "\u2212");
+  return new uPlot({
+    mode: 2, width, height, pxAlign: false, padding: [TOP, RIGHT, 0, 0], legend: { show: false },
+    scales: { x: scale("x", log_x), y: scale("y", log_y) },
+    axes: [axis(x, BOTTOM, log_x), axis(y, LEFT, log_y)],
+    series: [null, ...lines.map((line) => ({ stroke: line.color, fill: dots ? line.color : null, width: dots ? 0 : line.width, dash: line.dash, alpha: line.alpha ?? 1, paths: path(dots),
+      points: { show: line.markers ?? false, size: 6, fill: line.color, paths: (chart, k) => ({ ...path(true)(chart, k), flags: 0 }) }, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }] }))],
+    cursor: { drag: { x: true, y: true, uni: 20 }, points: { show: false }, dataIdx: () => null },
+    hooks: { setCursor: [(u) => (told.textContent = u.cursor.left < 0 ? IDLE : `${x} = ${short(u.posToVal(u.cursor.left, "x"))}, ${y} = ${short(u.posToVal(u.cursor.top, "y"))}`)] },
+  }, [null, ...lines.map((line) => [line.x, line.y])], place);
 }
 
 // A line of the legend as it is drawn.
@@ -128,7 +114,7 @@ function tabulate(table, view) {
 
 class Figure {
   constructor(node, data) {
-    this.canvas = node.querySelector("canvas");
+    this.place = node.querySelector(".plot");
     this.table = node.querySelector("table");
     this.views = data.views.filter((view) => view.lines.length);
     const controls = node.querySelector(".controls");
@@ -137,18 +123,19 @@ class Figure {
     this.choice.append(...this.views.map((view, k) => new Option(view.label, k)));
     this.choice.setAttribute("aria-label", `${data.title}: what is drawn`);
     this.choice.addEventListener("change", () => this.draw());
-    this.legend = document.createElement("span");
-    this.legend.className = "legend";
-    if (this.views.length > 1) controls.append(this.choice);
-    controls.append(this.legend);
-    new ResizeObserver(() => this.draw()).observe(this.canvas);
+    this.legend = Object.assign(document.createElement("span"), { className: "legend" });
+    this.told = Object.assign(document.createElement("output"), { className: "small", textContent: IDLE });
+    controls.append(...(this.views.length > 1 ? [this.choice] : []), this.legend, this.told);
+    new ResizeObserver(() => { if (this.place.clientWidth !== this.width) this.draw(); }).observe(this.place);
   }
 
   draw() {
     const view = this.views[Number(this.choice.value) || 0];
-    if (!view) return;
+    if (!view || !this.place.clientWidth) return;
     const lines = layers(view.lines, view.lines.some((line) => line.markers));
-    chart(this.canvas, { ...view, lines });
+    this.width = this.place.clientWidth;
+    this.chart?.destroy();
+    this.chart = chart(this.place, { ...view, lines }, this.told);
     tabulate(this.table, view);
     this.legend.replaceChildren(...[...lines].sort((a, b) => a.place - b.place).map(swatch));
   }

@@ -81,7 +81,7 @@ def test_methods_are_run_side_by_side_and_drawn(visit: Visit) -> None:
     expect(shown.get_by_role("row")).to_have_count(22)
     expect(shown.get_by_role("row").last).to_contain_text("10.00")  # 200 steps of 0.05
     visit.page.get_by_text("What each option cost").click()
-    costs = visit.page.locator("details.technical")
+    costs = visit.page.locator("#cost")
     expect(costs.get_by_role("row", name="energy")).to_contain_text("s")
     assert costs.get_by_role("row", name="error").count() == 0
     assert violations(visit) == []
