@@ -304,7 +304,7 @@ def curl_of(document: Mapping[str, Any], address: str) -> str:
 
 # The answer next to a form.
 
-GLANCE = 1.5  # s that a person waits for it who is still filling in
+GLANCE = 3.0  # s of processor time: longer than that nobody waits who is still filling in
 
 
 def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:
