@@ -124,15 +124,6 @@ Ltac compute_goal := match goal with |- value _ ?p = _ =>
   cbv [value monomial fold_right fst snd point Q2R Qnum Qden].
 End Motion.
 Open Scope R_scope.
-Lemma cancel (f a : R) : f <> 0 -> f * a = 0 -> a = 0.
-Proof. intros H P; destruct (Rmult_integral _ _ P); [contradiction | assumption]. Qed.
-Lemma plus_zero (a b : R) : a = 0 -> b = 0 -> a + b = 0.
-Proof. intros -> ->; ring. Qed.
-Lemma times_zero (a b : R) : b = 0 -> a * b = 0.
-Proof. intros ->; ring. Qed.
-Ltac nonzero := repeat split; repeat (assumption || apply Rmult_integral_contrapositive_currified ||
-  apply pow_nonzero || lra).
-Ltac zero := repeat (reflexivity || assumption || apply times_zero || apply plus_zero).
 """
 EULER_LAGRANGE = """(* d/dt (dL/dv^i) - dL/dq^i along the motion. *)
 Definition euler_lagrange (i : nat) : poly := (along (partial (1 + size + i) L) - partial (1 + i) L)%poly.
@@ -348,7 +339,7 @@ def coq(theorems: Sequence[th.Theorem]) -> str:
                 f"Definition L : poly := {system.polynomial(system.formal(system.lagrangian).polynomial)}."  # type: ignore[arg-type]
             ]
         )
-        return "\n".join([HEAD, *system.definitions(), *given, *further, TACTICS, *proofs])
+        return "\n".join([HEAD, *system.definitions(), *given, *further, TACTICS + th.LEMMAS, *proofs])
     except exact_field.TooLarge as error:
         return f"(* f is not defined in this file: {error}. *)\n" + th.coq_of_identities(theorems[0])
 

@@ -32,7 +32,7 @@ import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from flint import nmod_mat
 
@@ -54,10 +54,6 @@ from inverse_service.mechanics.conditions import (
     nabla,
     nabla_of_curvature,
 )
-
-if TYPE_CHECKING:
-    pass
-
 
 # Larger sets than this are not searched for the smallest; all conditions of the depth are named.
 LARGEST_SET = 4

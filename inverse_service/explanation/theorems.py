@@ -48,11 +48,7 @@ TERMS_WITHOUT_LETTERS = 20_000
 
 HEAD = """What is proven: the statements below, for all real numbers that fulfil the hypotheses. What is not: that the
 hypotheses are what the comments say, that is the derivatives that were taken to form them."""
-COQ_HEAD = f"""(* {HEAD} *)
-Require Import Reals Lra.
-Open Scope R_scope.
-
-Lemma cancel (f a : R) : f <> 0 -> f * a = 0 -> a = 0.
+LEMMAS = """Lemma cancel (f a : R) : f <> 0 -> f * a = 0 -> a = 0.
 Proof. intros H P; destruct (Rmult_integral _ _ P); [contradiction | assumption]. Qed.
 Lemma plus_zero (a b : R) : a = 0 -> b = 0 -> a + b = 0.
 Proof. intros -> ->; ring. Qed.
@@ -62,6 +58,11 @@ Ltac nonzero := repeat split; repeat (assumption || apply Rmult_integral_contrap
   apply pow_nonzero || lra).
 Ltac zero := repeat (reflexivity || assumption || apply times_zero || apply plus_zero).
 """
+COQ_HEAD = f"""(* {HEAD} *)
+Require Import Reals Lra.
+Open Scope R_scope.
+
+{LEMMAS}"""
 # Words that name no variable in Coq, and the names that proofs use themselves.
 _TAKEN = re.compile(
     r"(eq|row|rel|nz|val|ker)\d+|Motion|whole|which|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|do|else|end|exists|fix|for|"

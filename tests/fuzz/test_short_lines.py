@@ -42,7 +42,7 @@ def short_lines(seed: int, count: int) -> Iterator[str]:
         yield source.choice(["x'' = ", "x'' = -k x ", r"\ddot{x} = ", ""]) + source.choice(["", " "]).join(pieces)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
 def test_no_short_line_is_a_fault_of_the_program(seed: int) -> None:
     for line in short_lines(seed, 1000):
         read({"equations": line, "parameters": "guess"})
@@ -72,10 +72,11 @@ def _texts(value: Any) -> Iterator[str]:
             yield from _texts(part)
 
 
-def test_no_beginning_of_a_formula_is_a_fault_of_the_program() -> None:
+@pytest.mark.parametrize("every", [61, pytest.param(9, marks=pytest.mark.slow)])
+def test_no_beginning_of_a_formula_is_a_fault_of_the_program(every: int) -> None:
     texts = formulas()
     assert len(texts) > 300
     shortened = [text[:length] for text in texts for length in range(1, len(text))]
     deleted = [text[:place] + text[place + 1 :] for text in texts for place in range(len(text))]
-    for text in itertools.islice(itertools.chain(shortened, deleted), 0, None, 9):
+    for text in itertools.islice(itertools.chain(shortened, deleted), 0, None, every):
         read({"equations": text, "parameters": "guess"})
