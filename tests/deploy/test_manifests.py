@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import yaml
 
+import inverse_service
 from inverse_service.settings import read_settings
 from tests.deploy.bare import ROOT
 
@@ -36,6 +37,18 @@ def test_each_manifest_follows_its_schema(manifest: dict[str, Any]) -> None:
     assert newest.startswith(validator.validate(manifest, newest, strict=True))
     with pytest.raises(validator.ValidationError):
         validator.validate(manifest | {"metadate": {}}, newest, strict=True)
+
+
+def test_the_conda_recipe_is_rendered_with_the_dependencies_of_the_package() -> None:
+    builder = pytest.importorskip("rattler_build")
+    (variant,) = builder.Stage0Recipe.from_file(str(DEPLOY / "conda" / "recipe.yaml")).render(builder.VariantConfig())
+    package = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    compiled = ["llvmlite>=0.45", "numba>=0.62"]  # nothing is compiled ahead of time
+    wanted = {
+        one.replace("-", "_") for one in [*package["dependencies"], *compiled, f"python{package['requires-python']}"]
+    }
+    assert {str(one).replace("-", "_").replace(" ", "") for one in variant.recipe.requirements.run} == wanted
+    assert str(variant.recipe.package.version) == inverse_service.__version__
 
 
 @pytest.mark.parametrize("name", PODS)
