@@ -177,3 +177,9 @@ def visited(page: Page, address: str) -> Iterator[Visit]:
     assert seen.faults == []
     outside = [url for url in seen.addresses if not url.startswith((address, "blob:" + address, "data:", "about:"))]
     assert outside == []
+
+
+@pytest.fixture(scope="session")
+def service(patient: str) -> str:
+    """The service with the time of a real one: what is looked at here is the pages, not the speed of this machine."""
+    return patient

@@ -1,37 +1,31 @@
-"""What holds on every page: no violation of axe, nothing too heavy, nothing too wide."""
+"""What holds on every page and in every state of it, in both colors and both widths: no violation of axe, nothing too
+wide, nothing too heavy. Long, so not in the default suite.
+"""
 
 from __future__ import annotations
 
 import base64
 import hashlib
 import re
+import time
 from collections.abc import Iterator
+from typing import Any
 
+import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Request, expect
 
-from .conftest import Look, Pages, Scheme, Visit, visited, whole
+from inverse_service import catalogue
 
+from .conftest import Look, Pages, Visit, visited
+
+pytestmark = pytest.mark.slow
 PAGES = (
     "/", "/?kind=nonholonomic", "/ask", "/simulate", "/atlas", "/batch", "/learn", "/docs", "/teach", "/exercise/new",
     "/exercise?equations=x''=-x", "/results/none",
 )  # fmt: skip
-# The default suite looks at each page once; test_every_state.py looks at all of them in all ways.
-LOOKED_AT = {"light": PAGES[:3], "dark": ("/", *PAGES[3:])}
-RESULTS = {"light": "vertically-rolling-disk-first", "dark": "vertically-rolling-disk-second"}
 HEAVIEST = 100_000
-
-
-@pytest.fixture(params=["light", "dark"])
-def scheme(request: pytest.FixtureRequest) -> Scheme:
-    found: Scheme = request.param
-    return found
-
-
-@pytest.fixture
-def colored(pages: Pages, service: str, scheme: Scheme) -> Iterator[Visit]:
-    yield from visited(pages(Look(narrow=scheme == "dark", scheme=scheme)), service)
 
 
 def violations(visit: Visit) -> list[str]:
@@ -48,35 +42,6 @@ def open_all(visit: Visit) -> None:
 def is_too_wide(visit: Visit) -> bool:
     too_wide: bool = visit.page.evaluate("document.documentElement.scrollWidth > innerWidth")
     return too_wide
-
-
-@pytest.mark.slow
-def test_axe_finds_nothing_on_any_page(colored: Visit, scheme: Scheme) -> None:
-    for path in LOOKED_AT[scheme]:
-        colored.go(path)
-        if path != "/atlas":  # its table has hundreds of equal rows
-            open_all(colored)
-        assert (path, violations(colored)) == (path, [])
-        assert (path, is_too_wide(colored)) == (path, False)
-
-
-@pytest.mark.slow
-def test_axe_finds_nothing_on_a_result(colored: Visit, scheme: Scheme) -> None:
-    colored.go(f"/?example={RESULTS[scheme]}")
-    colored.page.get_by_role("button", name="Open the answer").click()
-    expect(colored.page.locator("#verdict")).to_be_visible()
-    whole(colored.page)
-    open_all(colored)
-    assert violations(colored) == []
-    assert not is_too_wide(colored)
-
-
-@pytest.mark.slow
-def test_axe_finds_nothing_where_a_fault_is_shown(colored: Visit) -> None:
-    colored.go("/")
-    colored.page.get_by_label("Equations", exact=True).fill("x'' = (y")
-    expect(colored.page.locator("#understood mark")).to_be_visible()
-    assert violations(colored) == []
 
 
 IN_SIGHT = """[...document.images].filter((image) => image.getBoundingClientRect().top < innerHeight)
@@ -101,13 +66,6 @@ def weight(visit: Visit, path: str) -> int:
     return sum(max(0, request.sizes()["responseBodySize"]) for request in loaded)
 
 
-@pytest.mark.slow
-def test_a_page_weighs_less_than_100_kilobytes(fresh: Visit) -> None:
-    weights = {path: weight(fresh, path) for path in PAGES}
-    assert {path: found for path, found in weights.items() if found >= HEAVIEST} == {}
-
-
-@pytest.mark.slow
 def test_the_policy_forbids_scripts_and_styles_inside_the_page(visit: Visit) -> None:
     answer = visit.page.goto(visit.address + "/")
     assert answer is not None
@@ -120,3 +78,97 @@ def test_the_policy_forbids_scripts_and_styles_inside_the_page(visit: Visit) -> 
     assert f"'sha256-{digest}'" in policy
     assert " style=" not in text
     assert " onclick" not in text
+
+
+NAMES = [f"x{k}" for k in range(8)]
+PATIENCE = 90.0
+LINEAR = {"coordinates": ["x", "y"], "parameters": ["a", "b", "c", "d"], "special_cases": True,
+          "equations": {"x": "-a*x + b*y", "y": "-c*y + d*x"}}  # fmt: skip
+SCENE: dict[str, Any] = {
+    "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
+    "initial": {"positions": dict.fromkeys(("phi", "theta", "x", "y"), 0), "velocities": {"phi": 1, "theta": 1}},
+    "step": 0.05, "steps": 100, "methods": ["variational", "nonholonomic", "exact"],
+    "observe": ["trajectory", "energy", "constraints", "matching_circle", "error"],
+}  # fmt: skip
+
+
+def hard(function: str, seconds: float) -> dict[str, Any]:
+    """A document that no one decides in this time."""
+    equations = {c: "+".join(f"{a}*{b}'^2*{function}({a}*{b}*{c})" for a in NAMES for b in NAMES) for c in NAMES}
+    return {"coordinates": NAMES, "equations": equations, "options": {"time_limit": seconds}}
+
+
+def documents() -> dict[str, tuple[str, dict[str, Any]]]:
+    """A call and a document for each state of a result's page."""
+    particle = catalogue.document("nonholonomic-particle")
+    return {
+        "proof": ("solve", catalogue.document("vertically-rolling-disk-first")),
+        "lagrangian": ("solve", catalogue.document("vertically-rolling-disk-second")),
+        "functions": ("solve", catalogue.document("generic-class-one-second")),
+        "special cases": ("solve", LINEAR),
+        "constrained": ("solve", {**particle, "associated": "second"}),
+        "search": ("solve", {**particle, "associated": "search"}),
+        "undetermined": ("solve", hard("sin", 1)),
+        "failed": ("simulate", {**SCENE, "initial": {"positions": {"phi": 0}}}),
+        "simulation": ("simulate", SCENE),
+        "precision": ("work-precision", {**SCENE, "steps": 20, "observe": []}),
+    }
+
+
+@pytest.fixture(scope="module")
+def states(service: str) -> dict[str, str]:
+    """The address of each state's page."""
+    with httpx.Client(base_url=service, timeout=PATIENCE, headers={"Prefer": "respond-async"}) as client:
+        found = {name: post(client, f"/v1/{call}", document) for name, (call, document) in documents().items()}
+        cancelled = post(client, "/v1/solve", hard("cos", 9))
+        client.delete(f"/v1/jobs/{cancelled}")
+        end = time.monotonic() + PATIENCE
+        while any(client.get(f"/v1/jobs/{id}").status_code == 202 for id in found.values()):
+            assert time.monotonic() < end
+            time.sleep(0.2)
+        lines = [{"id": "good", "equations": "x'' = -x"}, {"id": "bad", "equations": "x''="}]
+        batch = client.post("/v1/batches", json=lines).json()["id"]
+    pages = {name: f"/results/{id}" for name, id in (found | {"cancelled": cancelled}).items()}
+    return pages | {"batch": f"/batch/{batch}"} | {path: path for path in PAGES}
+
+
+def post(client: httpx.Client, path: str, document: dict[str, Any]) -> str:
+    answer = client.post(path, json=document)
+    assert answer.status_code in (200, 202), answer.text
+    return answer.headers["location"].rpartition("/")[2]
+
+
+@pytest.fixture(params=[(s, w) for s in ("light", "dark") for w in ("wide", "narrow")], ids="-".join)
+def look(request: pytest.FixtureRequest, pages: Pages, service: str) -> Iterator[Visit]:
+    scheme, width = request.param
+    yield from visited(pages(Look(narrow=width == "narrow", scheme=scheme)), service)
+
+
+def test_axe_finds_nothing_and_nothing_is_too_wide(look: Visit, states: dict[str, str]) -> None:
+    faults = {}
+    for name, path in states.items():
+        look.go(path)
+        if name in ("simulation", "precision"):
+            expect(look.page.locator("[data-drawn]")).to_be_visible()
+        if name != "/atlas":
+            open_all(look)
+        found = violations(look)
+        if found or is_too_wide(look):
+            faults[name] = found or ["too wide"]
+    assert faults == {}
+
+
+def test_work_that_is_open_has_no_violation(look: Visit) -> None:
+    with httpx.Client(base_url=look.address, timeout=PATIENCE, headers={"Prefer": "respond-async"}) as client:
+        id = post(client, "/v1/solve", hard("tan", 10))
+        look.go(f"/results/{id}")
+        expect(look.page.get_by_role("progressbar")).to_be_visible()
+        assert violations(look) == []
+        client.delete(f"/v1/jobs/{id}")
+        expect(look.page.get_by_role("heading", level=1)).to_have_text("This was cancelled")
+
+
+def test_no_state_weighs_100_kilobytes(fresh: Visit, states: dict[str, str]) -> None:
+    weights = {name: weight(fresh, path) for name, path in states.items()}
+    print(weights)
+    assert {name: found for name, found in weights.items() if found >= HEAVIEST} == {}

@@ -1,0 +1,460 @@
+"""What seldom happens on the pages: long, so not in the default suite."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Page, Route, expect
+
+from tests.conftest import running_service
+
+from .conftest import Look, Visit, new_page, whole
+from .test_people import HARD, ORANGE, PIXELS
+
+pytestmark = pytest.mark.slow
+
+
+def test_what_is_typed_while_the_service_starts_is_read_once_it_has_started(visit: Visit) -> None:
+    visit.go("/")
+    asked: list[Route] = []
+
+    def starting(route: Route) -> None:
+        asked.append(route)
+        if len(asked) == 1:
+            route.fulfill(status=503, content_type="application/problem+json", body="{}")
+        else:
+            route.continue_()
+
+    visit.page.route(re.compile("fragment=1"), starting)
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = -k*x\ny'' = A(x)")
+    expect(visit.page.locator("#understood")).to_contain_text("with any")
+    visit.page.unroute(re.compile("fragment=1"), starting)
+    assert len(asked) == 2
+
+
+def test_markup_that_is_typed_stays_text(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = <img src=x onerror=alert(1)>")
+    expect(visit.page.locator("#understood [data-problem]")).to_be_visible()
+    assert visit.page.locator("#understood img").count() == 0
+
+
+def test_latex_and_documents_can_be_typed_or_uploaded(visit: Visit, tmp_path: Path) -> None:
+    visit.go("/")
+    box = visit.page.get_by_label("Equations", exact=True)
+    box.fill(r"\ddot{x} = -\omega^2 x, \quad \ddot{\theta} = \dot{x}")
+    expect(visit.page.locator("#understood .formula")).to_have_count(2)
+    expect(visit.page.locator("#understood")).to_contain_text("θ")
+    box.fill(json.dumps({"coordinates": ["u"], "equations": {"u": "-u"}}))
+    expect(visit.page.locator("#understood .formula")).to_have_count(1)
+    file = tmp_path / "system.yaml"
+    file.write_text("coordinates: [w]\nequations:\n  w: -w^3\n")
+    visit.page.get_by_role("button", name="Ask in detail").click()
+    visit.page.get_by_label("Upload a document").set_input_files(file)
+    expect(visit.page.locator("#understood")).to_contain_text("w")
+    visit.page.get_by_role("button", name="Open the answer").click()
+    expect(visit.page.locator("h1 .yes, h2 .yes").first).to_be_visible()
+    whole(visit.page)
+    expect(visit.page.locator("main")).to_contain_text("Hamiltonian")
+
+
+def test_an_unknown_result_is_told_so(visit: Visit) -> None:
+    visit.go("/results/" + "0" * 40)
+    expect(visit.page.get_by_role("heading", level=1)).to_have_text("Nothing here")
+
+
+def test_what_was_typed_survives_back_reload_and_the_other_tab(visit: Visit) -> None:
+    box = visit.page.get_by_label("Equations", exact=True)
+    visit.go("/")
+    box.fill("x'' = -x - x'/7")
+    visit.page.get_by_role("link", name="Constraints", exact=True).click()
+    expect(visit.page.get_by_label("Lagrangian", exact=True)).to_be_visible()
+    visit.page.get_by_role("link", name="Equations", exact=True).click()
+    expect(box).to_have_value("x'' = -x - x'/7")
+    visit.page.reload()
+    expect(box).to_have_value("x'' = -x - x'/7")
+    visit.page.get_by_role("button", name="Open the answer").click()
+    expect(visit.page.locator("h1 .yes, h2 .yes").first).to_be_visible()
+    whole(visit.page)
+    visit.page.go_back()
+    expect(box).to_have_value("x'' = -x - x'/7")
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_a_link_carries_a_question_and_does_not_ask_it(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/?equations=x''+%3D+-k*x&parameters=k")
+    expect(at.page.get_by_label("Equations", exact=True)).to_have_value("x'' = -k*x")
+    expect(at.page.locator("#understood .formula")).to_have_count(1)
+    at.go("/?lagrangian=x'^2/2%2By'^2/2&constraints=x'-y'")
+    expect(at.page.get_by_label("Constraints", exact=True)).to_have_value("x'-y'")
+
+
+def test_the_link_to_the_question_of_a_result_fills_the_form_with_it(visit: Visit) -> None:
+    visit.go("/?example=sho")
+    visit.page.get_by_role("button", name="Open the answer").click()
+    link = visit.page.get_by_role("link", name="Link", exact=True).get_attribute("href")
+    assert link is not None
+    title = visit.page.title()
+    assert "Lagrangian" in title
+    visit.go(link)
+    expect(visit.page.get_by_label("Equations", exact=True)).to_have_value(re.compile("x''"))
+
+
+@pytest.mark.parametrize("path", ["/nope", "/?example=nope", "/simulate?system=nope", "/results/nope"])
+def test_a_mistyped_address_has_a_page(plain: Visit, path: str) -> None:
+    answer = plain.page.goto(plain.address + path)
+    assert answer is not None
+    assert answer.status in (404, 422)
+    expect(plain.page.get_by_role("heading", level=1)).to_be_visible()
+    expect(plain.page.get_by_role("link", name="Ask a question")).to_be_visible()
+
+
+def test_a_printed_result_is_light_and_whole(browser: Browser, service: str) -> None:
+    page = new_page(browser, Look(scheme="dark"))
+    page.goto(f"{service}/?example=vertically-rolling-disk-first")
+    page.get_by_role("button", name="Open the answer").click()
+    expect(page.locator("#verdict")).to_be_visible()
+    whole(page)
+    page.emulate_media(media="print", color_scheme="dark")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    expect(page.locator("#why .proof li").first).to_be_visible()
+    expect(page.locator(".print-only")).to_contain_text(re.compile(r"/results/[0-9a-f]{40}.*20\d\d-"))
+    page.context.close()
+
+
+def test_a_screen_reader_hears_one_end_state_and_no_half_equation(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.evaluate(
+        "window.heard = []; new MutationObserver(() => { const t = document.getElementById('said').textContent;"
+        "if (t) window.heard.push(t); }).observe(document.getElementById('said'), {childList: true})"
+    )
+    box = visit.page.get_by_label("Equations", exact=True)
+    box.fill("")
+    box.press_sequentially("x'' = -sin(x) - 0.1*x'", delay=70)
+    expect(visit.page.locator("#glance [data-settled]")).to_be_visible()
+    heard = visit.page.evaluate("window.heard")
+    assert len(heard) == 1
+    assert "Lagrangian" in heard[0]
+    box.press_sequentially(" + @")
+    expect(visit.page.locator("#said")).to_contain_text("not accepted")
+    expect(visit.page.locator("#glance")).to_be_hidden()
+
+
+def test_formulas_are_set_in_the_font_that_is_sent_with_the_page(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.wait_for_function("document.fonts.ready.then(() => document.fonts.check('16px Formulas'))")
+    faces = visit.page.evaluate("[...document.fonts].map(face => [face.family, face.status])")
+    assert ["Formulas", "loaded"] in [[family.strip('"'), status] for family, status in faces]
+
+
+STREAM = """window.EventSource = class extends EventTarget {
+    constructor() { super(); window.stream = this; }
+    close() {}
+}"""
+
+
+def test_a_page_that_waits_says_that_the_service_is_away_and_that_it_is_back(browser: Browser, service: str) -> None:
+    page = new_page(browser, Look())
+    page.add_init_script(STREAM)
+    page.goto(service + "/")
+    page.get_by_label("Equations", exact=True).fill(HARD.replace("sin(", "sin(3*"))
+    page.get_by_role("button", name="Open the answer").click()
+    told = page.locator("[data-progress]")
+    page.wait_for_function("window.stream")
+    before = told.inner_text()
+    page.evaluate("stream.dispatchEvent(new Event('error'))")
+    expect(told).to_contain_text("not responding")
+    page.evaluate("stream.dispatchEvent(new Event('open'))")
+    expect(told).to_have_text(before)
+    page.evaluate("data => stream.dispatchEvent(new MessageEvent('status', { data }))", '{"status": "running"}')
+    expect(page.locator("h1")).to_have_text("Working on it")
+    page.get_by_role("button", name="Cancel").click()
+    page.context.close()
+
+
+GROWS = (
+    "2 a'' + b'' cos(a-b) + b'^2 sin(a-b) + 2 sin(a) + c a' = 0",
+    "b'' + a'' cos(a-b) - a'^2 sin(a-b) + sin(b) + c b' = 0",
+)
+
+
+def test_parts_fill_in_without_a_new_page_and_a_verdict_stays(visit: Visit) -> None:
+    found = visit.page.request.post(
+        f"{visit.address}/v1/solve",
+        data={"equations": list(GROWS), "parameters": "guess"},
+        headers={"Prefer": "respond-async"},
+    )
+    visit.go(f"/results/{found.json()['id']}")
+    visit.page.evaluate("window.stays = true")
+    said: list[str] = []
+    for _ in range(400):
+        shown = visit.page.locator("h1 span[class]")
+        said += [shown.get_attribute("class") or ""] if shown.count() else []
+        if not visit.page.locator("[data-events]").count():
+            break
+        visit.page.wait_for_timeout(50)
+    assert visit.page.evaluate("window.stays")
+    definite = [one for one in said if one != "open"]
+    assert definite
+    assert set(definite) == {"no"}
+    assert "open" not in said[said.index("no") :]
+    expect(visit.page.locator("#export")).to_be_visible()
+
+
+def test_an_answer_that_is_no_page_is_not_dropped_in_silence(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.route(
+        re.compile("fragment=1"), lambda r: r.fulfill(status=500, content_type="application/json", body="{}")
+    )
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = -5*x")
+    expect(visit.page.locator("#understood")).to_contain_text("error of the program")
+    expect(visit.page.locator("#live")).to_be_hidden()
+    visit.page.unroute(re.compile("fragment=1"))
+    visit.seen.console.clear()
+
+
+def test_a_batch_that_is_no_document_is_refused_with_a_sentence(visit: Visit) -> None:
+    visit.go("/batch")
+    visit.page.get_by_label("Or type the lines").fill("")
+    visit.page.get_by_role("button", name="Solve all").click()
+    expect(visit.page.get_by_role("alert")).to_be_visible()
+
+
+def test_a_lesson_can_be_changed_and_asked(visit: Visit) -> None:
+    visit.go("/learn")
+    assert visit.page.locator(".screen").count() == 6
+    visit.page.locator("#equations-2").fill("x'' = -x' - x")
+    expect(visit.page.locator("#understood-2 .formula")).to_have_count(1)
+    visit.page.get_by_role("button", name="Friction: is there an L?").click()
+    expect(visit.page.locator("h1 .yes, h2 .yes").first).to_be_visible()
+    whole(visit.page)
+
+
+def test_every_control_is_reached_by_keys_and_shows_that_it_is(visit: Visit) -> None:
+    visit.go("/")
+    controls = "a[href], button, summary, textarea, input:not([type=hidden]), select, [tabindex='0']"
+    wanted = visit.page.evaluate(
+        f"""() => [...document.querySelectorAll("{controls}")].filter(n => n.checkVisibility()).length"""
+    )
+    seen = set()
+    for _ in range(wanted + 5):
+        visit.page.keyboard.press("Tab")
+        place, outline = visit.page.evaluate("""() => {
+            const node = document.activeElement;
+            return [[...document.querySelectorAll('*')].indexOf(node), getComputedStyle(node).outlineStyle];
+        }""")
+        if place in seen or visit.page.evaluate("document.activeElement === document.body"):
+            break
+        seen.add(place)
+        assert outline != "none"
+    # The skip link is hidden until it has the focus; a disabled control would be missing here.
+    assert len(seen) >= wanted
+
+
+def test_every_call_is_listed_with_what_it_does(visit: Visit) -> None:
+    visit.go("/docs")
+    paths = visit.page.request.get(f"{visit.address}/openapi.json").json()["paths"]
+    listed = visit.page.locator("article tbody th code").all_inner_texts()
+    assert {f"{method.upper()} {path}" for path, methods in paths.items() for method in methods} <= {*listed}
+    assert all(text.strip() for text in visit.page.locator("article .scroll td").all_inner_texts())
+
+
+BLACK = [28, 35, 48]
+
+
+def test_the_points_of_a_long_run_are_no_black_ring(visit: Visit) -> None:
+    visit.go("/simulate")
+    visit.page.get_by_label("Steps").fill("5000")
+    visit.page.get_by_role("button", name="Run").click()
+    expect(visit.page.locator("[data-drawn]")).to_be_visible(timeout=40_000)
+    path = visit.page.locator("[data-plot=path] canvas")
+    black, orange = (path.evaluate(PIXELS, ink) for ink in (BLACK, ORANGE))
+    assert orange > 500
+    assert black < orange / 10
+
+
+def test_a_lagrangian_that_was_found_is_simulated_and_the_scene_changed(visit: Visit) -> None:
+    visit.go("/?example=sho")
+    visit.page.get_by_role("button", name="Open the answer").click()
+    visit.page.get_by_role("link", name="Simulate", exact=True).last.click()
+    visit.page.get_by_label("Steps").fill("50")
+    visit.page.get_by_role("button", name="Run").click()
+    visit.page.get_by_role("link", name="Change the scene").click(timeout=40_000)
+    expect(visit.page.get_by_label("Steps")).to_have_value("50")
+    visit.page.get_by_label("Steps").fill("60")
+    visit.page.get_by_role("button", name="Run").click()
+    expect(visit.page.locator("tbody tr", has_text="completed").first).to_contain_text("60", timeout=40_000)
+
+
+def test_a_constrained_result_is_simulated_with_the_lagrangian_that_was_found(visit: Visit) -> None:
+    document = {
+        "coordinates": ["x", "y", "z"], "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' + x*y'"],
+        "associated": "second",
+    }  # fmt: skip
+    solved = visit.page.request.post(f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"})
+    found = solved.json()["lagrangian"]["text"]
+    visit.go("/simulate?job=" + solved.headers["location"].rpartition("/")[2])
+    visit.page.get_by_label("Steps").fill("40")
+    visit.page.get_by_role("button", name="Run").click()
+    visit.page.get_by_text("The scene as a document").click(timeout=40_000)
+    expect(visit.page.get_by_label("The scene as JSON")).to_contain_text(f'"free_lagrangian": "{found}"')
+    expect(visit.page.locator("tbody tr", has_text="variational").first).to_contain_text("completed")
+
+
+def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
+    """Five methods at many steps take 4 s alone, and beside other work more than the 10 s of the other service."""
+    page = browser.new_page()
+    page.goto(f"{patient}/simulate?system=knife-edge")
+    page.get_by_label("Steps").fill("20")
+    page.get_by_role("button", name="Measure error vs. time").click()
+    expect(page.locator("[data-plot=work-precision] .legend span").first).to_be_visible(timeout=60_000)
+    assert page.locator("table.prices tbody tr").count() == 4
+    assert page.locator("table.prices .best").count() >= 1
+    picture, table = (page.locator(place).bounding_box() for place in ("[data-plot]", "table.prices"))
+    assert picture is not None
+    assert table is not None
+    assert picture["y"] < table["y"]
+    csv = page.request.get(page.url + "/prices.csv").text().splitlines()
+    assert csv[0].startswith("error,method")
+    page.close()
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_what_is_wrong_with_a_scene_is_told_beside_its_field(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/simulate?system=sho")
+    at.page.get_by_label("x", exact=True).fill("abc")
+    at.page.get_by_role("button", name="Run").click()
+    field = at.page.locator(".field", has=at.page.locator("[name='position.x']"))
+    expect(field.locator(".fault")).to_contain_text("not a number")
+    expect(at.page.locator("[name='position.x']")).to_have_attribute("aria-invalid", "true")
+    expect(at.page.get_by_label("x", exact=True)).to_have_value("abc")
+    assert "/results/" not in at.page.url
+
+
+def test_the_step_has_its_price_beside_it(visit: Visit) -> None:
+    """Runge-Kutta has order 4: half of a step of 0.1 has a sixteenth of its error."""
+    visit.go("/simulate?system=sho&method=runge-kutta&step=0.1&steps=100&position.x=1&velocity.x=0&parameter.k=1")
+    price = visit.page.locator("[data-price]")
+    expect(price).to_contain_text("runge-kutta", timeout=30_000)
+
+    def error() -> float:
+        found = re.search(r"about (\S+),", price.inner_text())
+        assert found
+        return float(found[1].replace("\u2212", "-"))
+
+    before = error()
+    assert 1e-7 < before < 1e-3
+    slider = visit.page.locator("[data-step]")
+    slider.focus()
+    slider.press("ArrowLeft")
+    assert visit.page.locator("[name=step]").input_value() == "0.05"
+    assert visit.page.locator("[name=steps]").input_value() == "200"
+    assert before / 32 < error() < before / 8
+
+
+def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) -> None:
+    visit.go("/?equations=x''+%3D+-3*x")
+    visit.page.get_by_role("button", name="Open the answer").click()
+    expect(visit.page.locator("#verdict").first).to_be_visible()
+    whole(visit.page)
+    answer = httpx.get(visit.page.url + "/embed", timeout=30)
+    assert "frame-ancestors 'self'" in answer.headers["content-security-policy"]
+    assert "<nav" not in answer.text
+    assert "frame-ancestors 'none'" in httpx.get(visit.page.url, timeout=30).headers["content-security-policy"]
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves a folder and says nothing."""
+
+    def log_message(self, *words: object) -> None:
+        """Nothing."""
+
+
+@pytest.fixture
+def courses(tmp_path: Path) -> Iterator[list[str]]:
+    """The origins of two other sites that serve the same folder."""
+    sites = [ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path))) for _ in range(2)]
+    for site in sites:
+        threading.Thread(target=site.serve_forever, daemon=True).start()
+    yield [f"http://127.0.0.1:{site.server_port}" for site in sites]
+    for site in sites:
+        site.shutdown()
+        site.server_close()
+
+
+def test_a_browser_frames_an_answer_on_a_listed_origin_and_on_no_other(
+    browser: Browser, courses: list[str], tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    listed, other = courses
+    page = new_page(browser, Look())
+    for address in running_service(tmp_path_factory.mktemp("framed"), 60, frame_origins=listed):
+        page.goto(address + "/?equations=x''+%3D+-3*x")
+        page.get_by_role("button", name="Open the answer").click()
+        expect(page.locator("#verdict").first).to_be_visible(timeout=60_000)
+        whole(page)
+        result = page.url
+        (tmp_path / "course.html").write_text(f'<iframe src="{result}/embed"></iframe>')
+        (tmp_path / "whole.html").write_text(f'<iframe src="{result}"></iframe>')
+        page.goto(f"{listed}/course.html")
+        expect(page.frame_locator("iframe").locator(".formula").first).to_be_visible()
+        for refused in (f"{other}/course.html", f"{listed}/whole.html"):
+            with page.expect_console_message(lambda message: "frame-ancestors" in message.text):
+                page.goto(refused)
+    page.context.close()
+
+
+def test_a_reading_that_was_meant_is_put_into_the_field(visit: Visit) -> None:
+    visit.go("/")
+    typed = visit.page.get_by_label("Equations", exact=True)
+    typed.fill("x'' = -k/m x\ny'' = -y")
+    visit.page.get_by_role("button", name="x'' = -(k/m)*x", exact=True).click()
+    expect(typed).to_have_value("x'' = -(k/m)*x\ny'' = -y")
+    expect(visit.page.locator("#understood .reading")).to_contain_text("constants")
+    assert visit.page.url == visit.address + "/"
+
+
+def paper(page: Page) -> str:
+    color: str = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    return color
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/simulate")
+    at.page.get_by_text("Another system").click()
+    at.page.get_by_role("link", name="Knife edge on a horizontal plane").click()
+    expect(at.page.locator("#picture-title")).to_have_text("Knife edge on a horizontal plane")
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_the_colors_are_chosen_and_remembered(visit: Visit, plain: Visit, scripts: bool) -> None:
+    at = visit if scripts else plain
+    at.go("/learn")
+    light = paper(at.page)
+    with at.page.expect_response("**/theme"):
+        at.page.get_by_role("button", name="Dark").click()
+    expect(at.page.get_by_role("button", name="Dark")).to_have_attribute("aria-pressed", "true")
+    assert at.page.url.endswith("/learn")
+    dark = paper(at.page)
+    assert dark != light
+    at.go("/batch")
+    assert paper(at.page) == dark
+    with at.page.expect_response("**/theme"):
+        at.page.get_by_role("button", name="System").click()
+    expect(at.page.get_by_role("button", name="System")).to_have_attribute("aria-pressed", "true")
+    assert paper(at.page) == light
+    at.page.emulate_media(color_scheme="dark")
+    assert paper(at.page) == dark
+    at.page.emulate_media(color_scheme="light")
