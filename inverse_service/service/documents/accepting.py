@@ -53,7 +53,7 @@ EXPECTED: dict[Steps, str] = {
     ("parameters",): "a list of names, or an object with values",
     ("parameters", "*"): 'a name in a list, a number in an object, such as "1/2"',
     ("functions",): 'an object such as {"A": ["r1"]}, each function with the coordinates it depends on',
-    ("functions", "*"): "a list of the coordinates that the function depends on",
+    ("functions", "*"): "a list of the coordinates and velocities that the function depends on",
     ("functions", "*", "*"): "a name",
     ("time_dependent_lagrangian",): "true or false, without quotes",
     ("ansatz",): """a list of terms such as ["y'^2/x'"]""",
