@@ -55,6 +55,21 @@ class Step:
         return f"$\\displaystyle {self.latex}$" if self.latex else None
 
 
+@dataclass(frozen=True)
+class FirstIntegral:
+    """A function of t, q, v that the motion keeps, its symmetry ("t -> t + s"), and where it is defined."""
+
+    name: str
+    expr: Expr
+    symmetry: str
+    domain: tuple[Any, ...]
+
+    def _repr_latex_(self) -> str:
+        import sympy
+
+        return f"$\\displaystyle {sympy.latex(self.expr)}$"
+
+
 def _aligned(rows: Iterable[tuple[str, str]]) -> str:
     """Left = right, one below the other, for a notebook."""
     return "$\\displaystyle\\begin{aligned}" + r" \\ ".join(f"{a} &= {b}" for a, b in rows) + "\\end{aligned}$"
@@ -198,6 +213,21 @@ class Answer(dict[str, Any]):
         momenta = {self._table.symbol(p): self._expression(text) for p, text in found["momenta"].items()}
         coordinates = tuple(self._table.coordinates.values())
         return Hamiltonian(self._expression(found["text"]), momenta, found["implicit"], coordinates, self._table.time)
+
+    @cached_property
+    def first_integrals(self) -> tuple[FirstIntegral, ...]:
+        """The functions that are constant along the motion, the energy first."""
+        from inverse_service.sympy.from_sympy import relation
+
+        return tuple(
+            FirstIntegral(
+                each["name"],
+                self._expression(each["text"]),
+                each.get("symmetry") or "",
+                tuple(relation(text, self._table) for text in each["domain"]),
+            )
+            for each in self._shown.get("first_integrals") or self.get("first_integrals") or ()
+        )
 
     @cached_property
     def multiplier(self) -> ImmutableMatrix | None:

@@ -35,6 +35,16 @@ def test_the_simple_lagrangian_comes_first_as_on_the_command_line() -> None:
         assert "atan" not in result.to_code(language)
 
 
+def test_first_integrals_are_constant_along_the_motion() -> None:
+    r, phi, k = sp.Function("r")(T), sp.Function("phi")(T), sp.Symbol("k")
+    result = solve({r: r * phi.diff(T) ** 2 - k / r**2, phi: -2 * r.diff(T) * phi.diff(T) / r})
+    assert [each.name for each in result.first_integrals][:2] == ["energy", "momentum of phi"]
+    for each in result.first_integrals:
+        assert sp.simplify(each.expr.diff(T).subs(result.equations)) == 0
+        assert each._repr_latex_().startswith("$")
+    assert result.first_integrals[0].domain == (sp.Ne(r, 0),)
+
+
 @pytest.mark.parametrize(
     "system",
     [
