@@ -19,9 +19,9 @@ import numpy as np
 
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
-from inverse_service.simulation import advice
 from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of, with_effects
 from inverse_service.simulation.running import MethodRun, observed_problem, run_method
+from inverse_service.simulation.running import operations as operations_of
 from inverse_service.simulation.scene_data import (
     FreeLagrangian,
     Grid,
@@ -106,7 +106,7 @@ def operations(scene: Scene) -> int:
     """Floating-point instructions and calls in the kernel of the scene's method, each counted once."""
     problem = problem_of(scene, METHOD, derive(scene, _no_free))
     assert isinstance(problem, Problem)
-    return advice.operations(*observed_problem(scene, problem), METHOD)
+    return operations_of(*observed_problem(scene, problem), METHOD)
 
 
 def _observing(run: MethodRun) -> float:

@@ -186,7 +186,6 @@ _UNDEFINED = "begin elsewhere, stop before, or leave the quantity out of observe
 _NO_VALUE = "take a smaller step; where a formula has no value, stop before"
 _ENDS = "stop before: the motion or a formula ends there"
 _FASTER = "take a smaller step or a larger tolerance; where something decays fast, `stiff`"
-_BENT = "the third difference of the path compared with its steps, squared: fewer than five steps in a turn"
 _KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25
@@ -305,8 +304,6 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
         return Stopped("no_convergence", step, quantity, value if place < len(card.solves) else math.nan, remedy)
     if code == programs.NO_START:
         return Stopped("off_domain", 0, "the state at the start, which has no finite value", value, _UNDEFINED)
-    if code == programs.UNRESOLVED:
-        return Stopped("unresolved", step, _BENT, value, f"{_REMEDY}; guard = false continues unchecked")
     if code == programs.TOO_MANY:
         quantity = f"a step of its own: {MOST_TRIES} such steps do not reach the next point"
         return Stopped("unresolved", step, quantity, value, _FASTER)

@@ -14,6 +14,7 @@ of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-
 from __future__ import annotations
 
 import logging
+import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -26,13 +27,25 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add
+from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.simulation import derivation, ensembles, estimates, execution, initial, motions, observing
-from inverse_service.simulation.advice import COST, Means, effects_of, part_costs
+from inverse_service.kernels.codegen import compiled
+from inverse_service.simulation import (
+    derivation,
+    ensembles,
+    estimates,
+    execution,
+    initial,
+    motions,
+    numeric_formulas,
+    observing,
+    schemes,
+)
 from inverse_service.simulation.events import Found, Pieces, has_pieces, period_of, run_pieces, with_events
 from inverse_service.simulation.numeric_formulas import array_value, table_of
 from inverse_service.simulation.scene_data import (
     EXACT,
+    Effect,
     FreeLagrangian,
     Grid,
     MethodChoice,
@@ -121,8 +134,8 @@ def run_scene(
     if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple) and begins:
         tell("Lyapunov exponent")
         exponent = largest_exponent(scene, derived.accelerations, stop)
-    means = Means(_no_run, observed_problem, find or _no_free, stop or (lambda: False))
-    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent, effects_of(scene, derived, means))
+    effects = effects_of(scene, derived, find or _no_free)
+    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent, effects)
 
 
 def run_method(
@@ -150,7 +163,7 @@ def run_method(
         outcome = replace(outcome, doubt=doubt)
     if COST in scene.observe:
         with derivation.timed(seconds, COST):
-            numbers[COST] = _costs(scene, requested, derived, run_.free, stop, find)
+            numbers[COST] = part_costs(scene, requested, problem, run_.free, stop, find or _no_free)
     return replace(run_, outcome=outcome, numbers=numbers, seconds=seconds)
 
 
@@ -273,23 +286,131 @@ def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observati
     return problem.with_used_parameters([one.expression for one in observation.observables]), observation
 
 
-def _costs(
-    scene: Scene, requested: Requested, derived: derivation.Derived, free: FreeLagrangian | None, stop: Stop | None,
-    find: derivation.Find | None,
+COST = "cost"
+IN_KERNEL = ("energy", "constraints", "momenta", "velocities")
+TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
+REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
+LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
+NOT_IN_STEPS = "The cost of parts is measured for methods that step with a kernel."
+TOO_SHORT = "The run is too short for its steps to be timed: take more of them."
+TOGETHER = "The free Lagrangian belongs to all effects together: they cannot be taken out of it one by one."
+_OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
+
+
+def part_costs(
+    scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None,
+    find: derivation.Find,
 ) -> dict[str, Any]:  # fmt: skip
-    def step(variant: Scene, problem: Problem) -> Trajectory | Unavailable:
-        known = None
-        if problem.free_lagrangian is not None:
-            known = free or FreeLagrangian(problem.free_lagrangian, problem.free_hamiltonian, {}, "")
-        found = _integrated(variant, requested, problem, known, stop)
-        return found.trajectory if isinstance(found, Pieces) else found
+    """The key `cost` of a method: the whole step, and each part of it as the difference to the scene without it; no
+    time where that is below the noise. A step is timed as a run of many less that of one, each the best of several: to
+    call a kernel takes longer than many steps."""
+    if not method_table.METHODS[requested.method].has_kernel:
+        return {"note": NOT_IN_STEPS}
 
-    means = Means(step, observed_problem, find or _no_free, stop or (lambda: False))
-    return part_costs(scene, requested, derived, means)
+    def best(variant: Scene, what: Problem, steps: int) -> tuple[float, int] | Unavailable:
+        """(seconds of the fastest run with so many steps, steps that it makes)."""
+        known, least, spent, done = None, float("inf"), 0.0, 0
+        if what.free_lagrangian is not None:
+            known = free or FreeLagrangian(what.free_lagrangian, what.free_hamiltonian, {}, "")
+        for turn in range(REPEATS):
+            if (turn >= LEAST_REPEATS and spent > LONG_ENOUGH) or (turn and stop is not None and stop()):
+                break
+            ran = _integrated(replace(variant, grid=replace(variant.grid, steps=steps)), requested, what, known, stop)
+            if isinstance(ran, Unavailable):
+                return ran
+            assert isinstance(ran, Trajectory)
+            done = steps if ran.outcome.completed else ran.outcome.step or 0
+            least, spent = min(least, ran.run_seconds), spent + ran.run_seconds
+        return (least, done) if done else Unavailable("no step is made.")
+
+    def price(variant: Scene, what: Problem) -> tuple[float, int, int] | Unavailable:
+        """(ns of a step or nan, operations, steps that were timed)."""
+        begun, steps = best(variant, what, 1), min(scene.grid.steps, TIMED_STEPS)
+        if isinstance(begun, Unavailable):
+            return begun
+        while True:
+            whole = best(variant, what, steps)
+            if isinstance(whole, Unavailable):
+                return whole
+            is_long = whole[0] > 2 * begun[0]
+            if is_long or whole[1] < steps or steps >= TIMED_STEPS:
+                break
+            steps = min(MORE_STEPS * steps, TIMED_STEPS)
+        step = 1e9 * (whole[0] - begun[0]) / (whole[1] - 1) if is_long and whole[1] > 1 else np.nan
+        return step, operations(*observed_problem(variant, what), requested), whole[1]
+
+    whole = price(scene, problem)
+    if isinstance(whole, Unavailable):
+        return {"note": whole.reason}
+    together = _belongs_together(scene, requested)
+    variants = [] if together else [(part.name, "effect", turned(scene, part)) for part in scene.parts if part.acts]
+    for name in (name for name in scene.observe if name in IN_KERNEL):
+        others = tuple(one for one in scene.observe if one != name)
+        variants.append((name, "observed", replace(scene, observe=others)))
+    parts = []
+    for name, kind, variant in variants:
+        without = derivation.problem_of(variant, requested, derivation.derive(_alone(variant, requested), find))
+        found = without if isinstance(without, Unavailable) else price(variant, without)
+        part: dict[str, Any] = {"name": name, "kind": kind, "step_ns": None, "operations": None}
+        if isinstance(found, Unavailable):
+            part["note"] = f"Without it: {found.reason}"
+        else:
+            part["operations"] = whole[1] - found[1]
+            part |= {"step_ns": whole[0] - found[0]} if whole[0] > found[0] else {"note": "Its time is in the noise."}
+        parts.append(part)
+    note = TOO_SHORT if np.isnan(whole[0]) else TOGETHER if together and scene.parts else ""
+    numbers = dict(zip(("step_ns", "operations", "steps"), whole, strict=True))
+    return numbers | ({"note": note} if note else {}) | {"parts": parts}
 
 
-def _no_run(*_: object) -> Unavailable:
-    return Unavailable("no run is made.")
+def _belongs_together(scene: Scene, requested: Requested) -> bool:
+    """Whether the effects of a method are in one free Lagrangian, out of which none can be taken."""
+    return bool(scene.constraints) and requested.method in method_table.USES_FREE
+
+
+def turned(scene: Scene, part: Effect) -> Scene:
+    """The scene without the effect, where it acts, or with it."""
+    names = (name for name in scene.effects if name != part.name)
+    effects = tuple(names) if part.acts else (*scene.effects, part.name)
+    return replace(scene, lagrangian=part.lagrangian, constraints=part.constraints, forces=part.forces, effects=effects)
+
+
+def _alone(scene: Scene, requested: Requested) -> Scene:
+    """The scene with one method and what its kernel observes."""
+    return replace(scene, methods=(requested,), observe=tuple(name for name in scene.observe if name in IN_KERNEL))
+
+
+def effects_of(scene: Scene, derived: derivation.Derived, find: derivation.Find) -> dict[str, Any]:
+    """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
+    method that steps with a kernel; None where that cannot be told."""
+    method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
+                   and not _belongs_together(scene, one)), None)  # fmt: skip
+
+    def count(variant: Scene, known: derivation.Derived | None) -> int | None:
+        if method is None or len(scene.coordinates) > LARGE:
+            return None
+        alone = _alone(variant, method)
+        problem = derivation.problem_of(variant, method, known or derivation.derive(alone, find))
+        try:
+            return None if isinstance(problem, Unavailable) else operations(*observed_problem(alone, problem), method)
+        except InputError:  # the method is not for such a scene
+            return None
+
+    whole = count(scene, derived)
+    found: dict[bool, list[dict[str, Any]]] = {True: [], False: []}
+    for part in scene.parts:
+        other = None if whole is None else count(turned(scene, part), None)
+        more = None if whole is None or other is None else (whole - other if part.acts else other - whole)
+        found[part.acts].append({"name": part.name, "operations": more})
+    label = None if whole is None or method is None else method.label
+    return {"acting": found[True], "left_out": found[False], "method": label, "operations": whole}
+
+
+def operations(problem: Problem, observation: Observation, requested: Requested) -> int:
+    """Floating-point instructions and calls in the kernel of a method, each counted once: no load changes them."""
+    assert requested.choice is not None
+    text = compiled.kernel_text(schemes.program_of(numeric_formulas.Formulas(problem), requested.choice, observation))
+    return len(_OPERATION.findall(text))
 
 
 def _no_free(*_: object) -> Unavailable:

@@ -218,8 +218,7 @@ def _program(
     state, changes = with_clock(f, state, changes, observed)
     updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
     displacement = tuple(d) if observation.velocities else ()
-    way = tuple(d) if choice.guard else ()
-    needed = [*(u for u in updates if u is not None), *displacement, *way]
+    needed = [*(u for u in updates if u is not None), *displacement]
     needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return programs.Program(
         state=state,
@@ -228,7 +227,6 @@ def _program(
         updates=updates,
         watches=tuple(watches),
         displacement=displacement,
-        way=way,
         observed=observed,
         forces=0 if any(not isinstance(statement, programs.Assign) for statement in statements) else 1,
     )

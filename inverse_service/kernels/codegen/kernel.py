@@ -25,7 +25,6 @@ from inverse_service.kernels.codegen.program import (
     GUARDED,
     NO_CONVERGENCE,
     NOT_FINITE,
-    PACE,
     SINGULAR,
     STATUS,
     STOPPED_AT,
@@ -34,7 +33,6 @@ from inverse_service.kernels.codegen.program import (
     TOO_SHORT,
     TRIAL,
     UNOBSERVABLE,
-    UNRESOLVED,
     WATCHED,
     Assign,
     Iterate,
@@ -403,14 +401,6 @@ def _named(formula: Formula, parts: dict[Formula, Formula], prefix: str) -> Form
 CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iterations")
 
 
-# Four to five steps in a turn of what moves most are the least.
-LEAST_RESOLVED = 0.16
-# Of the square of 4 b; below it the test holds: with |a - 2 b + c| <= 0.2 |4 b| is |a| + 2 |b| + |c| >= 0.8 |4 b|.
-EASILY_RESOLVED = 0.04
-NOISE_OF_PLACE = 1e-10
-FADING = 0.81  # a step, of the square of a pace
-
-
 class Kernel:
     """Writes one program with one writer."""
 
@@ -537,7 +527,7 @@ class Kernel:
     def _update(self) -> None:
         w, e = self.writer, self.emitter
         names = changing(self.program)
-        moves = [*self.program.displacement, *self.program.way]
+        moves = self.program.displacement
         values = e.write([*(update for update in self.program.updates if update is not None), *moves])
         for name, value in zip(names, values, strict=False):
             self._add_compensated(name, self._alive(value))
@@ -546,8 +536,7 @@ class Kernel:
 
     def _sums(self) -> list[str]:
         """What is added up over the substeps of a composition."""
-        moved = [f"moved_{k}" for k in range(len(self.program.displacement))]
-        return [*moved, *(f"way_{k}" for k in range(len(self.program.way)))]
+        return [f"moved_{k}" for k in range(len(self.program.displacement))]
 
     def _add_compensated(self, name: str, increment: str) -> None:
         """Kahan (1965): the low part is what the sum lost."""
@@ -561,8 +550,6 @@ class Kernel:
     def _end_step(self) -> None:
         w = self.writer
         self._test_finite()
-        if self.program.way:
-            self._test_resolution()
         w.write(CLOCK, w.binary("+", w.read(CLOCK), w.number(1.0)))
         self._leave_if_stopped("stopped_early", "step_is_good")
         w.write_counter("done", w.add_counters(w.read_counter("done"), "1"))
@@ -582,51 +569,6 @@ class Kernel:
         for name in names:
             total = w.binary("+", total, w.binary("*", w.read(name), w.number(0.0)))
         self.blocks.stop_unless(w.compare("==", total, w.number(0.0)), NOT_FINITE, total)
-
-    def _test_resolution(self) -> None:
-        """Sum of (a - 2 b + c)^2 below LEAST_RESOLVED times that of (|a| + 2 |b| + |c|)^2, for three steps in a row.
-
-        For an oscillation the quotient is (1 - cos(h omega))^2/4. Round-off of the position counts nothing, and where
-        the motion stands still for a moment its pace before counts, which fades.
-        """
-        w, places = self.writer, range(len(self.program.way))
-        steps = [tuple(w.read(f"{name}_{k}") for name in ("way", "later", "before")) for k in places]
-        bent = self._squares([w.binary("+", w.binary("-", a, w.binary("+", b, b)), c) for a, b, c in steps])
-        pace = w.binary("*", w.number(16.0), self._squares([last for _, last, _ in steps]))
-        past = w.binary("*", w.number(FADING), w.read(PACE))
-        pace = w.select(w.compare(">", pace, past), pace, past)
-        w.write(PACE, pace)
-        for place, (now, last, _) in zip(places, steps, strict=True):
-            w.write(f"before_{place}", last)
-            w.write(f"later_{place}", now)
-        easy = w.compare("<=", bent, w.binary("*", w.number(EASILY_RESOLVED), pace))
-        w.branch(w.everywhere(easy), "resolved", "look_closer", rare=True)
-        w.open("look_closer")
-        self._look_closer(steps, bent, past)
-        w.label("resolved")
-
-    def _look_closer(self, steps: Sequence[tuple[str, ...]], bent: str, past: str) -> None:
-        w = self.writer
-        sizes = []
-        for place, (now, last, before) in enumerate(steps):
-            twice = w.absolute(w.binary("+", last, last))
-            total = w.binary("+", w.binary("+", w.absolute(now), twice), w.absolute(before))
-            noise = w.binary("*", w.number(NOISE_OF_PLACE), w.absolute(w.read(self.program.state[place])))
-            sizes.append(w.binary("+", total, noise))
-        size = self._squares(sizes)
-        size = w.select(w.compare(">", size, past), size, past)
-        w.write(PACE, size)
-        early = w.compare("<", w.read(CLOCK), w.number(2.0))
-        good = w.compare("<=", bent, w.binary("*", w.number(LEAST_RESOLVED), size))
-        one = w.number(1.0)
-        good = w.compare("==", w.select(early, one, w.select(good, one, w.number(0.0))), one)
-        self.blocks.stop_unless(good, UNRESOLVED, w.binary("/", bent, size))
-
-    def _squares(self, values: Sequence[str]) -> str:
-        w, total = self.writer, self.writer.number(0.0)
-        for value in values:
-            total = w.binary("+", total, w.binary("*", value, value))
-        return total
 
     def _record(self) -> None:
         w = self.writer

@@ -24,12 +24,11 @@ from inverse_service.kernels.codegen.symengine_trees import STEP, ZERO, Formula,
 
 NOT_FINITE = 1
 NO_CONVERGENCE, SINGULAR, GUARDED, WATCHED = 100, 200, 300, 400
-TOO_SHORT, UNRESOLVED, NO_START, TOO_MANY = 2, 3, 4, 6
+TOO_SHORT, NO_START, TOO_MANY = 2, 4, 6
 UNOBSERVABLE = 1000
 
 
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
-PACE = "pace"  # the square of recent steps
 TRIAL = "trial"  # the length of the next step where a kernel chooses it
 
 
@@ -69,8 +68,6 @@ def layout_of(program: Program) -> Layout:
         *program.sizes,
         *(f"{which}_{k}" for k in range(len(solves)) for which in ("first", "last")),
         *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind in ("sign", "rank")),
-        *(f"{which}_{k}" for k in range(len(program.way)) for which in ("later", "before")),
-        *((PACE,) if program.way else ()),
         *(f"maximum_{k}" for k in range(len(program.observed))),
     ]
     columns = (
@@ -145,8 +142,7 @@ class Program:
     """`statements` compute the increments, `updates[k]` is the increment of `state[k]` (None: it never changes).
 
     `arguments` are read-only and given at run time; "h" is the (sub)step. `displacement` are the position
-    increments where discrete velocities are recorded, `observed` formulas of old state and increments. `way` are
-    position increments whose third differences are watched: steps must resolve the motion. `error` is the
+    increments where discrete velocities are recorded, `observed` formulas of old state and increments. `error` is the
     squared norm of the error of a step that chooses its own length, which falls with its power `order`.
     """
 
@@ -157,7 +153,6 @@ class Program:
     watches: tuple[Watch, ...] = ()
     displacement: tuple[Formula, ...] = ()
     observed: tuple[tuple[str, Formula], ...] = ()
-    way: tuple[Formula, ...] = ()
     forces: int = 0
     error: Formula | None = None
     order: int = 0
