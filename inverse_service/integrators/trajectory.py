@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 # What the kind of an outcome means.
 WORDS = {
-    "singular": "a quantity that the method divides by vanishes",
+    "singular": "the motion or the method ends there",
     "guard": "the step is too long for its equation",
     "unresolved": "the step is too long for the motion",
     "no_convergence": "the equation of the step was not solved",

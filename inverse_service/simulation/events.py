@@ -48,6 +48,7 @@ AT_ONCE = 2**17
 NEAR = 4.0  # differences between places: beyond them the formula does not reach 0 before the next
 FLAT = 1e-3
 GOLDEN, TURNS = (np.sqrt(5) - 1) / 2, 40
+CLOSE = 0.1  # of the size of a motion: a return to its start
 TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
 LOOKED_AGAIN, OFF_GRID = 512, (0.1, 0.23, 0.382)  # places between those looked at, in parts of their distance
 NOT_SHOWN, OFTEN = 0.25, 0.01  # of the change nearby, and of the places
@@ -348,8 +349,8 @@ def _zeros(brackets: Brackets, way: Way) -> State:
 
 def period_of(run: observing.Observed, motion: data.Problem | data.Unavailable) -> dict[str, Any]:
     """{"period": {mean, least, greatest, returns, apart}}: the times between returns to the section through the start,
-    across its velocity, or across its acceleration among the velocities where it begins at rest; `apart` is how far the
-    first return is from the start, as a share of the motion's size: a period where that is small."""
+    across its velocity, or across its acceleration among the velocities where it begins at rest, that come as near to the
+    start as CLOSE of the motion's size; `apart` is how far the first one is from it, as such a share."""
     scene, at = run.scene, run.trajectory
     velocities = observing.velocities_at_points(run)
     if velocities is None or scene.grid.record_every > 1 or len(at.times) < 3:
@@ -365,14 +366,16 @@ def period_of(run: observing.Observed, motion: data.Problem | data.Unavailable) 
     formula = ex.add(*(float_number(v) * term for v, term in zip(way, terms, strict=True) if v))
     (found,) = located(run, [data.Event(formula, 1, False)], motion)
     later = found.times > at.times[0] + TOUCH_FROM * scene.grid.step
-    times = np.concatenate([at.times[:1], found.times[later]])
-    if len(times) < 2:
-        return {"period": None, "period_note": "The motion does not return to the section through its start."}
-    moved = found.positions[later][0] - at.positions[0]
-    moved = np.where(turns, np.abs((moved + np.pi) % (2 * np.pi) - np.pi), np.abs(moved))
+    moved = found.positions[later] - at.positions[0]
+    moved = np.where(turns, np.abs((moved + np.pi) % (2 * np.pi) - np.pi), np.abs(moved)).max(axis=1, initial=0.0)
     size = np.where(turns, np.minimum(np.ptp(at.positions, axis=0), 2 * np.pi), np.ptp(at.positions, axis=0)).max()
+    near = moved <= CLOSE * (size or 1.0)
+    times = np.concatenate([at.times[:1], found.times[later][near]])
+    if len(times) < 2:
+        return {"period": None, "period_note": "The motion does not return to its start."}
     gaps = np.diff(times)
-    numbers = {"mean": gaps.mean(), "least": gaps.min(), "greatest": gaps.max(), "apart": moved.max() / (size or 1.0)}
+    apart = moved[near][0] / (size or 1.0)
+    numbers = {"mean": gaps.mean(), "least": gaps.min(), "greatest": gaps.max(), "apart": apart}
     return {"period": {name: float(value) for name, value in numbers.items()} | {"returns": len(gaps)}}
 
 
@@ -424,10 +427,14 @@ def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expr
             return _gathered(ex.rebuild(part, replaced))
         outside, inside = [], []
         for factor in ex.factors_of(part.base):
-            side = sides.get(factor.base) if nf.is_square(factor) and isinstance(factor, ex.Power) else None
-            if side and isinstance(factor, ex.Power) and isinstance(factor.exponent, ex.Number):
-                power, u = factor.exponent.value * part.exponent.value, replaced(factor.base)
-                outside.append(ex.number(side) ** power * u**power if power.denominator == 1 else (side * u) ** power)
+            square, power = factor, part.exponent.value
+            if nf.is_root(factor) and isinstance(factor, ex.Power) and isinstance(factor.exponent, ex.Number):
+                square, power = factor.base, power * factor.exponent.value
+            side = sides.get(square.base) if nf.is_square(square) and isinstance(square, ex.Power) else None
+            if side and isinstance(square, ex.Power) and isinstance(square.exponent, ex.Number):
+                power, u = square.exponent.value * power, replaced(square.base)
+                # A root of u stays one of u^2: a step that goes beyond u = 0 has a value there.
+                outside.append(ex.number(side) ** power * u**power if power.denominator == 1 else (u**2) ** (power / 2))
             else:
                 inside.append(replaced(factor))
         return _gathered(ex.multiply(*outside, ex.multiply(*inside) ** part.exponent))

@@ -184,7 +184,7 @@ _SECONDS_PER_PIECE = 0.1
 _REMEDY = "take a smaller step"
 _UNDEFINED = "begin elsewhere, stop before, or leave the quantity out of observe"
 _NO_VALUE = "take a smaller step; where a formula has no value, stop before"
-_ENDS = "stop before: the motion or a formula ends there"
+_ENDS = "stop before"
 _FASTER = "take a smaller step or a larger tolerance; where something decays fast, `stiff`"
 _KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
@@ -308,7 +308,7 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
         quantity = f"a step of its own: {MOST_TRIES} such steps do not reach the next point"
         return Stopped("unresolved", step, quantity, value, _FASTER)
     if code == programs.TOO_SHORT:
-        return Stopped("singular", step, "the step that the tolerance asks for", value, _ENDS)
+        return Stopped("singular", step, "a step within the tolerance", value, _ENDS)
     assert code == programs.NOT_FINITE
     return Stopped("not_finite", step, "a coordinate or momentum", math.nan, _REMEDY)
 

@@ -49,6 +49,14 @@ def test_the_period_of_a_pendulum_is_an_elliptic_integral(method: Any) -> None:
     assert only(PENDULUM | {"initial": turning, "observe": ["period"]})["period"]["returns"] == 8
 
 
+def test_the_other_end_of_a_swing_is_no_return() -> None:
+    """A pendulum in the plane begins at rest on one side and is at rest on the other after half a period."""
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - y", "constraints": ["x*x' + y*y'"]}
+    start = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}
+    period = only(PENDULUM | {"system": system, "initial": start, "observe": ["period"]})["period"]
+    assert period["mean"] == pytest.approx(4 * ellipk(0.5), abs=1e-9)
+
+
 def test_a_motion_that_does_not_return_has_no_period() -> None:
     free = {"coordinates": ["a"], "lagrangian": "a'^2/2"}
     initial = {"positions": {"a": 1}, "velocities": {"a": 1}}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import beta
 
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
@@ -310,3 +311,12 @@ def test_what_an_event_cannot_set_is_refused_at_its_place(event: Any, pointer: s
         simulate(BALL | {"step": 0.1, "steps": 3, "events": [{"when": "y", "do": event}], "methods": ["adaptive"]})
     assert refused.value.pointer.startswith(pointer)
     assert words in refused.value.detail
+
+
+def test_a_force_like_a_root_is_passed_where_it_is_zero() -> None:
+    """x'' = -sign(x) sqrt|x| from rest at 1: x = 0 after B(2/3, 1/2)/sqrt(3), and after three times that."""
+    scene = {"system": {"coordinates": ["x"], "equations": {"x": "-sign(x)*sqrt(abs(x))"}}, "time": 6, "step": 0.02}
+    found = run(scene | start(1, 0) | {"events": [{"when": "x"}]})
+    assert found["outcome"] == "completed"
+    quarter = beta(2 / 3, 1 / 2) / np.sqrt(3)
+    assert found["events"][0]["columns"]["t"] == pytest.approx([quarter, 3 * quarter], abs=1e-8)

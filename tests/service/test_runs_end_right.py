@@ -286,20 +286,6 @@ def test_a_barrier_that_a_step_jumps_over_ends_the_run() -> None:
             assert method["outcome"] in ("unresolved", "no_convergence", "guard"), label
 
 
-@pytest.mark.slow
-def test_a_narrow_barrier_that_no_step_lands_in_ends_the_run() -> None:
-    """V = 10 within 0.002 of x = 1.03, before and behind it 0: a mass of energy 1/2 comes back. Nothing is observed."""
-    start = {"positions": {"x": 0}, "velocities": {"x": 1}}
-    for system in ({"coordinates": ["x"], "lagrangian": "x'^2/2 - 10*exp(-(1000*(x - 1.03))^2)"},
-                   {"equations": {"x": "2*10^7*(x - 1.03)*exp(-(1000*(x - 1.03))^2)"}}):  # fmt: skip
-        scene = OSCILLATOR | {"system": system, "initial": start, "steps": 30, "methods": EVERY}
-        for label, method in methods(scene).items():
-            if method["outcome"] == "completed":
-                assert method["final"]["positions"]["x"] == pytest.approx(-0.94, abs=1e-2), label
-            else:
-                assert method["outcome"] in ("unresolved", "no_convergence", "guard", "unavailable"), label
-
-
 def test_a_narrow_barrier_that_is_low_is_passed() -> None:
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - exp(-(1000*(x - 1.03))^2)/100"}
     start = {"positions": {"x": 0}, "velocities": {"x": 1}}
@@ -312,14 +298,15 @@ FIXED = ["variational", "stormer-verlet", "runge-kutta", "adaptive"]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("observe", [[], ["error"]])
-def test_a_force_far_faster_than_the_step_is_unresolved(observe: list[str]) -> None:
+def test_a_force_far_faster_than_the_step_is_doubted(observe: list[str]) -> None:
     """Its mean is 0; at the steps it is that of a slow force, which throws the motion elsewhere."""
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 + sin(1000*t)*x^2/2"}
     start = {"positions": {"x": 1}, "velocities": {"x": 1}}
     scene = OSCILLATOR | {"system": system, "initial": start, "step": 0.05, "steps": 200, "methods": FIXED}
-    found = outcomes(scene | {"observe": observe})
-    assert found.pop("adaptive") == "completed"
-    assert set(found.values()) == {"unresolved"}
+    found = methods(scene | {"observe": observe})
+    assert found["adaptive"]["outcome"] == "completed"
+    assert "doubt" not in found.pop("adaptive")
+    assert all(method["outcome"] == "unresolved" or method["doubt"] for method in found.values())
 
 
 @pytest.mark.slow
@@ -486,8 +473,8 @@ def test_methods_with_the_same_equations_pass_a_kink_alike(alpha: Any) -> None:
 
 
 @pytest.mark.slow
-def test_a_constrained_motion_ends_at_a_kink_of_the_potential() -> None:
-    """A step of 0.05 went by two kinks here and ended 0.09 from the motion, which is at y = 0.324."""
+def test_a_constrained_motion_passes_a_kink_of_the_potential() -> None:
+    """A step of 0.05 once went by two kinks here and ended 0.09 from the motion."""
     system = {
         "coordinates": ["x", "y", "z"],
         "lagrangian": "(x'^2+y'^2+z'^2+x'*y')/2 - 2*abs(x-y)",
@@ -497,9 +484,9 @@ def test_a_constrained_motion_ends_at_a_kink_of_the_potential() -> None:
     found = methods(
         {"system": system, "initial": start, "step": 0.05, "time": 1, "methods": ["nonholonomic", "adaptive"]}
     )
-    assert found["nonholonomic-0.5"]["outcome"] == "singular"
-    assert found["nonholonomic-0.5"]["stopped"]["quantity"] == "x - y"
-    assert found["adaptive"]["outcome"] == "completed"
+    assert {method["outcome"] for method in found.values()} == {"completed"}
+    ends = [method["final"]["positions"]["x"] for method in found.values()]
+    assert ends == pytest.approx([0.324499, 0.324499], abs=1e-3)  # DOP853 with events at 1e-12
 
 
 def test_a_board_at_rest_needs_no_force() -> None:

@@ -97,10 +97,19 @@ def _energy(name: str) -> Quantity:
     def varying(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
         return None if keeps_energy(method, name) else table.get("mechanical_energy", table.get(name))
 
-    signed = [(label, energy_error(name)), ("E = T + V", varying)]
-    if name == "energy":
-        signed.append(("conserved H, relative drift", column("conserved_1")))
-    return Quantity(f"|{label}|", words, energy_error(name), lambda *_: signed)
+    def signed(
+        result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
+    ) -> Iterable[tuple[str, Column]]:
+        # The energy of a Lagrangian that was found for given equations is T + V only where a factor of t was taken out.
+        found = result["system"]["lagrangian"] is None and not any(
+            "mechanical_energy" in one for one in tables.values()
+        )
+        yield label, energy_error(name)
+        yield "energy of the L found" if found else "E = T + V", varying
+        if name == "energy":
+            yield "conserved H, relative drift", column("conserved_1")
+
+    return Quantity(f"|{label}|", words, energy_error(name), signed)
 
 
 QUANTITIES = {
