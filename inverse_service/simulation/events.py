@@ -349,8 +349,8 @@ def _zeros(brackets: Brackets, way: Way) -> State:
 
 def period_of(run: observing.Observed, motion: data.Problem | data.Unavailable) -> dict[str, Any]:
     """{"period": {mean, least, greatest, returns, apart}}: the times between returns to the section through the start,
-    across its velocity, or across its acceleration among the velocities where it begins at rest, that come as near to the
-    start as CLOSE of the motion's size; `apart` is how far the first one is from it, as such a share."""
+    across its velocity, or across its acceleration among the velocities where it begins at rest, that come as near to
+    the start as CLOSE of the motion's size; `apart` is how far the first one is from it, as such a share."""
     scene, at = run.scene, run.trajectory
     velocities = observing.velocities_at_points(run)
     if velocities is None or scene.grid.record_every > 1 or len(at.times) < 3:

@@ -100,7 +100,7 @@ def _energy(name: str) -> Quantity:
     def signed(
         result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
     ) -> Iterable[tuple[str, Column]]:
-        # The energy of a Lagrangian that was found for given equations is T + V only where a factor of t was taken out.
+        # The energy of an L that was found for given equations is T + V only where a factor of t was taken out.
         found = result["system"]["lagrangian"] is None and not any(
             "mechanical_energy" in one for one in tables.values()
         )
