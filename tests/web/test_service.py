@@ -280,6 +280,7 @@ def test_a_lagrangian_alone_has_a_page_of_its_equations(client: httpx.Client) ->
         ("/", {"equations": '{"equations": 1'}, "data-problem"),
         ("/", {"equations": "x'' = -x", "time_limit": "soon"}, "data-problem"),
         ("/understood", {"equations": "x'' = -k*x\r\n", "coordinates": "x", "kinds": ["natural"]}, "<math"),
+        ("/understood", {"equations": "x'' = -kx"}, "parameters:0:0:kx"),
         ("/understood", {"lagrangian": "x'^2 - x^2", "constraints": "y'' = 0", "associated": "first"}, "data-problem"),
     ],
 )

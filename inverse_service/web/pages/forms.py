@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import parse_qs, parse_qsl, urlencode
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from inverse_service import catalogue, errors
 from inverse_service.expressions import letters, printing_mathml
@@ -406,10 +406,14 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """Groups of formulas under headings, and rows of names with what they stand for."""
+    """Groups of formulas under headings, and rows of names with what they stand for.
+
+    `readings` are what was read otherwise than it was typed: the text, its meaning, and what a button for a name sends.
+    """
 
     groups: list[tuple[str, list[Line]]]
     names: list[tuple[str, Markup, str]]
+    readings: list[tuple[str, str, str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -445,7 +449,13 @@ def understood(answer: Mapping[str, Any]) -> Understood:
         lines = _formulas(answer.get(key), heading)
         if lines:
             groups.insert(len(groups) - 1 if key == "lagrangian" else len(groups), (heading, lines))
-    return Understood(_ordered(groups), _names_understood(answer))
+    readings = [(one["text"], one["as"], _as_a_name(one["text"], one["as"])) for one in answer.get("readings", ())]
+    return Understood(_ordered(groups), _names_understood(answer), readings)
+
+
+def _as_a_name(text: str, meant: str) -> str:
+    """What a button sends to declare the kx that was read as k*x; nothing for what was left out."""
+    return f"parameters:0:0:{text}" if text.isidentifier() and re.fullmatch(r"[\w*()]+", meant) else ""
 
 
 def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]]]:
@@ -493,8 +503,6 @@ def _names_understood(answer: Mapping[str, Any]) -> list[tuple[str, Markup, str]
         names = Names(tuple(answer["coordinates"]), (), {k: tuple(v) for k, v in answer["functions"].items()})
         texts = [f"{name}({', '.join(arguments)})" for name, arguments in answer["functions"].items()]
         rows.append(("Functions", Markup(", ").join(typesetting.formula(text, names) for text in texts), "arbitrary"))
-    if read := [f"{note['text']} as {note['as']}" for note in answer.get("readings", ())]:
-        rows.append(("Read", escape(", ".join(read)), ""))
     if answer.get("depends_on_time"):
         rows.append(("Time", _symbols(["t"]), "occurs in the equations"))
     return rows

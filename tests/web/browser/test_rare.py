@@ -22,6 +22,15 @@ from .test_people import HARD, ORANGE, PIXELS
 pytestmark = pytest.mark.slow
 
 
+def test_a_run_of_letters_read_as_a_product_can_be_one_name(visit: Visit) -> None:
+    visit.go("/")
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = -kx")
+    expect(visit.page.locator("#understood")).to_contain_text("kx read as k x")
+    visit.page.get_by_role("button", name="kx is one name").click()
+    expect(visit.page.locator("#understood")).not_to_contain_text("read as")
+    expect(visit.page.locator("#understood math")).to_have_count(2)
+
+
 def test_what_is_typed_while_the_service_starts_is_read_once_it_has_started(visit: Visit) -> None:
     visit.go("/")
     asked: list[Route] = []
