@@ -19,7 +19,6 @@ from inverse_service.expressions import tree as ex
 from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, reader
-from inverse_service.reading.moving_names import derived_stem, inferred_coordinates, key_coordinate, moving_names
 from inverse_service.reading.names import Names, check_clashes, escaped
 from inverse_service.reading.tokens import Token
 
@@ -217,14 +216,14 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
                 raise refusals.refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(
                     pointer
                 )
-            moves = names.role(first.text) or derived_stem(first.text) or _DERIVATIVE.search(first.text)
+            moves = names.role(first.text) or document_names.derived_stem(first.text) or _DERIVATIVE.search(first.text)
             # r^2 = x^2 + y^2, where r is in another equation
             squared = _is_squared(group.tokens) * any(
                 token.text == first.text for other in groups if other != group for token in other.tokens
             )
             rest = rest[squared:]
             is_definition = first.kind == "name" and rest and rest[0].is_operator("=") and not moves
-            if not is_definition or moving_names(rest, 2):  # F = m*x'' moves x
+            if not is_definition or document_names.moving_names(rest, 2):  # F = m*x'' moves x
                 continue
             if first.text != "L" and not any(map(_moves, texts.values())):
                 continue  # what is missing is the motion
@@ -267,7 +266,7 @@ _END_OF_TEXT = re.compile(
 def _moves(text: str, name: str = "") -> bool:
     """Whether a name of the text has a derivative in time; with `name`, whether this has two."""
     try:
-        moving = moving_names(reader.read_tokens(text), 2 if name else 1)
+        moving = document_names.moving_names(reader.read_tokens(text), 2 if name else 1)
         return name in moving if name else bool(moving)
     except errors.InputError:
         return not name
@@ -277,7 +276,10 @@ def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> b
     """Whether no name has two derivatives, and at least two have one."""
     named = (*declared.named_parameters(), *declared.where)
     names = document_names.with_products(Names((), named, dict.fromkeys(declared.functions, ())), declared, texts)
-    return not inferred_coordinates(texts, names, 2) and len(inferred_coordinates(texts, names, 1)) > 1
+    return (
+        not document_names.inferred_coordinates(texts, names, 2)
+        and len(document_names.inferred_coordinates(texts, names, 1)) > 1
+    )
 
 
 def _texts(equations: Equations) -> dict[str, str]:
@@ -334,7 +336,7 @@ def _keyed_equations(equations: Mapping[str, str], names: Names) -> list[_Equati
     found: dict[str, _Equation] = {}
     for key, value in equations.items():
         pointer = f"/equations/{escaped(key)}"
-        coordinate = key_coordinate(key, names, pointer)
+        coordinate = document_names.key_coordinate(key, names, pointer)
         if coordinate in found:
             raise errors.InputError(f"there are two equations for {coordinate}: leave one out.", pointer)
         found[coordinate] = (ex.Acceleration(coordinate), _right_side(value, coordinate, names, pointer), pointer)

@@ -16,7 +16,7 @@ from fractions import Fraction
 from inverse_service import errors
 from inverse_service.expressions import refusals
 from inverse_service.expressions import tree as ex
-from inverse_service.reading import differentials, notations, parser
+from inverse_service.reading import notations, parser
 from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.tokens import COMPARED, TOTAL, Kind, Token, refuse_decimal_commas, tokenize
 
@@ -94,7 +94,7 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     if is_latex(formula):
         from inverse_service.reading import latex
 
-        tokens = differentials.with_derivatives(_with_products(latex.tokenize(formula, names), names), names)
+        tokens = notations.with_derivatives(_with_products(latex.tokenize(formula, names), names), names)
     else:
         tokens = notations.in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
     refuse_decimal_commas(tokens)

@@ -13,8 +13,7 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.expressions import letters, printing_latex
-from inverse_service.reading import differentials, document_names, reader
-from inverse_service.reading.moving_names import moving_names, moving_products
+from inverse_service.reading import document_names, notations, reader
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -285,11 +284,13 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
         return ""
     try:
         known = Names(guesses=True)
-        known = replace(known, splits=moving_products({str(k): text for k, text in enumerate(texts)}, known))
+        known = replace(
+            known, splits=document_names.moving_products({str(k): text for k, text in enumerate(texts)}, known)
+        )
         tokens = [token for text in texts for token in reader.read_tokens(text, known)]
     except errors.InputError:
         return ""
-    moving = {*moving_names(tokens, 1)}
+    moving = {*document_names.moving_names(tokens, 1)}
     words = {token.text for token in tokens if token.kind == "name"}
     names = Names((), ("x", *moving))
     occurs = any(word == "x" or "x" in only_split(word, names) for word in words)
@@ -304,7 +305,7 @@ def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any
         return dict(plain), {}
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
     moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
-    products = moving_products(texts, Names(guesses=True))
+    products = document_names.moving_products(texts, Names(guesses=True))
     moving = (moving - products.keys()) | {parts[-1] for parts in products.values()}
     known = Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
     found = {name: "*".join(parts) for name, parts in products.items() if time in parts}
@@ -339,7 +340,7 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     found, moving = set(), set()
     for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
         pairs = [match.groups() for pattern in _NAMED for match in pattern.finditer(text)]
-        pairs += differentials.second_derivatives(reader.undifferentiated(text))
+        pairs += notations.second_derivatives(reader.undifferentiated(text))
         found |= {by for name, by in pairs if name not in _declared(plain, ("functions",))}
         moving |= {name for name, _ in pairs}
         if _BARE.search(text):
