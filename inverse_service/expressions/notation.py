@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from html import escape
 
-from inverse_service.expressions import printing, printing_latex, printing_mathml
+from inverse_service.expressions import printing
 from inverse_service.expressions.tree import Expression
 
 _TOKEN = re.compile(
@@ -49,8 +49,8 @@ class Formula:
 
 def of_tree(tree: Expression) -> Formula:
     """The formula of an expression."""
-    mathml = printing_mathml.to_mathml(tree).partition(">")[2].removesuffix("</math>")
-    return Formula(printing.to_text(tree), printing_latex.to_latex(tree), mathml, reads_back=True)
+    mathml = printing.to_mathml(tree).partition(">")[2].removesuffix("</math>")
+    return Formula(printing.to_text(tree), printing.to_latex(tree), mathml, reads_back=True)
 
 
 def row(*pieces: Formula | Expression | str) -> Formula:
@@ -193,7 +193,7 @@ def _with_marks_mathml(name: str, marks: Sequence[str], primes: str) -> str:
     if sub and sup and not primes:
         return f"{head}<msubsup>{base}<mrow>{sub}</mrow><mrow>{sup}</mrow></msubsup>"
     base = f"<msub>{base}<mrow>{sub}</mrow></msub>" if sub else base
-    base = f"<mrow>{base}{printing_mathml.PRIME * len(primes)}</mrow>" if primes else base
+    base = f"<mrow>{base}{printing.PRIME * len(primes)}</mrow>" if primes else base
     return f"{head}<msup>{base}<mrow>{sup}</mrow></msup>" if sup else f"{head}{base}"
 
 

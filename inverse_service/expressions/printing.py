@@ -1,4 +1,6 @@
-"""Trees to canonical plain text, a small part of what `reader.py` reads:
+"""Trees to canonical plain text, LaTeX, and presentation MathML, which today's browsers show without a script.
+
+The text is a small part of what `reader.py` reads:
 
     formula   = ["-"] term {(" + " | " - ") term}
     term      = factors ["/" (factor | "(" factors ")")]
@@ -15,52 +17,207 @@ rational numbers are written as quotients. A'(u) is the derivative of a declared
 argument; for several, diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w),
 with the order of the derivative in each argument. The text reads back to the same value, and the
 text of what was read back is the same text.
+
+The LaTeX reads back too, partial derivatives excepted; long formulas are broken.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import lru_cache
+from html import escape
+from itertools import zip_longest
 
-from inverse_service.expressions import printing_layout
+from inverse_service.expressions import functions, letters
 from inverse_service.expressions import tree as ex
-from inverse_service.expressions.printing_latex import to_latex
-from inverse_service.expressions.printing_mathml import to_mathml
 
-__all__ = ["to_latex", "to_mathml", "to_text"]
+_EXPONENTIAL = ex.Apply("exp", ex.ONE)
 
 
+# From which denominator on a decimal number can be much shorter than a fraction, and how many digits that is.
+_LEAST_DECIMAL, _MUCH = 1000, 2
+
+
+@dataclass(frozen=True, slots=True)
+class Ratio:
+    """±(over · numerators) / (under · denominators); no factor is a Product or a power below zero.
+
+    Equal factors are gathered: x x^2 is x^3. `over` and `under` are positive, `over` 0 for the number 0.
+    """
+
+    negative: bool
+    over: int
+    under: int
+    numerators: tuple[ex.Expression, ...]
+    denominators: tuple[ex.Expression, ...]
+
+    @property
+    def numbers(self) -> tuple[str, str]:
+        """over and under in digits; (398600.4418, 1) where a fraction is much shorter as a decimal number."""
+        plain = str(self.over), str(self.under)
+        if self.under < _LEAST_DECIMAL:
+            return plain
+        tens, rest = 0, self.under
+        while rest % 2 == 0 or rest % 5 == 0:
+            rest //= 10 if rest % 10 == 0 else 5 if rest % 5 == 0 else 2
+            tens += 1
+        digits = str(self.over * 10**tens // self.under).rjust(tens + 1, "0") if rest == 1 else ""
+        decimal = f"{digits[:-tens]}.{digits[-tens:]}"
+        return (decimal, "1") if digits and len(decimal) + _MUCH < sum(map(len, plain)) else plain
+
+
+@dataclass(slots=True)
+class _Parts:
+    coefficient: Fraction = Fraction(1)
+    numerators: list[ex.Expression] = field(default_factory=list)
+    denominators: list[ex.Expression] = field(default_factory=list)
+
+
+@lru_cache(maxsize=4096)  # what is printed is often a part of what was printed before
+def ratio(expression: ex.Expression) -> Ratio:
+    """The expression, one term of a sum, as a fraction."""
+    parts = _Parts()
+    _collect(expression, False, parts)
+    coefficient = abs(parts.coefficient)
+    return Ratio(
+        parts.coefficient < 0,
+        coefficient.numerator,
+        coefficient.denominator,
+        _gather(parts.numerators),
+        _gather(parts.denominators),
+    )
+
+
+def _collect(expression: ex.Expression, inverse: bool, parts: _Parts) -> None:
+    match expression:
+        case ex.Number(value) if value or not inverse:
+            parts.coefficient *= 1 / value if inverse else value
+        case ex.Product(factors):
+            for factor in factors:
+                _collect(factor, inverse, parts)
+        case ex.Power(base, ex.Number(exponent)) if exponent < 0:
+            _collect(base**-exponent, not inverse, parts)
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1 and (plain := _as_written(base)) != base:
+            _collect(plain**exponent, inverse, parts)
+        case _:
+            (parts.denominators if inverse else parts.numerators).append(expression)
+
+
+@lru_cache(maxsize=512)  # without it the work doubles with every level of nested powers
+def _as_written(base: ex.Expression) -> ex.Expression:
+    """The base of a whole power as the reader has it: 1/u as u^-1, and x x as x^2."""
+    if not isinstance(base, ex.Product | ex.Power):
+        return base
+    parts = ratio(base)
+    if parts.negative or parts.over != 1 or len(parts.numerators) > 1:
+        return base
+    if not parts.numerators:
+        return ex.multiply(ex.number(parts.under), *parts.denominators) ** -1
+    alone = parts.under == 1 and not parts.denominators
+    return parts.numerators[0] if alone else base
+
+
+def _gather(factors: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
+    """Equal bases with whole positive exponents put together at the place of the first."""
+    table: dict[ex.Expression, int] = {}
+    for factor in factors:
+        base, count = _base(factor)
+        table[base] = table.get(base, 0) + count
+    return tuple(_factor(base, count) for base, count in table.items())
+
+
+def _base(factor: ex.Expression) -> tuple[ex.Expression, int]:
+    match factor:
+        case ex.Power(base, exponent) if base == _EXPONENTIAL:
+            return _base(ex.Apply("exp", exponent))
+        case ex.Apply("exp", ex.Number(value)) if value > 0 and value.denominator == 1:
+            return _EXPONENTIAL, int(value)
+        case ex.Power(base, ex.Number(value)) if value > 0 and value.denominator == 1:
+            inner, count = _base(base)
+            return inner, count * int(value)
+        case _:
+            return factor, 1
+
+
+def _factor(base: ex.Expression, count: int) -> ex.Expression:
+    if count == 1:
+        return base
+    return ex.Apply("exp", ex.number(count)) if base == _EXPONENTIAL else ex.Power(base, ex.number(count))
+
+
+def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]:
+    """The terms of a sum, or the one term, in their order; 1 - x^2 begins with its number.
+
+    `within` brackets, roots, functions and fractions a term that is not negative comes first: 4 k m - c^2.
+    """
+    terms = [ratio(term) for term in (expression.terms if isinstance(expression, ex.Sum) else (expression,))]
+    if terms[0].negative:
+        chosen = [term for term in terms if not term.negative and (within or not term.numerators + term.denominators)]
+        terms.sort(key=lambda term: term not in chosen[:1])
+    return terms
+
+
+def signed(expression: ex.Expression, write: Callable[[Ratio], str], within: bool = False) -> str:
+    """The terms as they are written, with a sign before each but a first one that is not negative."""
+    pieces: list[str] = []
+    for term in signed_terms(expression, within):
+        sign = " - " if term.negative else " + "
+        pieces += [sign if pieces else sign.strip(" +"), write(term)]
+    return "".join(pieces)
+
+
+def has_plain_arguments(function: ex.Arbitrary) -> bool:
+    """Whether the arguments are names, all different: then diff(B(x, y), x) is clear.
+
+    Not with t or pi among them: diff(u, t) is the derivative along the motion, and pi is a number.
+    """
+    arguments = function.arguments
+    plain = all(isinstance(u, ex.Symbol) and u not in (ex.TIME, ex.PI) for u in arguments)
+    return plain and len(set(arguments)) == len(arguments)
+
+
+def variables(function: ex.Arbitrary) -> list[ex.Expression]:
+    """What is differentiated by, each as often as its order."""
+    pairs = zip(function.arguments, function.orders, strict=True)
+    return [argument for argument, order in pairs for _ in range(order)]
+
+
+# Plain text.
 # What is printed is printed in several places, and most of it is made of few parts.
 @lru_cache(maxsize=2048)
 def to_text(expression: ex.Expression, within: bool = False) -> str:
     """The canonical text; deterministic, with no more brackets than reading needs."""
-    return printing_layout.signed(expression, _ratio, within)
+    return signed(expression, _text_ratio, within)
 
 
-def _ratio(term: printing_layout.Ratio) -> str:
+def _text_ratio(term: Ratio) -> str:
     number, divisor = term.numbers
-    over = _factors(number, term.numerators)
+    over = _text_factors(number, term.numerators)
     if divisor == "1" and not term.denominators:
         return over
-    under = _factors(divisor, term.denominators)
+    under = _text_factors(divisor, term.denominators)
     alone = len(term.denominators) + (divisor != "1") == 1
     return f"{over}/{under}" if alone else f"{over}/({under})"
 
 
-def _factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
+def _text_factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
     first = [coefficient] if coefficient != "1" or not factors else []
-    return "*".join(first + [_factor(factor) for factor in factors])
+    return "*".join(first + [_text_factor(factor) for factor in factors])
 
 
-def _factor(factor: ex.Expression) -> str:
+def _text_factor(factor: ex.Expression) -> str:
     match factor:
         case ex.Power(base, exponent) if exponent != ex.HALF:
-            return f"{_atom(base)}^{_exponent(exponent)}"
+            return f"{_text_atom(base)}^{_text_exponent(exponent)}"
         case _:
-            return _atom(factor)
+            return _text_atom(factor)
 
 
-def _exponent(exponent: ex.Expression) -> str:
+def _text_exponent(exponent: ex.Expression) -> str:
     match exponent:
         case ex.Number(value) if value >= 0 and value.denominator == 1:
             return str(value)
@@ -70,7 +227,7 @@ def _exponent(exponent: ex.Expression) -> str:
             return f"({to_text(exponent, within=True)})"
 
 
-def _atom(expression: ex.Expression) -> str:
+def _text_atom(expression: ex.Expression) -> str:
     match expression:
         case ex.Number(value) if value >= 0 and value.denominator == 1:
             return str(value)
@@ -85,18 +242,471 @@ def _atom(expression: ex.Expression) -> str:
         case ex.Power(base, exponent) if exponent == ex.HALF:
             return f"sqrt({to_text(base, within=True)})"
         case ex.Arbitrary():
-            return _arbitrary(expression)
+            return _text_arbitrary(expression)
         case _:
             return f"({to_text(expression, within=True)})"
 
 
-def _arbitrary(function: ex.Arbitrary) -> str:
+def _text_arbitrary(function: ex.Arbitrary) -> str:
     arguments = ", ".join(to_text(argument, within=True) for argument in function.arguments)
     if len(function.orders) == 1:
         return f"{function.name}{chr(39) * function.orders[0]}({arguments})"
     if not any(function.orders):
         return f"{function.name}({arguments})"
-    if printing_layout.has_plain_arguments(function):
-        by = ", ".join(to_text(variable) for variable in printing_layout.variables(function))
+    if has_plain_arguments(function):
+        by = ", ".join(to_text(variable) for variable in variables(function))
         return f"diff({function.name}({arguments}), {by})"
     return f"{function.name}[{','.join(map(str, function.orders))}]({arguments})"
+
+
+# LaTeX.
+_WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota", "Kappa", "Mu", "Nu", "Omicron")
+_NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
+
+
+def to_latex(expression: ex.Expression, within: bool = False) -> str:
+    """The formula in LaTeX, without delimiters."""
+    return signed(expression, _latex_ratio, within)
+
+
+def _latex_ratio(term: Ratio) -> str:
+    number, divisor = term.numbers
+    if divisor == "1" and not term.denominators:
+        return _latex_factors(number, term.numerators)
+    return f"\\frac{{{_latex_alone(number, term.numerators)}}}{{{_latex_alone(divisor, term.denominators)}}}"
+
+
+def _latex_alone(coefficient: str, factors: Sequence[ex.Expression]) -> str:
+    """Numerator or denominator: a single sum needs no brackets there."""
+    if coefficient == "1" and len(factors) == 1:
+        return to_latex(factors[0], within=True)
+    return _latex_factors(coefficient, factors)
+
+
+def _latex_factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
+    pieces = [coefficient] if coefficient != "1" or not factors else []
+    before: ex.Expression | None = None
+    for factor in factors:
+        piece = _latex_factor(factor)
+        if pieces and (piece[0].isdigit() or _looks_like_a_call(before, piece, factor)):
+            piece = "\\cdot " + piece
+        pieces.append(piece)
+        before = factor
+    return " ".join(pieces)
+
+
+def _looks_like_a_call(before: ex.Expression | None, piece: str, factor: ex.Expression) -> bool:
+    """Whether x (t + 1) would stand there, which could be x at another time."""
+    return (
+        piece.startswith("\\left(")
+        and isinstance(before, ex.Symbol | ex.Velocity | ex.Acceleration)
+        and ex.TIME in ex.walk(factor)
+    )
+
+
+def _latex_factor(factor: ex.Expression) -> str:
+    match factor:
+        case ex.Power(ex.Apply(function, argument), ex.Number(value)) if (
+            function != "exp" and value > 0 and value != ex.HALF.value
+        ):
+            return f"{_command(function)}^{{{to_latex(ex.Number(value))}}}{_latex_brackets(argument)}"
+        case ex.Power(base, exponent) if exponent != ex.HALF:
+            return f"{_latex_atom(base, raised=True)}^{{{to_latex(exponent, within=True)}}}"
+        case _:
+            return _latex_atom(factor)
+
+
+def _latex_atom(expression: ex.Expression, raised: bool = False) -> str:
+    match expression:
+        case ex.Number(value) if value >= 0 and value.denominator == 1:
+            return str(value)
+        case ex.Symbol(name):
+            return name_latex(name)
+        case ex.Velocity(name):
+            return name_latex(name, "dot")
+        case ex.Acceleration(name):
+            return name_latex(name, "ddot")
+        case ex.Apply("exp", argument) if not raised and not isinstance(argument, ex.Number):
+            return f"e^{{{to_latex(argument, within=True)}}}"
+        case ex.Apply(function, argument) if function != "exp" or isinstance(argument, ex.Number):
+            return f"{_command(function)}{_latex_brackets(argument)}"
+        case ex.Power(ex.Power(base, inner), exponent) if (inner, exponent) == (ex.TWO, ex.HALF):
+            return f"\\left|{to_latex(base, within=True)}\\right|"
+        case ex.Power(base, exponent) if exponent == ex.HALF:
+            return f"\\sqrt{{{to_latex(base, within=True)}}}"
+        case ex.Integral() if (known := expression.integrand) and not any(
+            isinstance(n, ex.Apply) for n in ex.walk(known[1])
+        ):
+            slope, variable = known
+            inside = to_latex(slope) if not isinstance(slope, ex.Sum) else _latex_brackets(slope)
+            return f"\\left(\\int {inside} \\, d{to_latex(variable)}\\right)"
+        case ex.Arbitrary():
+            return _latex_arbitrary(expression)
+        case _:
+            return _latex_brackets(expression)
+
+
+def _latex_brackets(expression: ex.Expression) -> str:
+    return f"\\left({to_latex(expression, within=True)}\\right)"
+
+
+def _command(function: str) -> str:
+    row = functions.FUNCTION.get(function)
+    return (row.command if row else "") or f"\\operatorname{{{function}}}"
+
+
+def name_latex(name: str, accent: str = "") -> str:
+    r"""r1 as r_{1}, phi as \phi, x_left as x_{\mathrm{left}}; `accent` goes over the body."""
+    parts = letters.written(name)
+    body = _word(parts.body)
+    if accent:
+        body = f"\\{accent}{{{body}}}"
+    subscript = ",".join(_word(word) for word in parts.subscript)
+    return f"{body}_{{{subscript}}}" if subscript else body
+
+
+def _word(word: str) -> str:
+    if letters.greek_letter(word) and word not in _NO_COMMAND:
+        return f"\\{word}"
+    return word if len(word) == 1 or word.isdigit() else f"\\mathrm{{{word}}}"
+
+
+def _latex_arbitrary(function: ex.Arbitrary) -> str:
+    arguments = ", ".join(to_latex(argument, within=True) for argument in function.arguments)
+    name, orders = name_latex(function.name), function.orders
+    if not any(orders):
+        return f"{name}\\left({arguments}\\right)"
+    if len(orders) == 1:
+        mark = "'" * orders[0] if orders[0] <= 3 else f"^{{({orders[0]})}}"
+    elif has_plain_arguments(function):
+        return f"{_partial(name, function)}\\left({arguments}\\right)"
+    else:
+        mark = f"^{{({','.join(map(str, orders))})}}"
+    return f"{name}{mark}\\left({arguments}\\right)"
+
+
+def _partial(name: str, function: ex.Arbitrary) -> str:
+    counts = Counter(to_latex(variable) for variable in variables(function))
+    total = sum(counts.values())
+    order = f"^{{{total}}}" if total > 1 else ""
+    below = " ".join(f"\\partial {u}" + (f"^{{{k}}}" if k > 1 else "") for u, k in counts.items())
+    return f"\\frac{{\\partial{order} {name}}}{{{below}}}"
+
+
+# A line of an article is 345 points wide, in a list 320, less a quad. Widths are in points, about.
+LINE = 300.0
+_WIDTHS = {"\\left": 0.0, "\\right": 0.0, "\\quad": 10.0, "\\qquad": 20.0, "\\,": 2.0, "\\mathsf": 0.0, "\\mathrm": 0.0}
+_LETTER, _SIGN, _SCRIPT = 5.8, 12.8, 0.72
+_LESS = 0.95  # a part that is not narrower than this share of the whole is not broken again
+_SIGNS = ("+", "-", "=", "<", ">", "\\neq", "\\geq", "\\leq")
+_ACCENTS = ("\\dot", "\\ddot", "\\tilde", "\\bar")
+_TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """A stretch of LaTeX that stands together: a token, or a command, bracket or script with what is in it."""
+
+    text: str
+    width: float
+    head: str = ""
+    inside: tuple[str, ...] = ()
+
+
+def lines_of_latex(formula: str, room: float = LINE) -> list[str]:
+    """The formula on lines that are no wider than `room`, broken before signs, also inside brackets and fractions.
+
+    Brackets that go over lines end each with an invisible one; the fraction a/b becomes 1/b times the bracket (a).
+    What offers no place to break stays whole.
+    """
+    pieces = _pieces(formula)
+    if _width(pieces) <= room:
+        return [formula]
+    lines: list[list[_Piece]] = [[]]
+    for term in _terms(pieces):
+        joined = [*lines[-1], *term]
+        if _width(joined) <= room:
+            lines[-1] = joined
+        elif _width(term) <= room:
+            lines.append(term)
+        else:
+            short = _width(lines[-1]) < room / 4  # H = stays with what follows
+            lines = lines[:-1] if short else lines
+            for line in map(_pieces, _opened(joined if short else term, room)):
+                narrower = _width(line) < _LESS * _width(term)
+                lines += map(_pieces, lines_of_latex(_text(line), room)) if narrower else [line]
+    return [text for line in lines if (text := _text(line).strip())]
+
+
+def _text(pieces: Iterable[_Piece]) -> str:
+    return "".join(piece.text for piece in pieces)
+
+
+def _width(pieces: Iterable[_Piece]) -> float:
+    return sum(piece.width for piece in pieces)
+
+
+def _terms(pieces: Sequence[_Piece]) -> Iterator[list[_Piece]]:
+    """The pieces up to each sign that has something before it."""
+    term: list[_Piece] = []
+    for piece in pieces:
+        if piece.text in _SIGNS and any(part.text.strip() and part.text not in _SIGNS for part in term):
+            yield term
+            term = []
+        term.append(piece)
+    yield term
+
+
+def _opened(term: Sequence[_Piece], room: float) -> list[str]:
+    """A term that is too wide on several lines, by way of its widest piece."""
+    place = max(range(len(term)), key=lambda k: term[k].width)
+    widest, before, after = term[place], _text(term[:place]), _text(term[place + 1 :])
+    match widest.head:
+        case "\\left":
+            opening, inner, closing = widest.inside
+            rows = lines_of_latex(inner, max(room / 2, room - _width(term[:place]) - 2 * _LETTER))
+            if len(rows) > 1:
+                body = " \\right.\n\\left. \\quad ".join(rows)
+                return f"{before}\\left{opening}{body}\\right{closing}{after}".split("\n")
+        case "\\frac":
+            over, under = widest.inside
+            above = "" if over == "1" else f"\\left({over}\\right)"
+            quotient = f"\\frac{{1}}{{{under}}} {above}"
+            if not above or _width(_pieces(under)) > room / 2:
+                quotient = f"{above} \\left({under}\\right)^{{-1}}"
+            return lines_of_latex(f"{before}{quotient}{after}", room)
+        case "\\begin" if _SCRIPT * widest.width < room:
+            small = f"\\left(\\begin{{smallmatrix}}{widest.inside[0]}\\end{{smallmatrix}}\\right)"
+            return [f"{before}{small}{after}"]
+        case "\\begin":
+            return [before, *_entries(widest.inside[0], room), after]
+        case "\\sqrt":
+            return lines_of_latex(f"{before}\\left({widest.inside[0]}\\right)^{{1/2}}{after}", room)
+        case "^" if before.rstrip().endswith("e") and widest.width > room / 2:
+            return lines_of_latex(f"{before.rstrip()[:-1]}\\exp\\left({widest.inside[0]}\\right){after}", room)
+    return _between_factors(term, room)
+
+
+def _entries(matrix: str, room: float) -> Iterator[str]:
+    """A matrix that is too wide: each entry on lines of its own, its place before it."""
+    for i, row in enumerate(matrix.split("\\\\"), start=1):
+        for j, entry in enumerate(row.split("&"), start=1):
+            first, *rest = lines_of_latex(entry.strip(), room - 6 * _LETTER)
+            yield f"({i},{j})\\colon\\ {first}"
+            yield from (f"\\quad {line}" for line in rest)
+
+
+def _between_factors(term: Sequence[_Piece], room: float) -> list[str]:
+    """A product on several lines, each but the first begun with a dot."""
+    lines: list[list[_Piece]] = [[]]
+    for piece in term:
+        stands = piece.text.strip() and piece.head not in ("^", "_") and piece.text not in (*_SIGNS, ",")
+        if stands and any(part.head for part in lines[-1]) and _width(lines[-1]) + piece.width > room:
+            lines.append([])
+        lines[-1].append(piece)
+    return [f"\\cdot {_text(line)}" if k else _text(line) for k, line in enumerate(lines)]
+
+
+def _pieces(formula: str) -> list[_Piece]:
+    tokens = _TOKEN.findall(formula)
+    found, place = [], 0
+    while place < len(tokens):
+        piece, place = _piece(tokens, place)
+        found.append(piece)
+    return found
+
+
+def _piece(tokens: Sequence[str], start: int) -> tuple[_Piece, int]:
+    """The piece that begins at a token, and where the next begins."""
+    token = tokens[start]
+    match token:
+        case "\\left":
+            end = _closing(tokens, start, "\\left", "\\right")
+            inner = "".join(tokens[start + 2 : end])
+            text = "".join(tokens[start : end + 2])
+            return _Piece(
+                text, _width(_pieces(inner)) + 10, token, (tokens[start + 1], inner, tokens[end + 1])
+            ), end + 2
+        case "\\begin":
+            end = _closing(tokens, start, "\\begin", "\\end")
+            (name, first), (_, after) = _argument(tokens, start + 1), _argument(tokens, end + 1)
+            inner = "".join(tokens[first:end])
+            columns = zip_longest(*(row.split("&") for row in inner.split("\\\\")), fillvalue="")
+            width = sum(max(_width(_pieces(entry)) for entry in column) + 10 for column in columns)
+            width *= _SCRIPT if name == "smallmatrix" else 1
+            return _Piece("".join(tokens[start:after]), width, token, (inner,)), after
+        case "\\frac" | "\\tfrac":
+            over, middle = _argument(tokens, start + 1)
+            under, after = _argument(tokens, middle)
+            width = max(_width(_pieces(over)), _width(_pieces(under))) * (1 if token == "\\frac" else _SCRIPT) + 2.4
+            return _Piece("".join(tokens[start:after]), width, "\\frac", (over, under)), after
+        case "^" | "_" | "\\sqrt" | "{":
+            inner, after = _argument(tokens, start + (token != "{"))
+            width = _width(_pieces(inner))
+            width = width * _SCRIPT if token in ("^", "_") else width + 8 * (token == "\\sqrt")
+            return _Piece("".join(tokens[start:after]), width, token, (inner,)), after
+    return _Piece(token, _token_width(token)), start + 1
+
+
+def _token_width(token: str) -> float:
+    if token in _WIDTHS or not token.strip() or token in _ACCENTS:
+        return _WIDTHS.get(token, 0.0)
+    if token in _SIGNS or token == "\\cdot":
+        return _SIGN
+    row = next((row for row in functions.FUNCTION.values() if row.command == token), None)
+    return _LETTER * (len(token) - 1) if row else _LETTER
+
+
+def _closing(tokens: Sequence[str], start: int, opening: str, closing: str) -> int:
+    """The place of the token that closes the one at `start`; the end where nothing does."""
+    depth = 0
+    for place in range(start, len(tokens)):
+        depth += (tokens[place] == opening) - (tokens[place] == closing)
+        if depth == 0:
+            return place
+    return len(tokens) - 2
+
+
+def _argument(tokens: Sequence[str], start: int) -> tuple[str, int]:
+    """What is in the braces there, or the one token, and where the next begins."""
+    while start < len(tokens) and not tokens[start].strip():
+        start += 1
+    if start >= len(tokens) or tokens[start] != "{":
+        return "".join(tokens[start : start + 1]), start + 1
+    end = _closing(tokens, start, "{", "}")
+    return "".join(tokens[start + 1 : end]), end + 1
+
+
+# MathML.
+_NAMESPACE = "http://www.w3.org/1998/Math/MathML"
+_TIMES = "<mo>&#x2062;</mo>"
+# Of the font of the pages it is raised and small by itself: in a superscript it would be too small to be seen.
+PRIME = '<mo lspace="0" rspace="0">&#x2032;</mo>'
+_APPLY = "<mo>&#x2061;</mo>"
+_DOTS = ("", "&#x02D9;", "&#x00A8;")
+
+
+def to_mathml(expression: ex.Expression) -> str:
+    """A complete <math> element; all text in it is escaped."""
+    return f'<math xmlns="{_NAMESPACE}">{_row(expression, within=False)}</math>'
+
+
+def _row(expression: ex.Expression, within: bool = True) -> str:
+    pieces: list[str] = []
+    for term in signed_terms(expression, within):
+        if pieces or term.negative:
+            pieces.append("<mo>&#x2212;</mo>" if term.negative else "<mo>+</mo>")
+        pieces.append(_mathml_ratio(term))
+    return f"<mrow>{''.join(pieces)}</mrow>"
+
+
+def _mathml_ratio(term: Ratio) -> str:
+    number, divisor = term.numbers
+    if divisor == "1" and not term.denominators:
+        return _mathml_factors(number, term.numerators)
+    return f"<mfrac>{_mathml_alone(number, term.numerators)}{_mathml_alone(divisor, term.denominators)}</mfrac>"
+
+
+def _mathml_alone(coefficient: str, factors: Sequence[ex.Expression]) -> str:
+    if coefficient == "1" and len(factors) == 1:
+        return _row(factors[0])
+    return f"<mrow>{_mathml_factors(coefficient, factors)}</mrow>"
+
+
+def _mathml_factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
+    pieces = [f"<mn>{coefficient}</mn>"] if coefficient != "1" or not factors else []
+    pieces += [_mathml_factor(factor) for factor in factors]
+    joined = pieces[0]
+    for piece in pieces[1:]:
+        joined += ("<mo>&#x22C5;</mo>" if _begins_with_digit(piece) else _TIMES) + piece
+    return joined
+
+
+def _begins_with_digit(piece: str) -> bool:
+    return piece.startswith(("<mn>", "<msup><mn>"))
+
+
+def _mathml_factor(factor: ex.Expression) -> str:
+    match factor:
+        case ex.Power(base, exponent) if exponent != ex.HALF:
+            inner = (
+                _mathml_brackets(base) if isinstance(base, ex.Apply) and base.function == "exp" else _mathml_atom(base)
+            )
+            return _raised(inner, _mathml_exponent(exponent))
+        case _:
+            return _mathml_atom(factor)
+
+
+def _raised(base: str, exponent: str) -> str:
+    """An exponent stands above an index, and after a dotted letter as high as after one without dots."""
+    low = base.replace("<mover ", '<mpadded height="1.2ex"><mover ', 1).replace("</mover>", "</mover></mpadded>", 1)
+    if base.startswith("<msub>"):
+        return f"<msubsup>{low.removeprefix('<msub>').removesuffix('</msub>')}{exponent}</msubsup>"
+    return f"<msup>{low if base.startswith('<mover ') else base}{exponent}</msup>"
+
+
+def _mathml_exponent(expression: ex.Expression) -> str:
+    """t/10 stays on its line: a fraction above a letter is too small to be read."""
+    term, *further = signed_terms(expression, within=True)
+    simple = all(isinstance(part, ex.Symbol | ex.Velocity) for part in (*term.numerators, *term.denominators))
+    number, divisor = term.numbers
+    if further or not simple or (divisor != "1") + len(term.denominators) != 1:
+        return _row(expression)
+    sign = "<mo>&#x2212;</mo>" if term.negative else ""
+    over, under = _mathml_factors(number, term.numerators), _mathml_factors(divisor, term.denominators)
+    return f'<mrow>{sign}{over}<mo lspace="0" rspace="0">/</mo>{under}</mrow>'
+
+
+def _mathml_atom(expression: ex.Expression) -> str:
+    match expression:
+        case ex.Number(value) if value >= 0 and value.denominator == 1:
+            return f"<mn>{value}</mn>"
+        case ex.Symbol(name):
+            return _name(name, 0)
+        case ex.Velocity(name):
+            return _name(name, 1)
+        case ex.Acceleration(name):
+            return _name(name, 2)
+        case ex.Apply("exp", argument):
+            return f"<msup><mi>e</mi>{_mathml_exponent(argument)}</msup>"
+        case ex.Apply(function, argument):
+            row = functions.FUNCTION.get(function)
+            name = escape((row.shown if row else "") or function)
+            return f"<mrow><mi>{name}</mi>{_APPLY}{_mathml_brackets(argument)}</mrow>"
+        case ex.Power(ex.Power(base, inner), exponent) if (inner, exponent) == (ex.TWO, ex.HALF):
+            return f"<mrow><mo>|</mo>{_row(base)}<mo>|</mo></mrow>"
+        case ex.Power(base, exponent) if exponent == ex.HALF:
+            return f"<msqrt>{_row(base)}</msqrt>"
+        case ex.Arbitrary():
+            return _mathml_arbitrary(expression)
+        case _:
+            return _mathml_brackets(expression)
+
+
+def _mathml_brackets(expression: ex.Expression) -> str:
+    return f"<mrow><mo>(</mo>{_row(expression)}<mo>)</mo></mrow>"
+
+
+def _name(name: str, order: int) -> str:
+    parts = letters.written(name)
+    body = f"<mi>{escape(letters.greek_letter(parts.body) or parts.body)}</mi>"
+    if order:
+        body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
+    if not parts.subscript:
+        return body
+    words = [f"<mn>{word}</mn>" if word.isdigit() else f"<mi>{_escaped(word)}</mi>" for word in parts.subscript]
+    return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>"
+
+
+def _escaped(word: str) -> str:
+    return escape(letters.greek_letter(word) or word)
+
+
+def _mathml_arbitrary(function: ex.Arbitrary) -> str:
+    """The function with primes, or with the orders (1,0) above where it has several arguments."""
+    name, orders = _name(function.name, 0), function.orders
+    if any(orders):
+        above = f"({','.join(map(str, orders))})"
+        name = f"<mrow>{name}{PRIME * orders[0]}</mrow>" if len(orders) == 1 else f"<msup>{name}<mo>{above}</mo></msup>"
+    arguments = "<mo>,</mo>".join(_row(argument) for argument in function.arguments)
+    return f"<mrow>{name}{_APPLY}<mo>(</mo>{arguments}<mo>)</mo></mrow>"

@@ -8,7 +8,7 @@ from typing import Any, Final
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.decision import certify
-from inverse_service.expressions import inequalities, notation, printing_latex
+from inverse_service.expressions import inequalities, notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -132,7 +132,7 @@ def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     names = names_of(system)
     unsolved = any("''" in text for text in system["equations"].values())
     equations = [
-        f"{printing_latex.to_latex(reader.read_formula(text, names))} = 0"
+        f"{printing.to_latex(reader.read_formula(text, names))} = 0"
         if unsolved
         else f"\\ddot{{{name}}} = {_written(text, names)}"
         for name, text in system["equations"].items()
@@ -141,4 +141,4 @@ def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
 
 
 def _written(text: str, names: Names) -> str:
-    return printing_latex.to_latex(reader.read_formula(text, names))
+    return printing.to_latex(reader.read_formula(text, names))

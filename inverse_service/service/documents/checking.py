@@ -17,7 +17,7 @@ from inverse_service.certificate.formulas import FORMAT, MAX_MEMBERS, OLD_FORMAT
 from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError
-from inverse_service.expressions.printing_latex import to_latex
+from inverse_service.expressions.printing import to_latex
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import accepting, canonical, covering, derived, hamiltonians, translate

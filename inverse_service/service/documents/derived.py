@@ -176,13 +176,13 @@ def _variational(node: Node, timed: bool, inside: bool) -> Iterator[schemas.Vari
 
 
 def _conditions_of(node: Node) -> list[schemas.Formula]:
-    from inverse_service.expressions import printing_latex
+    from inverse_service.expressions import printing
     from inverse_service.solving.special_cases import cases
 
     return [
         schemas.Formula(
             text=f"{printing.to_text(left)} = {printing.to_text(right)}",
-            latex=f"{printing_latex.to_latex(left)} = {printing_latex.to_latex(right)}",
+            latex=f"{printing.to_latex(left)} = {printing.to_latex(right)}",
         )
         for left, right in cases.conditions(node.case)
     ]

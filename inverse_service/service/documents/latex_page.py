@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from inverse_service import __version__, errors
-from inverse_service.expressions import notation, printing_latex
+from inverse_service.expressions import notation, printing
 from inverse_service.expressions.tree import Symbol
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
@@ -92,8 +92,7 @@ def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, system: d
         yield escaped(f"{hamiltonian['reason'].rstrip('.')}.")
     if momenta and system:
         yield from (
-            display(f"{printing_latex.to_latex(Symbol(p))} = {_latex(text, system, momenta)}")
-            for p, text in momenta.items()
+            display(f"{printing.to_latex(Symbol(p))} = {_latex(text, system, momenta)}") for p, text in momenta.items()
         )
     if hamiltonian and hamiltonian["constraints"] and system:
         yield "The motion with constraints has in phase space the image"
@@ -140,7 +139,7 @@ def _condition(condition: str, system: Mapping[str, Any], letters: Iterable[str]
 
 
 def _latex(text: str, system: Mapping[str, Any], letters: Iterable[str] = ()) -> str:
-    return printing_latex.to_latex(reader.read_formula(text, text_page.names_in(system, letters)))
+    return printing.to_latex(reader.read_formula(text, text_page.names_in(system, letters)))
 
 
 def forward_latex(result: dict[str, Any]) -> Iterator[str]:
@@ -238,7 +237,7 @@ def _rows(*equations: tuple[Side, Side]) -> Iterator[str]:
 def _lettered(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Each coordinate in LaTeX."""
     for name, found in table.items():
-        yield printing_latex.to_latex(Symbol(name)), found
+        yield printing.to_latex(Symbol(name)), found
 
 
 def escaped(text: str) -> str:
@@ -248,7 +247,7 @@ def escaped(text: str) -> str:
 
 def display(formula: str) -> str:
     """A formula on a line of its own; a long one on several."""
-    lines = printing_latex.lines_of_latex(formula)
+    lines = printing.lines_of_latex(formula)
     if len(lines) == 1:
         return f"\\[ {formula} \\]"
     broken = r" \\ & \quad ".join(lines)
@@ -293,7 +292,7 @@ def latex_of(text: str, names: Names) -> str:
 
 def _side(text: str, names: Names) -> str:
     try:
-        return printing_latex.to_latex(reader.read_formula(text, names))
+        return printing.to_latex(reader.read_formula(text, names))
     except errors.InputError:
         return notation.theory(text).latex.strip()
 
@@ -312,4 +311,4 @@ def names_of(system: Mapping[str, Any] | None) -> Names:
 
 def _formula(formula: str) -> str:
     """A formula in a sentence; one that is wider than a line gets lines of its own."""
-    return f"${formula}$" if len(printing_latex.lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)
+    return f"${formula}$" if len(printing.lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)

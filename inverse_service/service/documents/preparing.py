@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.expressions import letters, printing_latex
+from inverse_service.expressions import letters, printing
 from inverse_service.reading import document_names, notations, reader
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
@@ -421,7 +421,7 @@ def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
 
 def _spelled(name: str) -> str:
     """The name in LaTeX, kept apart from letters after a command."""
-    found = printing_latex.name_latex(name)
+    found = printing.name_latex(name)
     return found + " " if found.startswith("\\") else found
 
 

@@ -14,7 +14,7 @@ from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.decision.cells import Left
-from inverse_service.expressions import inequalities, printing, printing_latex, printing_mathml
+from inverse_service.expressions import inequalities, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import real_point
 from inverse_service.mechanics import method_advice
@@ -74,9 +74,9 @@ def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
     return {
         "equations": {name: printing.to_text(f) for name, f in pairs},
         "latex": {
-            name: f"{printing_latex.to_latex(f)} = 0"
+            name: f"{printing.to_latex(f)} = 0"
             if system.is_unsolved
-            else f"{printing_latex.to_latex(ex.Acceleration(name))} = {printing_latex.to_latex(f)}"
+            else f"{printing.to_latex(ex.Acceleration(name))} = {printing.to_latex(f)}"
             for name, f in pairs
         },
     }
@@ -301,7 +301,7 @@ def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPa
 
 
 def formula_fields(tree: ex.Expression) -> dict[str, Any]:
-    return {"text": printing.to_text(tree), "latex": printing_latex.to_latex(tree)}
+    return {"text": printing.to_text(tree), "latex": printing.to_latex(tree)}
 
 
 def formula(tree: ex.Expression) -> schemas.Formula:
@@ -313,7 +313,7 @@ def formulas(names: Iterable[str], trees: Iterable[ex.Expression]) -> dict[str, 
 
 
 def parsed(tree: ex.Expression) -> ParsedFormula:
-    return ParsedFormula(**formula_fields(tree), mathml=printing_mathml.to_mathml(tree))
+    return ParsedFormula(**formula_fields(tree), mathml=printing.to_mathml(tree))
 
 
 def _texts(matrix: solutions.Matrix) -> list[list[str]]:

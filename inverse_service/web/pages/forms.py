@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, parse_qsl, urlencode
 from markupsafe import Markup
 
 from inverse_service import catalogue, errors
-from inverse_service.expressions import letters, printing_mathml
+from inverse_service.expressions import letters, printing
 from inverse_service.expressions.tree import Acceleration, Symbol
 from inverse_service.reading import reader
 from inverse_service.reading.document_names import AND_GUESS, GUESS, Declared, document_names
@@ -467,7 +467,7 @@ def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]
 def _equations(answer: Mapping[str, Any]) -> list[Line]:
     lines = []
     for coordinate, found in answer["equations"].items():
-        left = printing_mathml.to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
+        left = printing.to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
         right = str(typesetting.spaced(found["mathml"])).partition(">")[2].removesuffix("</math>")
         solved = not reader.has_acceleration(found["text"])
         line = f"{left}<mo>=</mo>{right}" if solved else f"{right}<mo>=</mo><mn>0</mn>"
@@ -509,7 +509,7 @@ def _names_understood(answer: Mapping[str, Any]) -> list[tuple[str, Markup, str]
 
 
 def _symbols(names: list[str]) -> Markup:
-    return Markup(", ").join(Markup(printing_mathml.to_mathml(Symbol(name))) for name in names)
+    return Markup(", ").join(Markup(printing.to_mathml(Symbol(name))) for name in names)
 
 
 def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:

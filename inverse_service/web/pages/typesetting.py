@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from inverse_service import errors
-from inverse_service.expressions import inequalities, letters, notation, printing_mathml
+from inverse_service.expressions import inequalities, letters, notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -54,7 +54,7 @@ def inner_mathml(text: str, names: Names) -> str | None:
     if len(text) > MAX_CHARACTERS:
         return None
     try:
-        found = printing_mathml.to_mathml(reader.read_formula(text, names))
+        found = printing.to_mathml(reader.read_formula(text, names))
     except errors.InputError:
         return None
     return spaced(found.partition(">")[2].removesuffix("</math>"))
