@@ -60,7 +60,7 @@ from inverse_service.field.point import Expansion, SingularPoint, Variable, vari
 from inverse_service.field.sample_points import SamplePoints
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
-from inverse_service.search.factors import HALF, Factors, position_monomials, products
+from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.material import Material, antiderivatives, distinct, moving_letters, oriented
 from inverse_service.search.null_vectors import SPARE, random_null_vector
 from inverse_service.search.terms import (
@@ -80,13 +80,6 @@ from inverse_service.search.terms import (
 
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
-
-
-def with_roots(material: Material) -> list[Monomial]:
-    """v_i v_j and v_i sqrt(p) for what holds velocities in f, as in the square F^2 of a Finsler function."""
-    letters = [letter for letter in moving_letters(material) if isinstance(letter, Sum)]
-    rooted = [times(monomial(v), frozenset([(p, HALF)])) for p in letters for v in material.motion.velocities]
-    return [*quadratic(material), *rooted] if rooted else []
 
 
 def ratios(material: Material) -> list[Monomial]:

@@ -19,6 +19,7 @@ from fractions import Fraction
 from itertools import combinations
 
 from inverse_service import errors
+from inverse_service.deadline import check
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
@@ -120,9 +121,9 @@ class Integrator:
                 total = add_terms(total, part)
         if not other:
             return total, other
-        known = quadratures.linear_completion([variable.name], [other])
+        known = quadratures.primitive(variable, other)
         if known is not None:
-            return add_terms(total, terms_of(known), -1), {}
+            return add_terms(total, terms_of(known)), {}
         left = Terms()
         for beside, inner in _outside(other, variable):
             found = quadratures.antiderivative(self.system, tree_of(inner), variable, self.table)
@@ -168,12 +169,14 @@ class Integrator:
         """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None where none is found."""
         names = self.system.coordinates
         symbols = [ex.Symbol(name) for name in names]
-        rest, total = list(wanted), Terms()
+        # Of what is not affine in the velocities as it stands, relations among its letters may leave what is.
+        rest = [self.in_normal_form(w) if _by_velocity(w, names) is None else w for w in wanted]
+        total = Terms()
         for i, j in combinations(range(len(names)), 2):
-            magnetic = quadratures.round_potential(names, rest, i, j)
+            magnetic = _round_potential(names, rest, i, j)
             if magnetic is not None:
                 total = add_terms(total, terms_of(magnetic))
-                own = quadratures.expressions_without_acceleration(names, terms_of(magnetic))
+                own = expressions_without_acceleration(names, terms_of(magnetic))
                 rest = [self.in_normal_form(add_terms(w, part, -1)) for w, part in zip(rest, own, strict=True)]
         fields: dict[tuple[int, int], Terms] = {}
         slopes = list[Terms]()
@@ -231,6 +234,50 @@ class Integrator:
                 return None
             rest = {pair: terms for pair, terms in rest.items() if not done & {*pair}}
         return found
+
+
+def expressions_without_acceleration(names: Sequence[str], terms: Terms) -> list[Terms]:
+    """v_j L_(v_i q_j) + L_(v_i t) - L_(q_i) for each i."""
+    found = []
+    for name in names:
+        check()
+        momentum = derivative_of_terms(terms, ex.Velocity(name))
+        total = add_terms(derivative_of_terms(momentum, ex.TIME), derivative_of_terms(terms, ex.Symbol(name)), -1)
+        for other in names:
+            slope = derivative_of_terms(momentum, ex.Symbol(other))
+            total = add_terms(total, multiply_terms(slope, {monomial(ex.Velocity(other)): Fraction(1)}))
+        found.append(quadratures.in_one_square(total))
+    return found
+
+
+def _round_potential(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> ex.Expression | None:
+    """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
+
+    It is regular where B is, but for the axis: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
+    """
+    x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
+    field = _beside(wanted[i], w)
+    if not field or not _is_round(field, x, y) or add_terms(field, _beside(wanted[j], v)):
+        return None
+    radial = multiply_terms(terms_of(ex.substitute(tree_of(field), {y: ex.ZERO})), {monomial(x): Fraction(1)})
+    flux = quadratures.primitive(x, radial)
+    if flux is None:
+        return None
+    square = x**2 + y**2
+    table = {x**2: square, ex.Apply("log", x): ex.HALF * ex.Apply("log", square), x: ex.square_root(square)}
+    return ex.substitute(flux, table) * square**-1 * (y * v - x * w)
+
+
+def _is_round(field: Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
+    """Whether it depends on x^2 + y^2, and on x and y in no other way: x B_y = y B_x."""
+    slopes = [derivative_of_terms(field, variable) for variable in (x, y)]
+    turned = [multiply_terms(slope, {monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
+    return bool(slopes[0]) and turned[0] == turned[1]
+
+
+def _beside(terms: Terms, velocity: ex.Velocity) -> Terms:
+    """The coefficient of a velocity."""
+    return {key - monomial(velocity): a for key, a in terms.items() if split_velocities(key)[1] == monomial(velocity)}
 
 
 def _sum(parts: Iterator[Terms]) -> Terms:

@@ -271,7 +271,7 @@ def potential(kinetic: ex.Expression, force: ex.Expression, place: Place) -> ex.
             continue
         try:
             fixed = quadratures.factored(ex.substitute(residual, {place.v: ex.number(speed)}), [place.x])
-            found = quadratures.completed([place.x.name], [terms_of(-fixed)])
+            found = quadratures.primitive(place.x, terms_of(fixed))
         except TooManyTerms:
             continue
         if found is not None:

@@ -39,17 +39,15 @@ from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.field.exact_field import Budget, TooLarge, exact_ring, factored
+from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.field.real_point import real_sign
 from inverse_service.field.tower import to_kernels
-from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.interpolation import Given, Interpolation, NoFit, kernel_of, letters_of, whole_numbers
 from inverse_service.search.material import Material
-from inverse_service.search.quadratures import exponential
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -259,10 +257,6 @@ class OneMatrix:
         below, *above = Interpolation(form, variables, self.units).terms()
         slopes = [tree_of(terms) / tree_of(below) for terms in above]
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        ring = exact_ring(slopes, names, 2, Budget.long())
-        found = potential(ring, range(len(names)), [ring.value(tree) for tree in slopes])
-        if found is not None:
-            return terms_of(exponential(ring, found, integrator.table)), terms_of(slopes[0])
         logarithm = integrator.function_of(names, [terms_of(tree) for tree in factored(slopes, names, Budget.long())])
         return None if logarithm is None else (integrator.exponential(logarithm), terms_of(slopes[0]))
 

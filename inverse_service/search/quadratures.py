@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from fractions import Fraction
-from itertools import combinations, combinations_with_replacement, count
+from itertools import count
 from typing import Any
 
 from inverse_service import bounds, deadline, errors
@@ -29,8 +29,7 @@ from inverse_service.decision import certify, deciding
 from inverse_service.expressions import collecting_trees, derivative, evaluation
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_point
-from inverse_service.mechanics import implicit_equations, writing
-from inverse_service.mechanics.potential import Potential
+from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import material
 from inverse_service.search.terms import (
@@ -41,9 +40,7 @@ from inverse_service.search.terms import (
     derivative_of_terms,
     monomial,
     monomial_tree,
-    multiply_terms,
     rank,
-    split_velocities,
     terms_of,
     times,
     tree_of,
@@ -141,25 +138,11 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
     return found
 
 
-def expressions_without_acceleration(names: Sequence[str], terms: Terms) -> list[Terms]:
-    """v_j L_(v_i q_j) + L_(v_i t) - L_(q_i) for each i."""
-    found = []
-    for name in names:
-        deadline.check()
-        momentum = derivative_of_terms(terms, ex.Velocity(name))
-        total = add_terms(derivative_of_terms(momentum, ex.TIME), derivative_of_terms(terms, ex.Symbol(name)), -1)
-        for other in names:
-            slope = derivative_of_terms(momentum, ex.Symbol(other))
-            total = add_terms(total, multiply_terms(slope, {monomial(ex.Velocity(other)): Fraction(1)}))
-        found.append(_in_one_square(total))
-    return found
-
-
 # p^2 = a + b q^2 for the pairs of functions p, q of one argument.
 _SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1), "cosh": ("sinh", 1, 1)}
 
 
-def _in_one_square(terms: Terms) -> Terms:
+def in_one_square(terms: Terms) -> Terms:
     """sin(u)^2/cos(u)^k as 1/cos(u)^k - 1/cos(u)^(k - 2) and so on, so that what is equal looks so."""
     result: Terms = {}
     for key, value in terms.items():
@@ -176,124 +159,47 @@ def _of_one_square(key: Monomial) -> Terms:
             if powers.get(partner, 0) < 0:
                 less = times(key, monomial(letter), -2)
                 parts = {less: Fraction(a), times(less, monomial(partner), 2): Fraction(b)}
-                return _in_one_square(parts)
+                return in_one_square(parts)
     return {key: Fraction(1)}
 
 
-def completed(names: Sequence[str], wanted: Sequence[Terms]) -> ex.Expression | None:
-    """A_i v_i - V with the Euler-Lagrange expressions `wanted`, one for each coordinate; None where none is found.
+def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
+    """A sum of monomials with the derivative `wanted` by x, by linear algebra over what may have its terms as a part.
 
-    The coefficients of its terms are rational where that is enough, else they hold parameters.
+    The coefficients are rational where that is enough, else they hold letters without x. None where none is found.
     """
-    if not _is_self_adjoint(names, wanted):
-        return None
-    total, rest = [], list(wanted)
-    with suppress(exact_field.TooLarge, ZeroDivisionError):
-        for i, j in combinations(range(len(names)), 2):
-            magnetic = round_potential(names, rest, i, j)
-            if magnetic is not None:
-                rest = _less(names, rest, terms_of(magnetic))
-                total.append(magnetic)
-    found = linear_completion(names, rest)
-    return None if found is None else ex.add(*total, found)
-
-
-def _is_self_adjoint(names: Sequence[str], wanted: Sequence[Terms]) -> bool:
-    """Whether E_i = B_ij v_j + C_i can be that of some A_i v_i - V: B_ij = -B_ji and C_i,j - C_j,i = B_ij,t.
-
-    What does not cancel term by term is tried at random points: letters can be related.
-    """
-    rates, left = [ex.Velocity(name) for name in names], list[Terms]()
-    for (i, q), (j, r) in combinations_with_replacement(enumerate(map(ex.Symbol, names)), 2):
-        field = _beside(wanted[i], rates[j])
-        left.append(add_terms(field, _beside(wanted[j], rates[i])))
-        forces = (_at_rest(wanted[i]), _at_rest(wanted[j]))
-        turning = add_terms(derivative_of_terms(forces[0], r), derivative_of_terms(forces[1], q), -1)
-        left.append(add_terms(turning, derivative_of_terms(field, ex.TIME), -1))
-    try:
-        return all(implicit_equations.vanishes(tree_of(terms)) for terms in left if terms)
-    except errors.InputError:
-        return True
-
-
-def _less(names: Sequence[str], wanted: Sequence[Terms], known: Terms) -> list[Terms]:
-    """What is still wanted beside known terms; what vanishes by relations among its letters is left out."""
-    own = expressions_without_acceleration(names, known)
-    trees = [tree_of(add_terms(dict(terms), part, -1)) for terms, part in zip(wanted, own, strict=True)]
-    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-    return [terms_of(tree) for tree in exact_field.factored(trees, symbols, exact_field.Budget.short())]
-
-
-def round_potential(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> ex.Expression | None:
-    """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
-
-    It is regular where B is, but for the axis: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
-    """
-    x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
-    field = _beside(wanted[i], w)
-    if not field or not _is_round(field, x, y) or add_terms(field, _beside(wanted[j], v)):
-        return None
-    radial = multiply_terms(terms_of(ex.substitute(tree_of(field), {y: ex.ZERO})), {monomial(x): Fraction(1)})
-    flux = linear_completion([x.name], [radial])
-    if flux is None:
-        return None
-    square = x**2 + y**2
-    table = {x**2: square, ex.Apply("log", x): ex.HALF * ex.Apply("log", square), x: ex.square_root(square)}
-    return ex.substitute(flux, table) * square**-1 * (x * w - y * v)
-
-
-def _is_round(field: Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
-    """Whether it depends on x^2 + y^2, and on x and y in no other way: x B_y = y B_x."""
-    slopes = [derivative_of_terms(field, variable) for variable in (x, y)]
-    turned = [multiply_terms(slope, {monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
-    return bool(slopes[0]) and turned[0] == turned[1]
-
-
-def _beside(terms: Terms, velocity: ex.Velocity) -> Terms:
-    """The coefficient of a velocity."""
-    return {key - monomial(velocity): a for key, a in terms.items() if split_velocities(key)[1] == monomial(velocity)}
-
-
-def _at_rest(terms: Terms) -> Terms:
-    """What holds no velocity."""
-    return {key: a for key, a in terms.items() if not split_velocities(key)[1]}
-
-
-def linear_completion(names: Sequence[str], wanted: Sequence[Terms]) -> ex.Expression | None:
-    columns: dict[Monomial, list[Terms]] = {}
-    wanted = [_in_one_square(terms) for terms in wanted]
-    fresh = [(i, key) for i, terms in enumerate(wanted) for key in terms]
-    if any(not _is_affine(key) for _, key in fresh):
-        return None
-    right, most = _numbered(wanted), 2 * bounds.COLUMNS + 4 * len(fresh)
+    columns: dict[Monomial, Terms] = {}
+    wanted = in_one_square(wanted)
+    fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
-        raised = dict.fromkeys(m for i, key in fresh for m in _answers(names, i, key) if m not in columns)
-        fresh, added = [], sorted(raised, key=rank)[: most - len(columns)]
+        raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x) if m not in columns)
+        added = sorted(raised, key=rank)[: most - len(columns)]
         if columns and not added:
             return None
-        for m in added:
-            columns[m] = expressions_without_acceleration(names, {m: Fraction(1)})
-            fresh += [(i, key) for i, terms in enumerate(columns[m]) for key in terms if _is_affine(key)]
-        rational = solution([_numbered(expressions) for expressions in columns.values()], right)
+        deadline.check(len(added))
+        columns |= {m: in_one_square(derivative_of_terms({m: Fraction(1)}, x)) for m in added}
+        fresh = [key for m in added for key in columns[m]]
+        rational = solution(list(columns.values()), wanted)
         if rational is not None:
             return tree_of({m: a for m, a in zip(columns, rational, strict=True) if a})
-        found = _with_parameters(names, columns, wanted)
+        found = _with_constants(x, columns, wanted)
         if found is not None:
             return found
     return None
 
 
-def _with_parameters(
-    names: Sequence[str], columns: Mapping[Monomial, Sequence[Terms]], wanted: Sequence[Terms]
-) -> ex.Expression | None:
-    """The same with coefficients from the field of the constants."""
-    varying = dict.fromkeys(_varying(names, m) for m in columns)
-    if not varying or len(varying) > bounds.COLUMNS:
+def _with_constants(x: ex.Symbol, columns: Iterable[Monomial], wanted: Terms) -> ex.Expression | None:
+    """The same with coefficients from the field of the letters without x."""
+    varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
+    plain = {m: in_one_square(derivative_of_terms({m: Fraction(1)}, x)) for m in varying if m}
+    if not plain or len(varying) > bounds.COLUMNS:
         return None
-    plain = {m: expressions_without_acceleration(names, {m: Fraction(1)}) for m in varying if m}
-    sides = [_by_varying(names, expressions) for expressions in (*plain.values(), wanted)]
-    keys = list(dict.fromkeys(key for side in sides for key in side))
-    trees = [[tree_of(side.get(key, {})) for side in sides] for key in keys]
+    sides: list[dict[Monomial, Terms]] = [{} for _ in range(len(plain) + 1)]
+    for side, terms in zip(sides, (*plain.values(), wanted), strict=True):
+        for key, value in terms.items():
+            own: Monomial = frozenset(item for item in key if ex.holds(item[0], x))
+            side.setdefault(own, {})[key - own] = value
+    trees = [[tree_of(side.get(key, {})) for side in sides] for key in dict.fromkeys(k for side in sides for k in side)]
     try:
         budget = exact_field.Budget.short()
         ring = exact_field.exact_ring([tree for row in trees for tree in row], [], 0, budget, slopes=False)
@@ -302,77 +208,11 @@ def _with_parameters(
         return None
     if len(plain) in found.pivots:
         return None
-    parts = [
-        exact_field.quotient_tree(ring, row[-1]) * monomial_tree(m)
-        for pivot, row in zip(found.pivots, found.rows, strict=True)
-        for m in (list(plain)[pivot],)
-    ]
-    return ex.add(*parts)
-
-
-def _varying(names: Sequence[str], key: Monomial) -> Monomial:
-    """The letters that hold coordinates, velocities or t."""
-    return frozenset(item for item in key if _varies(names, item[0]))
-
-
-def _varies(names: Sequence[str], letter: ex.Expression) -> bool:
-    return any(
-        isinstance(node, ex.Velocity) or (isinstance(node, ex.Symbol) and (node == ex.TIME or node.name in names))
-        for node in ex.walk(letter)
-    )
-
-
-def _by_varying(names: Sequence[str], expressions: Iterable[Terms]) -> dict[tuple[int, Monomial], Terms]:
-    """For each equation and each product of varying letters its constant coefficient."""
-    table: dict[tuple[int, Monomial], Terms] = {}
-    for i, terms in enumerate(expressions):
-        for key, value in terms.items():
-            varying = _varying(names, key)
-            table.setdefault((i, varying), {})[key - varying] = value
-    return table
-
-
-def _numbered(expressions: Iterable[Terms]) -> dict[Hashable, Fraction]:
-    return {(i, key): value for i, terms in enumerate(expressions) for key, value in terms.items()}
-
-
-def _is_affine(key: Monomial) -> bool:
-    moving = list(split_velocities(key)[1])
-    return len(moving) <= 1 and all(isinstance(letter, ex.Velocity) and e == 1 for letter, e in moving)
-
-
-def _answers(names: Sequence[str], i: int, key: Monomial) -> list[Monomial]:
-    """B with dB/dq_i = T for a term T of E_i; B v_i with dB/dq_j = T and B v_j with dB/dq_i = T for a term T v_j."""
-    position, moving = split_velocities(key)
-    q, v = ex.Symbol(names[i]), ex.Velocity(names[i])
-    if not moving:
-        return list(material.antiderivatives(position, q))
-    ((rate, _),) = moving
-    assert isinstance(rate, ex.Velocity)
-    pairs: list[tuple[Monomial, ex.Expression]] = [
-        (m, v) for m in material.antiderivatives(position, ex.Symbol(rate.coordinate))
-    ]
-    pairs += [(m, rate) for m in material.antiderivatives(position, q)]
-    return [times(m, monomial(w)) for m, w in pairs]
+    pairs = zip(found.pivots, found.rows, strict=True)
+    return ex.add(*(exact_field.quotient_tree(ring, row[-1]) * monomial_tree(list(plain)[k]) for k, row in pairs))
 
 
 _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
-
-
-def exponential(ring: exact_field.ExactRing, logarithm: Potential, table: real_point.RealTable | None) -> ex.Expression:
-    """exp(phi) with bases that are positive at the real point; factors to the same power are one base."""
-    bases: dict[ex.Expression, exact_field.Quotient] = {}
-    for value, element in logarithm.logarithms:
-        exponent = writing.readable(ring, value)
-        bases[exponent] = bases.get(exponent, ring.constant(1)) * element
-    factors = []
-    for exponent, element in bases.items():
-        tree = shortest(writing.readable(ring, element), [])
-        factors.append(
-            (tree if table is None or real_point.real_sign(tree, table) > 0 else ex.negated(tree)) ** exponent
-        )
-    rest = logarithm.rest
-    return ex.multiply(*factors, *([] if rest.is_zero else [ex.Apply("exp", writing.readable(ring, rest))]))
 
 
 def exponential_of_integral(
@@ -420,9 +260,9 @@ def antiderivative(
     forms = [(plain, letter, letter), *((form, inner, w) for form, w in _substitutions(plain, letter, inner))]
     for form, name, meant in forms:
         with suppress(TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
-            found = completed([name.name], [terms_of(form)])
+            found = primitive(name, terms_of(form))
             if found is not None:
-                return -ex.substitute(ex.substitute(found, {name: meant}), {letter: variable})
+                return ex.substitute(ex.substitute(found, {name: meant}), {letter: variable})
     if not table or variable not in table:
         return None
     place = {**table, letter: table[variable]}

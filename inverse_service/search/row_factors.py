@@ -31,9 +31,14 @@ from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search.gradients import ONE_TERM, Integrator, constant_factor, is_zero
+from inverse_service.search.gradients import (
+    ONE_TERM,
+    Integrator,
+    constant_factor,
+    expressions_without_acceleration,
+    is_zero,
+)
 from inverse_service.search.material import Material
-from inverse_service.search.quadratures import expressions_without_acceleration
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -291,6 +296,7 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: Integrator) 
         if more or e != 1 or letter not in places:
             return None
         form[places[letter]] = add_terms(form[places[letter]], {outside: value})
+    form = [integrator.in_normal_form(terms) for terms in form]
     logarithm = integrator.function_of([ex.TIME, *lines.coordinates], form)
     return None if logarithm is None else integrator.exponential(logarithm)
 

@@ -11,7 +11,6 @@ from inverse_service.search import (
     other_coordinates,
     reductions,
     row_factors,
-    scalar_multiplier,
 )
 from inverse_service.search.families import Family
 from inverse_service.search.protocol import Leaf, Reduction
@@ -37,16 +36,6 @@ LEAVES = (
         "derivatives of the factor, of `A` and of `V` in `L = phi G_ij v^i v^j/2 + A_i v^i - V` follow from it.",
     ),
     Leaf(
-        "one function times a constant matrix",
-        0.5,
-        lambda material: True,
-        scalar_multiplier.propose,
-        "The divergence of `f` is that of a multiplier `g = phi(t, q) G` with constant `G`: `phi` is an integral and "
-        "`G` solves linear equations; then `L = phi G_ij v^i v^j/2 + A_i v^i - V`, and `A` and `V` follow by "
-        "integration.",
-        exact=True,
-    ),
-    Leaf(
         "linear systems, multipliers in t alone",
         1.5,
         linear_systems.is_linear,
@@ -65,7 +54,7 @@ LEAVES = (
     Leaf(
         "one coordinate, a function of the velocity",
         9.5,
-        scalar_multiplier.is_of_one_coordinate,
+        lambda material: material.motion.size == 1,
         one_coordinate.propose_function_of_velocity,
         "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
         "`phi_t = A phi` and `phi_x = B phi`; what is not elementary stays under integral signs.",
@@ -91,12 +80,10 @@ REDUCTIONS = (
     ),
 )
 ANSATZ = (
-    Family("a known multiplier and potentials", 0.6, scalar_multiplier.kinetic_terms, 0, given=True),
     Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
     Family("functions of velocities as in f, short factors", 3.74, families.as_in_force, bounds.SMALL),
     Family("functions of velocities, constant coefficients", 3.75, families.of_velocities, 0),
     Family("ratios of velocities, short factors", 3.7, families.ratios, bounds.SMALL),
-    Family("quadratic in the velocities and in a root", 3.9, families.with_roots, bounds.LARGE),
     Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
     Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),

@@ -29,7 +29,7 @@ from inverse_service.field import real_point
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.search import row_factors, terms, tidy
-from inverse_service.search.protocol import Found, SearchOutcome
+from inverse_service.search.protocol import SearchOutcome
 from inverse_service.solving import confirming
 
 if TYPE_CHECKING:
@@ -249,23 +249,7 @@ def _as_given(work: confirming.Work) -> Answer | None:
     short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
     found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(), decision)
-    others = _with_other_matrices(work, with_time) if short else None
-    return confirming.completed(work, replace(found, checked="valid"), others, with_time)
-
-
-def _with_other_matrices(work: confirming.Work, with_time: bool) -> Found | None:
-    """Lagrangians for which another constant matrix stands in the multiplier of the one that is known."""
-    if len(work.analysis.system.coordinates) == 1:
-        return None
-    from inverse_service.search import scalar_multiplier
-    from inverse_service.search.material import gather
-
-    try:
-        with deadline.until(deadline.now() + _SEARCH_SHARE * work.left()):
-            trees = tuple(scalar_multiplier.propose(gather(work.analysis, with_time), work.options.seed))
-    except (terms.TooManyTerms, deadline.OutOfTime):
-        return None
-    return Found(tuple(tidy.tidied(tree, work.analysis.system) for tree in trees), AS_GIVEN, ()) if trees else None
+    return confirming.completed(work, replace(found, checked="valid"), None, with_time)
 
 
 def _holds_time(answer: Answer) -> bool:

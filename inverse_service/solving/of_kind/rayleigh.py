@@ -18,12 +18,12 @@ from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKind, kind_named
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, number, substitute
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, substitute
 from inverse_service.field.matrices import kernel
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search.gradients import Integrator
 from inverse_service.search.protocol import describe
-from inverse_service.search.quadratures import completed
 from inverse_service.search.row_factors import lagrangian_as_given
 from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
 from inverse_service.solving.of_kind.kind_answers import NOT_FOUND, KindAnswer, confirmed, decided
@@ -92,7 +92,7 @@ def _with_friction(
 ) -> KindAnswer | None:
     """L and D for T - V = `tree` and E_i(T - V) = push_i along f, if the checker confirms them."""
     try:
-        split = _split(analysis.system.coordinates, push)
+        split = _split(analysis.system, push)
     except TooManyTerms:
         return None
     if split is None:
@@ -101,16 +101,16 @@ def _with_friction(
     return with_drag(analysis, _kind(analysis), tree + linear, drag, deadline)
 
 
-def _split(names: Sequence[str], push: Sequence[Expression]) -> tuple[Expression, Expression] | None:
+def _split(system: SecondOrderSystem, push: Sequence[Expression]) -> tuple[Expression, Expression] | None:
     """D and A v for C v = push; None where the antisymmetric part of C is not closed."""
-    v = [Velocity(name) for name in names]
+    v = [Velocity(name) for name in system.coordinates]
     slopes = [[differentiate(part, w) for w in v] for part in push]
     pairs = [(i, j) for i in range(len(v)) for j in range(len(v))]
     drag = tree_of(terms_of(add(*(HALF * slopes[i][j] * v[i] * v[j] for i, j in pairs))))
     rest = [differentiate(drag, w) - part for w, part in zip(v, push, strict=True)]
     terms = [terms_of(part) for part in rest]
-    linear = completed(tuple(names), terms) if any(terms) else number(0)
-    return None if linear is None else (drag, linear)
+    linear = Integrator(system).linear_terms(terms)
+    return None if linear is None else (drag, tree_of(linear))
 
 
 def _push(analysis: Analysis, tree: Expression) -> list[Expression]:
