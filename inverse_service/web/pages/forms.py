@@ -4,6 +4,7 @@ with their places. The last two are made in workers, which read forms.
 
 from __future__ import annotations
 
+import email
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -24,9 +25,6 @@ from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import typesetting
 
 MAX_FIELDS = 120
-_BOUNDARY = re.compile(r'boundary="?([^";]{1,70})"?', re.IGNORECASE)
-_NAME = re.compile(rb'[ ;]name="([^"]{0,80})"')
-_FILE_NAME = re.compile(rb'filename="([^"]{0,300})"')
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,33 +68,26 @@ def _urlencoded(body: bytes) -> Form:
 
 
 def _multipart(body: bytes, content_type: str) -> Form:
-    boundary = _BOUNDARY.search(content_type)
-    if boundary is None:
-        raise unreadable()
-    parts = (b"\r\n" + body).split(b"\r\n--" + boundary.group(1).encode())
-    if not 2 <= len(parts) <= MAX_FIELDS + 2 or not parts[-1].startswith(b"--"):
+    message = email.message_from_bytes(b"Content-Type: " + content_type.encode("latin-1") + b"\r\n\r\n" + body)
+    parts: Any = message.get_payload()
+    if not isinstance(parts, list) or len(parts) > MAX_FIELDS or message.defects:
         raise unreadable()
     fields: dict[str, tuple[str, ...]] = {}
     files: dict[str, Upload] = {}
-    for part in parts[1:-1]:
-        _take(part, fields, files)
+    for part in parts:
+        key = part.get_param("name", None, "content-disposition")
+        data = part.get_payload(decode=True)
+        if not isinstance(key, str) or not isinstance(data, bytes):
+            raise unreadable()
+        file_name = part.get_filename()
+        try:
+            if file_name is None:
+                fields[key] = (*fields.get(key, ()), data.decode())
+            elif file_name or data:
+                files[key] = Upload(file_name, data)
+        except UnicodeDecodeError:
+            raise unreadable() from None
     return Form(fields, files)
-
-
-def _take(part: bytes, fields: dict[str, tuple[str, ...]], files: dict[str, Upload]) -> None:
-    head, separator, data = part.partition(b"\r\n\r\n")
-    name = _NAME.search(head)
-    if not separator or name is None:
-        raise unreadable()
-    try:
-        key = name.group(1).decode()
-        file_name = _FILE_NAME.search(head)
-        if file_name is None:
-            fields[key] = (*fields.get(key, ()), data.decode())
-        elif file_name.group(1) or data:
-            files[key] = Upload(file_name.group(1).decode(), data)
-    except UnicodeDecodeError:
-        raise unreadable() from None
 
 
 def unreadable() -> errors.InputError:
