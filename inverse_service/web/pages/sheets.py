@@ -6,7 +6,7 @@ The verdict of a result is formed here alone: a yes with t is a yes. Title, hist
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from markupsafe import Markup
@@ -500,15 +500,27 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
         yield Row("Time", f"Computed in {rendering.duration(spent)}.")
 
 
-def _clock_row(clock: Mapping[str, Any], result: Mapping[str, Any], names: Names, name: str = "Another clock") -> Row:
-    verdict = VERDICTS.get(clock["verdict"], OPEN)
+def _clock_row(clock: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
     factor = typesetting.formula(clock["factor"], names)
-    equations = [typesetting.formula(reader.equation_line(*pair), names) for pair in clock["equations"].items()]
-    steps = (Markup("With dτ = {} dt the equations become {}.").format(factor, Markup(", ").join(equations)),)
-    return Row(
-        name, Markup("dτ = {} dt").format(factor), verdict, WORDS[verdict],
-        tuple(_formulas(clock, result, names)), (*steps, *_checked([clock])),
-    )  # fmt: skip
+    became = Markup("With dτ = {} dt the equations become {}.").format(factor, _solved(clock, names))
+    return _row("Another clock", Markup("dτ = {} dt").format(factor), clock, result, names, [became])
+
+
+def _row(
+    name: str, hint: Markup | str, part: Mapping[str, Any], result: Mapping[str, Any], names: Names,
+    before: Sequence[Markup] = (), after: Sequence[Markup] = (), is_main: bool = False,
+) -> Row:  # fmt: skip
+    """The row of an answer: its verdict, its formulas, and its proof between other sentences."""
+    found = _common((part.get("verdict"), part.get("verdict_with_time")))
+    word = "Yes, with t" if found == YES and part.get("verdict") != "variational" else WORDS[found]
+    reason = [Markup(_capital(part["reason"]))] if part.get("reason") else []
+    steps = (*before, *_steps(part, names), *after, *reason, *_checked([part]))
+    return Row(name, hint, found, word, tuple(_formulas(part, result, names)), steps, is_main)
+
+
+def _solved(part: Mapping[str, Any], names: Names) -> Markup:
+    """The equations of a part, solved for the accelerations."""
+    return Markup(", ").join(formula.math for formula in _equations(part, names))
 
 
 def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names) -> Markup:
@@ -629,38 +641,29 @@ def _rows(
     for one in part.get("associated") or ():
         yield _associated_row(one, result, names)
     if motion:
-        found = _common((motion.get("verdict"), motion.get("verdict_with_time")))
-        time = found == YES and motion.get("verdict") != "variational"
-        formulas = list(_formulas(motion, result, names))
-        word = "Yes, with t" if time else SEEKING if found == OPEN and "any_associated" in pending else WORDS[found]
-        steps = [*_steps(motion, names)]
+        after = []
         if lagrangian := motion.get("lagrangian"):
             on = [formula_of("l", lagrangian["on_constraints"], names)]
             on += [formula_of(f"\u03bb{k}", one, names) for k, one in enumerate(lagrangian["transverse_momenta"], 1)]
-            steps.append(Markup("On the constraints {}.").format(Markup(", ").join(one.math for one in on)))
+            after.append(Markup("On the constraints {}.").format(Markup(", ").join(one.math for one in on)))
         if motion.get("freedom"):
-            steps.append(Markup("L along the constraints depends on {}.").format(motion["freedom"]))
-        steps += [Markup(_capital(motion["reason"]))] if motion.get("reason") else []
-        steps += _checked([motion])
-        yield Row("Any", "all associated systems at once", found, word, tuple(formulas), tuple(steps), is_main=True)
+            after.append(Markup("L along the constraints depends on {}.").format(motion["freedom"]))
+        row = _row("Any", "all associated systems at once", motion, result, names, after=after, is_main=True)
+        yield replace(row, word=SEEKING) if row.verdict == OPEN and "any_associated" in pending else row
     reduced = result.get("reduced")
     if not reduced:
         if "reduced" in pending:
             yield Row("Reduced", "", OPEN, SEEKING)
         return
-    own = VERDICTS.get(reduced["verdict"], OPEN)
-    over = _listed(reduced["coordinates"], names)
-    equations = [typesetting.formula(reader.equation_line(*pair), names) for pair in reduced["equations"].items()]
-    steps = [Markup("The equations {}.").format(Markup(", ").join(equations)), Markup(reduced.get("statement") or "")]
-    steps += [*_steps(reduced, names), *([Markup(_capital(reduced["reason"]))] if reduced.get("reason") else [])]
-    yield Row(
-        "Reduced", Markup("the equations of {} alone").format(over), own, WORDS[own],
-        tuple(_formulas(reduced, result, names)), tuple(step for step in (*steps, *_checked([reduced])) if step),
-    )  # fmt: skip
+    over = Markup("the equations of {} alone").format(_listed(reduced["coordinates"], names))
+    before = [Markup("The equations {}.").format(_solved(reduced, names))]
+    before += [Markup(reduced["statement"])] if reduced.get("statement") else []
+    row = _row("Reduced", over, reduced, result, names, before)
+    yield row
     clock = result.get("with_clock") or reduced.get("with_clock")
     if clock:
         yield _clock_row(clock, result, names)
-    elif own == YES:
+    elif row.verdict == YES:
         yield Row("Another clock", "a new time, dτ = N dt", "", "Not needed")
     else:
         why = reduced.get("without_clock")
@@ -668,21 +671,13 @@ def _rows(
 
 
 def _associated_row(one: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
-    hint = HINTS.get(one["kind"], "")
-    why = Markup(typesetting.sentence(one.get("explanation") or "", names))
+    name, hint = _capital(one["kind"]), HINTS.get(one["kind"], "")
     if not one["defined"]:
-        return Row(_capital(one["kind"]), hint, "", "Not defined", (), (why,))
-    found = _common((one["verdict"], one["verdict_with_time"]))
-    time = found == YES and one["verdict"] != "variational"
-    equations = [typesetting.formula(reader.equation_line(*pair), names) for pair in one["equations"].items()]
+        why = Markup(typesetting.sentence(one.get("explanation") or "", names))
+        return Row(name, hint, "", "Not defined", (), (why,))
     where = _listed(one.get("domain") or (), names)
-    steps = [Markup("The system {}{}.").format(
-        Markup(", ").join(equations), Markup(" where {}").format(where) if where else "")]  # fmt: skip
-    steps += [*_steps({"explanation": one.get("steps")}, names), *_checked([one])]
-    if one.get("reason"):
-        steps.append(Markup(_capital(one["reason"])))
-    word = "Yes, with t" if time else WORDS[found]
-    return Row(_capital(one["kind"]), hint, found, word, tuple(_formulas(one, result, names)), tuple(steps))
+    system = Markup("The system {}{}.").format(_solved(one, names), Markup(" where {}").format(where) if where else "")
+    return _row(name, hint, {**one, "explanation": one.get("steps")}, result, names, [system])
 
 
 def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Names) -> Iterable[Row]:
@@ -774,8 +769,6 @@ def judged_of(check: Mapping[str, Any], names: Names) -> Judged:
 
 def _with_own_names(lagrangian: str, names: Names) -> Names:
     """The names with the constants and functions that occur in a visitor's L alone."""
-    from dataclasses import replace
-
     from inverse_service.reading.document_names import GUESS, Declared, known_names
     from inverse_service.web.pages.forms import right_side
 
