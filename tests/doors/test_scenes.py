@@ -1,16 +1,17 @@
-"""Scenes of the corpus: what means nothing is refused at its place, by Python and over HTTP; no method completes a hard
-motion with a wrong trajectory."""
+"""Scenes of the corpus: what means nothing is refused at its place; each run ends as its row says; no method completes a
+hard motion with a wrong trajectory."""
 
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import httpx
 import pytest
 
 import inverse_service
 from tests.doors import calls
-from tests.doors.rows import Row, rows
+from tests.doors.rows import Row, marks, rows
 from tests.doors.test_readings import fault_of_refusal
 
 SCENES = rows("scenes")
@@ -47,3 +48,31 @@ def test_no_method_completes_a_hard_motion_with_a_wrong_trajectory(row: Row) -> 
             apart = max(abs(method["final"]["positions"][name] - value) for name, value in final.items())
             assert apart <= row["size"] * right.pop(method["label"], 0.1), method["label"]
     assert not right  # these get to the end
+
+
+@pytest.mark.parametrize("row", [pytest.param(row, id=row["id"], marks=marks(row)) for row in rows("ends")])
+def test_each_run_ends_as_its_row_says(row: Row) -> None:
+    found = [one for one in inverse_service.simulate(row["scene"])["methods"] if one["outcome"] != "unavailable"]
+    for method in found:
+        assert_end(row, method)
+
+
+def assert_end(row: Row, method: dict[str, Any]) -> None:
+    """Outcomes and words by the label of the method, or by * for all others; numbers as [value, tolerance]."""
+    label, outcome, stopped = method["label"], method["outcome"], method.get("stopped") or {}
+    outcomes = row.get("outcomes", {})
+    wanted = outcomes.get(label, outcomes.get("*", outcome))
+    assert outcome in ([wanted] if isinstance(wanted, str) else wanted), label
+    assert outcome != row.get("never"), label
+    says = row.get("says", {})
+    assert says.get(label, says.get("*", "")) in stopped.get("quantity", ""), label
+    assert "silent" not in row or row["silent"] not in stopped["remedy"], label
+    for key, bound in row.get("bounds", {}).items():
+        assert method[key] < bound, (label, key)
+    if "stopped" in row:
+        assert abs(stopped["time"] - row["stopped"][0]) <= row["stopped"][1], label
+    final = method.get("final") or {"t": 0}
+    assert final["t"] < row.get("before", float("inf")), label
+    for name, (value, tolerance) in row.get("final", {}).items() if outcome == "completed" else ():
+        part = "velocities" if name.endswith("'") else "positions"
+        assert abs(final[part][name.removesuffix("'")] - value) <= tolerance, (label, name)
