@@ -1,5 +1,5 @@
-"""Scenes of the corpus: what means nothing is refused at its place; each run ends as its row says; no method completes a
-hard motion with a wrong trajectory."""
+"""Scenes of the corpus: what means nothing is refused; each run ends as its row says; no method completes a hard motion
+with a wrong trajectory."""
 
 from __future__ import annotations
 
