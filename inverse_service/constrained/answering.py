@@ -262,7 +262,7 @@ def _confirmed(
 
 
 def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
-    """Those of associated systems, else of the reduced system, what an ansatz finds, other closed functions."""
+    """Those of associated systems, else of the reduced system, of other closed functions, what an ansatz finds."""
     fitting = [one for one in work.known if with_time or not one.with_time]
     if fitting:
         return [
@@ -277,15 +277,16 @@ def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
     reduced = _of_closed(work, closed_coordinates(work.motion), with_time)
     if reduced is not None:
         return [_carried_on(work, reduced)]
+    work.progress("any: functions of position with equations of their own")
+    others = closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
+    reduced = _of_closed(work, others, with_time)
+    if reduced is not None:
+        return [_carried_on(work, reduced)]
+    if work.left() < _LEAST_FOR_ANSATZ:
+        return []
     work.progress("any: ansatz along the constraints")
-    limit = now() + _SHARE_OF_ANSATZ * work.left()
-    found = find_lagrangians(work.motion, with_time, work.seed, limit)[:1]
-    if not found and work.left() > _LEAST_FOR_ANSATZ:
-        work.progress("any: functions of position with equations of their own")
-        others = closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
-        further = _of_closed(work, others, with_time)
-        found = [] if further is None else [further]
-    return [_carried_on(work, tree) for tree in found]
+    found = find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
+    return [_carried_on(work, tree) for tree in found[:1]]
 
 
 def _of_closed(work: _Work, closed: Iterable[ClosedFunctions], with_time: bool) -> Lagrangian | None:

@@ -116,6 +116,21 @@ def polynomials(material: Material) -> list[Monomial]:
     return [shape for degree in (2, 3, 4) for shape in powers(material, degree)]
 
 
+def roots_of_constants(material: Material) -> list[Monomial]:
+    """v_i v_j and 1 times roots of what constant velocities make in f, as a frequency squared w^2 + k."""
+    constant = [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
+    moving: list[Expression] = [
+        *material.motion.coordinates,
+        *(v for v in material.motion.velocities if v not in constant),
+    ]
+    letters = [p for p in moving_letters(material) if isinstance(p, Sum) and not holds(p, *moving)]
+    if not letters:
+        return []
+    kept = distinct([*map(monomial, letters), monomial(*letters)])
+    rooted = [times(EMPTY, key, e) for key in products([EMPTY, *map(monomial, constant)], kept) for e in (HALF, -HALF)]
+    return [*quadratic(material), *products([EMPTY, *quadratic(material)], rooted)]
+
+
 def complex_logarithms(material: Material) -> list[Monomial]:
     """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i U_x) z' has them."""
     found: list[Monomial] = []

@@ -84,6 +84,7 @@ ANSATZ = (
     Family("functions of velocities as in f, short factors", 3.74, families.as_in_force, bounds.SMALL),
     Family("functions of velocities, constant coefficients", 3.75, families.of_velocities, 0),
     Family("ratios of velocities, short factors", 3.7, families.ratios, bounds.SMALL),
+    Family("quadratic, roots of constant velocities", 3.8, families.roots_of_constants, bounds.SMALL),
     Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
     Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),

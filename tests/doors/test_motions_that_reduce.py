@@ -33,3 +33,16 @@ def test_a_certificate_of_another_reduced_system_is_refused() -> None:
     straight = inverse_service.solve(free)
     forged["any_associated"] |= {"certificate": straight["certificate"], "lagrangian": straight["lagrangian"]}
     assert inverse_service.check(forged)["verdict"] == "invalid"
+
+
+def test_the_knife_edge_in_a_central_spring_has_a_lagrangian_in_closed_form() -> None:
+    """R = x cos phi + y sin phi follows R'' = -(2 + phi'^2) R, and phi'' = 0."""
+    document = {
+        "coordinates": ["phi", "x", "y"],
+        "lagrangian": "(x'^2 + y'^2 + phi'^2)/2 - x^2 - y^2",
+        "constraints": ["x'*sin(phi) - y'*cos(phi)"],
+        "associated": "any",
+    }
+    answer = inverse_service.solve(document, time_limit=20)["any_associated"]
+    assert (answer["verdict"], answer["checked"]) == ("variational", "valid")
+    assert len(answer["lagrangian"]["text"]) < 200
