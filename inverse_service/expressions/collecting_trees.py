@@ -129,6 +129,23 @@ def minus_inside(tree: ex.Expression) -> ex.Expression:
     return tree
 
 
+def roots_upright(tree: ex.Expression) -> ex.Expression:
+    """1/sqrt(-a/(b - c)) as sqrt((c - b)/a): no quotient whose denominator is a sum under a root in a denominator."""
+    tree = ex.rebuild(tree, roots_upright)
+    match tree:
+        case ex.Power(base, ex.Number(e)) if e < 0 and e.denominator > 1:
+            powers = ex.powers_of(base)
+            if any(isinstance(part, ex.Sum) and k == -1 for part, k in powers):
+                negative = any(isinstance(part, ex.Number) and part.value < 0 for part, _ in powers)
+                parts = [part if k == -1 else part**-k for part, k in powers]
+                if negative:
+                    place = next(n for n, (part, k) in enumerate(powers) if isinstance(part, ex.Sum) and k == -1)
+                    parts = [ex.negated(part) if n == place else part for n, part in enumerate(parts)]
+                    parts.append(ex.number(-1))
+                return ex.multiply(*parts) ** -e
+    return tree
+
+
 def numbers_outside(tree: ex.Expression) -> ex.Expression:
     """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator or minus in a bracket that all of its terms have."""
     tree = ex.rebuild(tree, numbers_outside)

@@ -91,7 +91,7 @@ def legendre(
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
     few = points[-_FEW:] if len(parts.blocks) > _MANY else []
-    found = _of_blocks(parts.blocks, lambda block: _best(block, points, reach, few))
+    found = _of_blocks(parts.blocks, lambda block: _best(block, points, positive, reach, few))
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
         return _noted(implicit, _implicit(_no_closed_form(missing)))
@@ -170,11 +170,16 @@ def _renamed(chosen: _Chosen, first: blocks.Block, block: blocks.Block) -> _Chos
 
 
 def _best(
-    block: blocks.Block, points: Sequence[sampling.Point], reach: Reach, few: Sequence[sampling.Point]
+    block: blocks.Block,
+    points: Sequence[sampling.Point],
+    positive: Sequence[ex.Expression],
+    reach: Reach,
+    few: Sequence[sampling.Point],
 ) -> _Chosen | None:
     """The branch that holds at most points, the shortest among those."""
     functions = euler_lagrange.momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
+    at = dict[ex.Expression, ex.Expression](zip(known, functions, strict=True))
     found: list[_Chosen] = []
     for branch in _with_variants(islice(block_branches(block, reach), bounds.CANDIDATES)):
         velocities = blocks.resolved(branch.velocities, block.names)
@@ -185,7 +190,10 @@ def _best(
             continue
         if not judgment.conditions:
             return _Chosen(branch, judgment)
-        found.append(_Chosen(branch, judgment))
+        # Of the points few may lie where the conditions hold: more are drawn there.
+        inside = [*positive, *(ex.substitute(condition, at) for condition in judgment.conditions)]
+        if sampling.judge(claim, (), sampling.sample_points([block.function, *functions], inside)) is not None:
+            found.append(_Chosen(branch, judgment))
     return max(found, key=lambda one: (one.judgment.holding, -ex.node_count(one.branch.hamiltonian)), default=None)
 
 
@@ -220,7 +228,7 @@ def _closed(
     ]
     plain = ex.add(*energies, ex.negated(parts.free))
     short = short_forms.inside(short_forms.shortest([plain, collecting.collect(plain)]))
-    whole = writing.joined(short_forms.without_cancelling(short))
+    whole = collecting_trees.roots_upright(writing.joined(short_forms.without_cancelling(short)))
     return replace(
         implicit,
         hamiltonian=quadratic_forms.shortest_form(whole, implicit.symbols),

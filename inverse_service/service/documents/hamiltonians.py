@@ -78,13 +78,13 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
     before = list[cell.Need]()  # of L, the momenta, and what the stated domain says is positive
 
     def parts(ring: Any) -> Any:
+        question.held = False  # L and p need not be defined everywhere
         whole, p = formulas.Reader(ring, lagrangian).value, {}
         for name, text in momenta.items():
             p[name] = formulas.Reader(ring, text).value
         if isinstance(ring, cell.Letters):
             before.clear()
             before.extend([*ring.needs, *(need for value in (whole, *p.values()) for need in ring.needs_of(value))])
-        question.held = False
         stated = [ring.add([formulas.Reader(ring, side, **p).value for side in pair], [1, -1]) for pair in conditions]
         for value in () if question.rational else stated:
             ring.elementary("log", value)
