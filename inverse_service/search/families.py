@@ -80,6 +80,7 @@ from inverse_service.search.terms import (
 
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
+_HALVES = (Fraction(1, 2), Fraction(-1, 2))
 
 
 def ratios(material: Material) -> list[Monomial]:
@@ -127,7 +128,7 @@ def roots_of_constants(material: Material) -> list[Monomial]:
     if not letters:
         return []
     kept = distinct([*map(monomial, letters), monomial(*letters)])
-    rooted = [times(EMPTY, key, e) for key in products([EMPTY, *map(monomial, constant)], kept) for e in (HALF, -HALF)]
+    rooted = [times(EMPTY, key, e) for key in products([EMPTY, *map(monomial, constant)], kept) for e in _HALVES]
     return [*quadratic(material), *products([EMPTY, *quadratic(material)], rooted)]
 
 
