@@ -15,7 +15,9 @@ from inverse_service.search.terms import (
     Terms,
     TooManyTerms,
     monomial,
+    monomial_tree,
     multiply_terms,
+    split_content,
     terms_of,
     times,
     tree_of,
@@ -29,7 +31,7 @@ def shortest(terms: Terms) -> Terms:
     """The form with the fewest terms; the given one where there are as many."""
     best = terms
     try:
-        waves = by_multiple_angles(terms)
+        waves = _halved(by_multiple_angles(terms))
         if 2 * len(waves) <= len(terms):
             return waves
         for argument in dict.fromkeys(_arguments(terms)):
@@ -65,6 +67,24 @@ def _with_sines(terms: Terms, argument: ex.Expression) -> Terms:
         for other, c in part.items():
             _add(result, other, c)
     return {key: value for key, value in result.items() if value}
+
+
+def _halved(waves: Terms) -> Terms:
+    """cos 2u as 1 - 2 sin^2 u or 2 cos^2 u - 1 for each u where that has fewer terms."""
+    for double in dict.fromkeys(p for key in waves for p, _ in key if isinstance(p, ex.Apply) and p.function == "cos"):
+        halves = {key: value / 2 for key, value in terms_of(double.argument).items()}
+        if any(value.denominator > 1 for value in halves.values()):
+            continue
+        for name, unit in (("sin", 1), ("cos", -1)):
+            square = times(frozenset(), monomial(ex.Apply(name, tree_of(halves))), 2)
+            other: Terms = {}
+            for key, value in waves.items():
+                rest = key - {(double, Fraction(1))}
+                for extra, factor in ((frozenset(), unit), (square, -2 * unit)) if rest != key else ((frozenset(), 1),):
+                    _add(other, times(rest, extra), factor * value)
+            other = {key: value for key, value in other.items() if value}
+            waves = other if _length(other) < _length(waves) else waves
+    return waves
 
 
 def by_multiple_angles(terms: Terms) -> Terms:
@@ -117,11 +137,35 @@ def _product(wave: tuple[str, ex.Expression, Fraction], other: ex.Apply) -> list
 def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
     """The tree with each sum that holds functions of several angles in its shortest form, cos(a - b) kept."""
     tree = ex.rebuild(tree, with_sums_of_angles)
+    match tree:
+        case ex.Power(ex.Sum(parts) as base, ex.Number(e)) if e.denominator == 1 and all(map(_has_minus, parts)):
+            return (ex.ONE if e % 2 == 0 else ex.MINUS_ONE) * ex.negated(base) ** e
     if not isinstance(tree, ex.Sum):
         return tree
     try:
         terms = terms_of(tree)
-        short = tree_of(shortest(terms)) if len(set(_arguments(terms))) > 1 else tree
+        short = shortest(terms) if len(set(_arguments(terms))) > 1 else terms
+        forms = [tree, tree_of(short), _by_letters(short)]
     except TooManyTerms:
         return tree
-    return min(tree, short, key=ex.node_count)
+    return min(forms, key=ex.node_count)
+
+
+def _by_letters(terms: Terms) -> ex.Expression:
+    """The sum over products of functions and velocities, what stands beside each with its common factors outside."""
+    groups: dict[Monomial, Terms] = {}
+    for key, value in terms.items():
+        outer: Monomial = frozenset(item for item in key if not isinstance(item[0], ex.Symbol))
+        groups.setdefault(outer, {})[key - outer] = value
+    parts = []
+    for outer, inner in groups.items():
+        content, common, rest = split_content(inner)
+        if len(inner) > 1 and all(value < 0 for value in inner.values()):
+            content, rest = -content, ex.negated(rest)
+        parts.append(content * monomial_tree(common) * rest * monomial_tree(outer))
+    return ex.add(*parts)
+
+
+def _has_minus(term: ex.Expression) -> bool:
+    first = ex.factors_of(term)[0]
+    return isinstance(first, ex.Number) and first.value < 0
