@@ -528,7 +528,7 @@ def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names)
     system, listed = result["system"], Markup(", ").join(_equation_or_words(one, names) for one in exceptions)
     given = system.get("given")
     address = forms.question_address({**given, "special_cases": True}) if isinstance(given, dict) else ""
-    decide = Markup(' <a href="{}">Decide them</a>').format(address) if address else Markup("")
+    decide = Markup(' <a href="{}">Decide them</a>.').format(address) if address else Markup("")
     parameters = ", ".join(system["parameters"])
     return Markup("For general {} (not decided here: {}).{}").format(parameters, listed, decide)
 
@@ -613,6 +613,10 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
         notes.insert(0, Markup("{}.").format(_capital(reason).rstrip(".")))
     if shown and shown is not main:
         notes.append(Markup("L and H are those of the {} associated system.").format(shown.name.lower()))
+    besides = [row.name for row in table if verdict == NO and row.verdict == YES]
+    if besides:
+        how = "The reduced motion can." if besides[0] == "Reduced" else "With another clock the reduced motion can."
+        notes.append(Markup(how))
     sentence = _motion_sentence(verdict, motions[0], pending)
     cases = (
         Case(verdict, sentence, tuple(notes), shown.formulas if shown else (), (), ()),
