@@ -531,6 +531,7 @@ CALLED_LETTERS = FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", 
 # Of t these are impulses and steps to most.
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
 _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
+_ELLIPTIC = ("sn", "cn", "dn")
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 
 
@@ -601,6 +602,9 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
                 continue
             _refuse_operators(line, place, pointer, coordinates, calls, slopes)
             if error := reader.remark(line, place):
+                raise error.at(pointer)
+            followed = place + 1 < len(line) and line[place + 1].is_operator("(")
+            if followed and token.text in _ELLIPTIC and (error := known_words.reason_against(token.text, token.column)):
                 raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, place + 1, timed)

@@ -11,6 +11,7 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.letters import GREEK, LETTER_COMMANDS, SCRIPT_L, SPACES
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
+from inverse_service.reading import components
 from inverse_service.reading import tokens as plain
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, REFUSED, Names, Role, refused
 from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, TokenStream
@@ -38,9 +39,18 @@ def scan(text: str) -> TokenStream:
             return cases[place]
         if place in ends:
             return [Token("command", "\\", place + 1)], place + ends[place]
-        return _pieces(text, place, space)
+        if text[place] == "&" and matrices:
+            return [Token("command", components.CELL, place + 1)], place + 1
+        found, after = _pieces(text, place, space)
+        if found and found[0].is_command(components.BEGIN):
+            matrices.append(place)
+        elif found and found[0].is_command(components.END) and matrices:
+            matrices.pop()
+        return found, after
 
-    return TokenStream(_with_single_braces(_with_fractions(plain.scan(text, start, stop, step))), stop + 1)
+    matrices: list[int] = []
+    pieces = _with_single_braces(_with_fractions(plain.scan(text, start, stop, step)))
+    return TokenStream(components.by_components(pieces), stop + 1)
 
 
 def _with_fractions(pieces: Tokens) -> Tokens:
@@ -122,17 +132,18 @@ def _command(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     if name in _SPACING or name in _SIZES:
         return [], end
     if name in ("begin", "end"):
-        return [], _environment(text, place, end)
+        kind, end = _environment(text, place, end)
+        return [Token("command", f"{name} matrix", place + 1, space)] * (kind in components.MATRICES), end
     if name == "\\" and (height := _ROW_SPACE.match(text, end)):
         end = height.end()
     return [Token("command", name, place + 1, space)], end
 
 
-def _environment(text: str, place: int, end: int) -> int:
+def _environment(text: str, place: int, end: int) -> tuple[str, int]:
     match = _ENVIRONMENT.match(text, end)
-    if match is None or match.group(1) not in _ENVIRONMENTS:
+    if match is None or match.group(1) not in (*_ENVIRONMENTS, *components.MATRICES):
         raise refusal("this environment is not accepted", place + 1, "write aligned or cases, or the equations alone")
-    return match.end()
+    return match.group(1), match.end()
 
 
 # \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula where no equation is in it.

@@ -423,7 +423,7 @@ def with_derivatives(tokens: Tokens, names: Names, depth: int = 0) -> Tokens:
 
 
 def second_derivatives(tokens: Tokens) -> Iterator[tuple[str, str]]:
-    """(y, x) for each d^2y/dx^2, d^2/dx^2 y and y''(x), whatever y and x are."""
+    """(y, x) for each d^2y/dx^2, d^2/dx^2 y, d/dx(x dy/dx), d/dx(x y') and y''(x), whatever y and x are."""
     for place in range(len(tokens)):
         after = place + 1
         while after < len(tokens) and tokens[after].kind == "prime":
@@ -433,6 +433,14 @@ def second_derivatives(tokens: Tokens) -> Iterator[tuple[str, str]]:
         if tokens[place].kind == "name" and order == 2 and called and tokens[after + 1].kind == "name":
             yield tokens[place].text, tokens[after + 1].text
         found = _quotient(tokens, place, Names())
+        if found is not None and found.order == 1 and not found.operand and _opens(tokens, found.after):
+            by, end = found.variables[0].text, closing(tokens, found.after)
+            for inside in range(found.after + 1, end - 1):
+                once = _quotient(tokens, inside, Names())
+                if once is not None and once.order == 1 and once.operand and once.variables[0].text == by:
+                    yield once.operand[0].text, by
+                elif tokens[inside].kind == "name" and tokens[inside + 1].kind == "prime":
+                    yield tokens[inside].text, by
         if found is None or found.order != 2 or len({token.text for token in found.variables}) > 1:
             continue
         name = found.operand[0] if found.operand else tokens[found.after] if found.after < len(tokens) else None

@@ -294,7 +294,7 @@ class FormulaParser:
         role = self._names.role(name)
         if not ahead.space_before:
             return False
-        if name in FUNCTIONS and role is None:
+        if (name in FUNCTIONS or name in DERIVATIVE_NAMES) and role is None:
             return True
         below = [stream.look(place - stream.position) for place in range(slash, stream.position)]
         if below[-1].is_operator(")") and below[0].kind in ("name", "operator"):

@@ -294,7 +294,8 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     words = {token.text for token in tokens if token.kind == "name"}
     names = Names((), ("x", *moving))
     occurs = any(word == "x" or "x" in only_split(word, names) for word in words)
-    alone = len(moving) == 1 and not moving & {"x", "X", "z"} and "t" not in words
+    timed = any(token.text == "t" for text in texts for token in reader.undifferentiated(text))
+    alone = len(moving) == 1 and not moving & {"x", "X", "z"} and not timed
     siblings = {"z"} & words  # then x may be a coordinate too
     return "x" if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
 

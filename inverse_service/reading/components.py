@@ -1,0 +1,237 @@
+r"""Matrices and vectors of LaTeX by components: pieces of LaTeX in, pieces out, one equation for each row.
+
+\begin{pmatrix} a & b \\ c & d \end{pmatrix} times columns, and \mathbf{r} or \vec{r} where an equation gives its
+components, \mathbf{r} = (x, y, z), with dots, |r|, r^2, \cdot and \times. A scalar before or after multiplies each row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from inverse_service.errors import InputError
+from inverse_service.expressions.refusals import refusal
+from inverse_service.reading.tokens import Token, Tokens, TokenStream
+
+MATRICES = ("matrix", "pmatrix", "bmatrix")
+ROW, CELL, BEGIN, END = "\\", "&", "begin matrix", "end matrix"
+_BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
+_SIDES = ("+", "-", "=", ",", ";", ")", "]", "}", "|")
+Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
+
+
+def by_components(pieces: Tokens) -> Tokens:
+    """The pieces with each equation of matrices or vectors as those of its rows; InputError where shapes differ."""
+    if not any(piece.is_command(BEGIN, *_BOLD) for piece in pieces):
+        return pieces
+    statements, vectors = _statements(pieces), dict[str, Tokens]()
+    for statement in tuple(statements):
+        if given := _given(statement):
+            vectors[given[0]] = given[1]
+            statements.remove(statement)
+    for given in vectors.items():
+        defined = any([piece.text for piece in statement[:2]] == [given[0], "="] for statement in statements)
+        statements = statements if defined else [_with_length(*given, statement) for statement in statements]
+    found: Tokens = []
+    for statement in statements:
+        plain = not any(_is_vector(statement, k, vectors) or p.is_command(BEGIN) for k, p in enumerate(statement))
+        rows = [statement] if plain else _Reader(statement, vectors).equations()
+        for row in rows:
+            found += ([Token("command", ROW, row[0].column)] if found and row else []) + row
+    return found
+
+
+def _statements(pieces: Tokens) -> list[Tokens]:
+    """The pieces between separators that stand in no bracket and no matrix."""
+    found: list[Tokens] = [[]]
+    depth = 0
+    for place, piece in enumerate(pieces):
+        depth += piece.is_operator("(", "[", "{") + piece.is_command(BEGIN)
+        depth -= piece.is_operator(")", "]", "}") + piece.is_command(END)
+        listed = piece.is_operator(",") and any(after.is_operator("=") for after in pieces[place:])
+        if depth == 0 and (piece.is_command(ROW) or piece.is_operator(";") or listed):
+            found.append([])
+        else:
+            found[-1].append(piece)
+    return [statement for statement in found if statement]
+
+
+def _name(pieces: Sequence[Token], place: int) -> tuple[str, int]:
+    r"""The r of \mathbf{r} or \vec r there, and how many pieces it takes; nothing elsewhere."""
+    after = [piece.text for piece in pieces[place + 1 : place + 4]]
+    if not pieces[place].is_command(*_BOLD) or not after:
+        return "", 0
+    braced = after[0] == "{" and after[2:] == ["}"]
+    return (after[1], 4) if braced else (after[0], 2) if after[0] != "{" else ("", 0)
+
+
+def _is_vector(pieces: Sequence[Token], place: int, vectors: dict[str, Tokens]) -> bool:
+    return _name(pieces, place)[0] in vectors
+
+
+def _given(statement: Tokens) -> tuple[str, Tokens] | None:
+    r"""The name and the components in \mathbf{r} = (x, y, z), each one name or number."""
+    name, length = _name(statement, 0)
+    rest = [piece for piece in statement[length:] if not piece.is_command("left", "right")]
+    listed = len(rest) > 4 and [rest[0].text, rest[1].text, rest[-1].text] == ["=", "(", ")"]
+    parts, commas = rest[2:-1:2], rest[3:-1:2]
+    plain = all(part.kind in ("letter", "digit", "command") for part in parts)
+    return (name, parts) if name and listed and plain and all(comma.is_operator(",") for comma in commas) else None
+
+
+def _with_length(name: str, parts: Tokens, statement: Tokens) -> Tokens:
+    """The statement with (x^2 + y^2)^(1/2) for an r that stands next to the vector r and has no bold print."""
+    found: Tokens = []
+    for place, piece in enumerate(statement):
+        before = [one.text for one in statement[max(place - 2, 0) : place]]
+        bold = any(_name(statement, place - back)[1] for back in (1, 2) if place >= back)
+        if piece.kind != "letter" or piece.text != name or bold or before[-1:] == ["_"] or before == ["_", "{"]:
+            found.append(piece)
+            continue
+        at = piece.column
+        plus, power, two = Token("operator", "+", at), Token("operator", "^", at), Token("digit", "2", at)
+        squares = [one for part in parts for one in (plus, part, power, two)][1:]
+        opened = [Token("operator", "(", at, True), Token("command", "sqrt", at), Token("operator", "{", at)]
+        found += [*opened, *squares, Token("operator", "}", at), Token("operator", ")", at)]
+    return found
+
+
+class _Reader:
+    """Reads an equation of matrices and vectors; a value is its rows of cells."""
+
+    def __init__(self, statement: Tokens, vectors: dict[str, Tokens]) -> None:
+        self._stream = TokenStream(statement, statement[-1].column)
+        self._vectors = vectors
+        self._at = statement[0]
+
+    def equations(self) -> list[Tokens]:
+        """One for each row, a 0 alone being zero in each."""
+        sides = [self._sum()]
+        while self._stream.take_operator("="):
+            sides.append(self._sum())
+        if self._stream.ahead.kind != "end" or len(sides) > 2:
+            raise self._refused()
+        left, right = sides if len(sides) == 2 else (sides[0], [[[self._digit("0")]]])
+        zero = [[piece.text for piece in cell] for row in right for cell in row] == [["0"]]
+        right = [right[0]] * len(left) if zero else right
+        if len(left) != len(right) or {len(row) for row in (*left, *right)} != {1}:
+            raise self._refused()
+        sign = Token("operator", "=", self._at.column)
+        return [[*a, sign, *b] for [a], [b] in zip(left, right, strict=True)]
+
+    def _refused(self) -> InputError:
+        instead = "write sums and products that fit, or an equation for each component"
+        return refusal("the rows and columns of vectors or matrices do not fit", self._at.column, instead)
+
+    def _digit(self, text: str) -> Token:
+        return Token("digit", text, self._at.column)
+
+    def _sum(self) -> Value:
+        total: Value | None = None
+        while total is None or self._stream.ahead.is_operator("+", "-"):
+            sign = self._stream.take_operator("+", "-")
+            value = [[[sign, *self._bracket(cell)] if sign else cell for cell in row] for row in self._term()]
+            if total is not None and [len(row) for row in value] != [len(row) for row in total]:
+                raise self._refused()
+            total = value if total is None else [
+                [a + b for a, b in zip(one, other, strict=True)] for one, other in zip(total, value, strict=True)
+            ]  # fmt: skip
+        return total
+
+    def _term(self) -> Value:
+        value: Value | None = None
+        scalar: Tokens = []
+        while self._stream.ahead.kind != "end" and not self._stream.ahead.is_operator(*_SIDES):
+            factor = self._factor()
+            if factor is None:
+                scalar += self._scalar()
+            elif value is None:
+                value, scalar = self._scaled(scalar, factor), []
+            else:
+                sign = scalar.pop().text if scalar and scalar[-1].is_command("times", "cdot") else ""
+                value, scalar = self._product(self._scaled(scalar, value), factor, sign), []
+        if value is None and not scalar:
+            raise self._refused()
+        if value is None:
+            return [[scalar]]
+        return [[self._bracket(cell) + scalar for cell in row] for row in value] if scalar else value
+
+    def _scalar(self) -> Tokens:
+        """The next piece, and all that is in the bracket that it opens."""
+        found = [self._stream.take()]
+        depth = int(found[0].is_operator("(", "[", "{"))
+        while depth and self._stream.ahead.kind != "end":
+            found.append(self._stream.take())
+            depth += found[-1].is_operator("(", "[", "{") - found[-1].is_operator(")", "]", "}")
+        return found
+
+    def _bracket(self, cell: Tokens) -> Tokens:
+        """The cell as a factor."""
+        if len(cell) == 1 or all(piece.is_command("dot", "ddot") for piece in cell[:-1]):
+            return cell
+        return [self._sign("("), *cell, self._sign(")")]
+
+    def _sign(self, text: str) -> Token:
+        return Token("operator", text, self._at.column, True)
+
+    def _scaled(self, scalar: Tokens, value: Value) -> Value:
+        return (
+            [[[*scalar, self._sign("*"), *self._bracket(cell)] for cell in row] for row in value] if scalar else value
+        )
+
+    def _product(self, left: Value, right: Value, sign: str) -> Value:
+        """Rows times columns; the scalar product with \\cdot, the vector product with \\times."""
+        minus, times = map(self._sign, "-*")
+        if sign == "times" and len(left) == len(right) == 3:
+            pairs = [(1, 2), (2, 0), (0, 1)]
+            a, b = ([self._bracket(row[0]) for row in side] for side in (left, right))
+            return [[[*a[i], times, *b[j], minus, *a[j], times, *b[i]]] for i, j in pairs]
+        if sign == "cdot" and len(left) == len(right) > 1:
+            left = [[row[0] for row in left]]
+        if len(left) == len(left[0]) == 1 and len(right) > 1:
+            return self._scaled(self._bracket(left[0][0]), right)
+        if len(left[0]) != len(right):
+            raise self._refused()
+        return [[self._scalar_product(row, column) for column in zip(*right, strict=True)] for row in left]
+
+    def _scalar_product(self, left: Sequence[Tokens], right: Sequence[Tokens]) -> Tokens:
+        plus, times = map(self._sign, "+*")
+        pairs = zip(left, right, strict=True)
+        return [piece for a, b in pairs for piece in (plus, *self._bracket(a), times, *self._bracket(b))]
+
+    def _factor(self) -> Value | None:
+        """A matrix, a vector with its dots, a bracket that holds one; None where another piece comes next."""
+        stream = self._stream
+        if stream.ahead.is_command(BEGIN):
+            stream.take()
+            rows: Value = [[[]]]
+            while not (piece := stream.take()).is_command(END):
+                if piece.kind == "end":
+                    raise self._refused()
+                if piece.is_command(ROW):
+                    rows.append([[]])
+                elif piece.is_command(CELL):
+                    rows[-1].append([])
+                else:
+                    rows[-1][-1].append(piece)
+            found = [row for row in rows if row != [[]]]
+            if len({len(row) for row in found}) != 1:
+                raise self._refused()
+            return found
+        if stream.ahead.is_operator("(") and self._holds_vector():
+            opening = stream.take()
+            value = self._sum()
+            stream.close(opening)
+            return value
+        dotted = stream.ahead.is_command("dot", "ddot")
+        braced = dotted and stream.look(1).is_operator("{")
+        name, length = _name(stream.rest(7), dotted + braced)
+        if name not in self._vectors:
+            return None
+        dots = [stream.take()] if dotted else []
+        stream.position += length + 2 * braced
+        return [[[*dots, part] if part.kind != "digit" or not dots else [self._digit("0")]]
+                for part in self._vectors[name]]  # fmt: skip
+
+    def _holds_vector(self) -> bool:
+        group = self._stream.group()
+        return any(_is_vector(group, k, self._vectors) or piece.is_command(BEGIN) for k, piece in enumerate(group))
