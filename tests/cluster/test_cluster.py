@@ -51,6 +51,8 @@ def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[processes.Clu
 def cluster(machines: processes.Cluster) -> Iterator[Cluster]:
     connected = Cluster(machines.address, MEMORY)
     connected.start()
+    # A front that starts before any worker finds no stranger among them.
+    connected.submit(Call(tasks.load_engine, (), 60.0)).outcome.result(90)
     yield connected
     connected.stop()
 
