@@ -49,7 +49,7 @@ class Cluster:
         """The worker and its nanny at once, as when a machine is lost."""
         worker = self.workers.pop(index)
         for pid in [*processes(worker.pid)]:
-            if b"cluster.host" not in command_of(pid) and b"forkserver" not in command_of(pid):
+            if b"forkserver" not in command_of(pid):
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)
         worker.wait()

@@ -1,31 +1,25 @@
-"""What runs inside a Dask worker: hand an order to the host of killable workers there and wait.
+"""What runs inside a Dask worker: run a call on a pool of killable workers there and wait.
 
-Dask can neither stop a running task nor bound its memory; the host can. There is one host for each
-Dask worker process, with one worker process for each of its threads.
+Dask can neither stop a running task nor bound its memory; the pool can. There is one pool for each Dask worker process,
+with one worker process for each of its threads. A Dask worker that is killed takes them with it: the death signal of
+`workers` reaches them through the server that forked them.
 """
 
 from __future__ import annotations
 
-import contextlib
-import socket
-import subprocess
+import multiprocessing
 import sys
 import threading
-from collections.abc import Callable
-from concurrent.futures import Future
 from concurrent.futures import TimeoutError as WaitedTooLong
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
-from multiprocessing.connection import Connection
-from typing import Any, Final
+from typing import Any
 
 from inverse_service.service.jobs import model, workers
 from inverse_service.service.jobs.outcome import Call, Outcome
 
-# A cold machine loads the engine and its kernels first; the deadline itself is the host's.
+# A cold machine loads the engine and its kernels first; the deadline itself is the pool's.
 GRACE = 60.0
-MODULE = "inverse_service.service.cluster.host"
-Report = Callable[[str, Any], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,23 +51,12 @@ def _version(package: str) -> str:
         return "none"
 
 
-REPORT: Final = "report"
-DONE: Final = "done"
-
-
 @dataclass(frozen=True, slots=True)
 class Order:
     """Do what `call` says; `key` names it in what comes back."""
 
     key: str
     call: Call
-
-
-@dataclass(frozen=True, slots=True)
-class Cancel:
-    """Kill the process that works on this order, or forget the order."""
-
-    key: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,79 +68,9 @@ class Terms:
     topic: str
 
 
-class HostProcess:
-    """The host's process, seen from the Dask worker; its methods may be called from any thread."""
-
-    def __init__(self, count: int, memory_limit: int) -> None:
-        ours, theirs = socket.socketpair()
-        command = [sys.executable, "-m", MODULE, str(theirs.fileno()), str(count), str(memory_limit)]
-        with theirs:
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()])
-        self._connection = Connection(ours.detach())
-        self._lock = threading.Lock()
-        self._waiting: dict[str, tuple[Future[Outcome], Report]] = {}
-        self.memory_limit = memory_limit
-        self.is_alive = True
-        threading.Thread(target=self._listen, name="cluster-host", daemon=True).start()
-
-    def order(self, order: Order, report: Report) -> Outcome:
-        """Run it there; a host that dies or keeps silent past the deadline is a crash."""
-        answer: Future[Outcome] = Future()
-        with self._lock:
-            self._waiting[order.key] = answer, report
-            if not self._send(order):
-                self._give_up()
-        try:
-            return answer.result(workers.MOST_CROWDED * order.call.deadline + GRACE)
-        except WaitedTooLong:
-            self.stop()
-            return Outcome("crash", detail="the host of the worker processes kept silent past the deadline")
-
-    def cancel(self, key: str) -> None:
-        """Have the work on an order killed; nothing happens where there is no such order."""
-        with self._lock:
-            if key in self._waiting:
-                self._send(Cancel(key))
-
-    def stop(self) -> None:
-        """End the process and with it its workers."""
-        self._process.kill()
-        self._process.wait()
-
-    def _send(self, message: Order | Cancel) -> bool:
-        with contextlib.suppress(OSError):
-            self._connection.send(message)
-            return self.is_alive
-        return False
-
-    def _listen(self) -> None:
-        with contextlib.suppress(EOFError, OSError):
-            while True:
-                self._receive(*self._connection.recv())
-        with self._lock:
-            self._give_up()
-        self._process.wait()
-
-    def _receive(self, kind: str, key: str, value: Any) -> None:
-        with self._lock:
-            found = self._waiting.pop(key, None) if kind == DONE else self._waiting.get(key)
-        if found is None:
-            return
-        answer, report = found
-        if kind == DONE:
-            answer.set_result(value)
-        else:
-            report(key, value)
-
-    def _give_up(self) -> None:
-        self.is_alive = False
-        waiting, self._waiting = self._waiting, {}
-        for answer, _ in waiting.values():
-            answer.set_result(Outcome("crash", detail="the host of the worker processes died"))
-
-
 _lock = threading.Lock()
-_host: HostProcess | None = None
+_pools: dict[int, workers.Workers] = {}
+_under_way: dict[str, workers.Running] = {}
 
 
 def perform(order: Order, terms: Terms) -> Outcome | str:
@@ -168,10 +81,18 @@ def perform(order: Order, terms: Terms) -> Outcome | str:
 
     worker = get_worker()
 
-    def report(key: str, value: Any) -> None:
-        worker.log_event(terms.topic, {"key": key, "value": value})
+    def report(value: Any) -> None:
+        worker.log_event(terms.topic, {"key": order.key, "value": value})
 
-    return _current_host(worker.state.nthreads, terms.memory_limit).order(order, report)
+    pool = _pool(worker.state.nthreads, terms.memory_limit)
+    running = _under_way[order.key] = pool.submit(order.call, report)
+    try:
+        return running.outcome.result(workers.MOST_CROWDED * order.call.deadline + GRACE)
+    except WaitedTooLong:
+        pool.withdraw(running)
+        return Outcome("crash", detail="the worker processes kept silent past the deadline")
+    finally:
+        _under_way.pop(order.key, None)
 
 
 async def cancel(key: str) -> None:
@@ -179,15 +100,28 @@ async def cancel(key: str) -> None:
 
     A coroutine, as Dask waits for all machines where it is a plain function.
     """
-    if _host is not None:
-        _host.cancel(key)
+    if (running := _under_way.get(key)) is not None:
+        running.cancel()
 
 
-def _current_host(count: int, memory_limit: int) -> HostProcess:
-    global _host
+def _pool(count: int, memory_limit: int) -> workers.Workers:
+    """The pool of this process, of workers with this limit; one with another limit ends."""
     with _lock:
-        if _host is None or not _host.is_alive or _host.memory_limit != memory_limit:
-            if _host is not None:
-                _host.stop()
-            _host = HostProcess(count, memory_limit)
-        return _host
+        if memory_limit not in _pools:
+            for pool in _pools.values():
+                pool.stop()
+            _pools.clear()
+            # Under a nanny this process is daemonic, which multiprocessing takes for one without children.
+            multiprocessing.current_process().daemon = False
+            pool = _pools[memory_limit] = workers.Workers(count, memory_limit)
+            started = threading.Event()
+            # The kernel sends the death signal when the thread ends that started the server: this one never does.
+            threading.Thread(target=_keep, args=(pool, started), name="pool", daemon=True).start()
+            started.wait()
+        return _pools[memory_limit]
+
+
+def _keep(pool: workers.Workers, started: threading.Event) -> None:
+    pool.start()
+    started.set()
+    threading.Event().wait()

@@ -64,12 +64,12 @@ class NotStarted(Exception):
 class WorkerProcess:
     """A process with the engine loaded. `run` is for one thread at a time, `kill` for any."""
 
-    def __init__(self, memory_limit: int) -> None:
-        self._memory_limit = memory_limit
-        receiver, sender = process_context().Pipe(duplex=True)
+    def __init__(self, memory_limit: int, context: Any = None, is_alone: bool = False) -> None:
+        context = context or process_context()
+        receiver, sender = context.Pipe(duplex=True)
         self._connection: Connection = receiver
         with _starting:
-            self._process = process_context().Process(target=serve, args=(sender, memory_limit), daemon=True)
+            self._process = context.Process(target=serve, args=(sender, memory_limit, is_alone), daemon=True)
             self._process.start()
         sender.close()
         self.tasks = 0
@@ -159,11 +159,12 @@ def start_server() -> None:
         locks.hold(Path(multiprocessing.util.get_temp_dir()))
 
 
-def serve(connection: Connection, memory_limit: int) -> None:
-    """The life of a worker process: tasks until the parent closes the pipe."""
+def serve(connection: Connection, memory_limit: int, is_alone: bool) -> None:
+    """The life of a worker process: tasks until the parent closes the pipe; one task where it is alone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     silence_standard_error()
-    guard(tasks.load_engine)
+    if not is_alone:
+        guard(tasks.load_engine)
     isolate(memory_limit)
     while True:
         try:
@@ -171,19 +172,16 @@ def serve(connection: Connection, memory_limit: int) -> None:
         except (OSError, EOFError):
             return
         connection.send((STARTED, None))
-        _bound(call, memory_limit)
-        connection.send((DONE, _run(call, connection)))
-
-
-def _bound(call: Call, memory_limit: int) -> None:
-    bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
-    bound_processor(call.deadline)
-
-
-def _run(call: Call, connection: Connection) -> Outcome:
-    meter = Meter()
-    extra = {"report": lambda value: connection.send((REPORT, value))} if call.reports else {}
-    return replace(guard(call.task, *call.arguments, **extra), spent=meter.spent())
+        bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
+        bound_processor(call.deadline)
+        forget_peak()
+        wall, cpu = time.monotonic(), time.process_time()
+        extra = {"report": lambda value: connection.send((REPORT, value))} if call.reports else {}
+        outcome = guard(call.task, *call.arguments, **extra)
+        spent = Usage(time.monotonic() - wall, time.process_time() - cpu, peak_memory())
+        connection.send((DONE, replace(outcome, spent=spent)))
+        if is_alone:
+            return
 
 
 def isolate(memory_limit: int) -> None:
@@ -279,18 +277,6 @@ def processor_time(pid: int) -> float | None:
         user, system = stream.read().rpartition(")")[2].split()[11:13]
         return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
     return None
-
-
-class Meter:
-    """Measures one task from its making to `spent`."""
-
-    def __init__(self) -> None:
-        forget_peak()
-        self._wall, self._cpu = time.monotonic(), time.process_time()
-
-    def spent(self) -> Usage:
-        """What was used since."""
-        return Usage(time.monotonic() - self._wall, time.process_time() - self._cpu, peak_memory())
 
 
 def _limit(name: str, soft: int, hard: int | None) -> None:
@@ -612,10 +598,6 @@ def _kept(worker: WorkerProcess | None, outcome: Outcome) -> WorkerProcess | Non
     return None
 
 
-# Stages of a task that follow each other faster than this, in s, are left out.
-_BETWEEN_REPORTS = 0.1
-
-
 def run_alone(
     task: Callable[..., Any],
     arguments: tuple[Any, ...],
@@ -625,57 +607,19 @@ def run_alone(
 ) -> Outcome:
     """Run `task(*arguments)` in a new process and kill it after `deadline` s (see `Patience`).
 
-    The process is forked from this one, which has no threads and has not loaded the engine. With
-    `report` the task gets a further argument, a function whose values come out of `report` here.
+    The process is forked from this one, which has no threads and has not loaded the engine; it loads what the task
+    needs. With `report` the task gets a keyword `report`, a function whose values come out of `report` here.
     """
-    began = time.monotonic()
     method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
-    context: Any = multiprocessing.get_context(method)
-    receiver, sender = context.Pipe(duplex=False)
-    given = (sender, task, arguments, memory_limit, report is not None)
-    process = context.Process(target=_child, args=given, daemon=True)
     with warnings.catch_warnings():
         # Newer Pythons warn of any thread of the process; those of numerical libraries survive a fork.
         warnings.simplefilter("ignore", DeprecationWarning)
-        process.start()
-    sender.close()
+        worker = WorkerProcess(memory_limit, multiprocessing.get_context(method), is_alone=True)
     try:
-        outcome = _receive(receiver, process, deadline, report)
-        return replace(outcome, spent=Usage(wall=time.monotonic() - began))
+        outcome = worker.run(Call(task, arguments, deadline, reports=report is not None), report)
+    except NotStarted:
+        outcome = Outcome("unstarted", detail="the process died before it took the task")
     finally:
-        process.kill()
-        process.join()
-
-
-def _receive(receiver: Connection, process: Any, deadline: float, report: Report | None) -> Outcome:
-    patience = Patience(process.pid, deadline)
-    while patience.is_answered(receiver):
-        try:
-            received: Any = receiver.recv()
-        except EOFError:
-            process.join()
-            ended = outcome_of_exit(process.exitcode)
-            # Nobody else knows of this process: whoever killed it was the kernel, short of memory.
-            return Outcome("memory", detail=ended.detail) if ended.status == "killed" else ended
-        if isinstance(received, Outcome):
-            return received
-        if report is not None:
-            report(received)
-    return Outcome("deadline")
-
-
-def _child(
-    sender: Connection, task: Callable[..., Any], arguments: tuple[Any, ...], memory_limit: int, reports: bool
-) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    silence_standard_error()
-    isolate(memory_limit)
-    last = 0.0
-
-    def report(value: Any) -> None:
-        nonlocal last
-        if not isinstance(value, str) or time.monotonic() - last > _BETWEEN_REPORTS:
-            last = time.monotonic()
-            sender.send(value)
-
-    sender.send(guard(task, *arguments, *([report] if reports else [])))
+        worker.close()
+    # Nobody else knows of this process: whoever killed it was the kernel, short of memory.
+    return replace(outcome, status="memory") if outcome.status == "killed" else outcome
