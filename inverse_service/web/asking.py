@@ -44,13 +44,12 @@ async def body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
     if request.headers.get("content-encoding", "identity").lower() != "identity":
         raise Refusal(415, "content-type", "A body is taken as it is; send it without 'Content-Encoding'.")
     engine: Engine = request.app.state.engine
-    with engine.bytes.account(clients.client_of(request)) as account:
+    with engine.bytes.hold(clients.client_of(request)) as take:
         parts = []
         try:
             async for part in request.stream():
                 parts.append(part)
-                account.take(len(part))
-                if account.held > limit:
+                if take(len(part)) > limit:
                     raise too_large(limit)
         except ClientDisconnect:
             raise Refusal(400, "unreadable", "The connection was closed before the whole body had come.") from None

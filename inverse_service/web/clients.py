@@ -16,7 +16,7 @@ import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -209,87 +209,45 @@ QUICK_PROCESSES = 3
 QUICK_SHARE = QUICK_PROCESSES - 1
 # Answers next to forms that are computed at the same time.
 GLANCES = QUICK_PROCESSES - 1
-# A client may have this part of the places of those who wait.
-SHARE_OF_WAITING = 2
 
 
 @dataclass(slots=True)
-class ByteBudget:
-    """Used on the loop only. `total` and `of_a_client` are in bytes; the largest body fits into both."""
+class Shares:
+    """What clients hold of something: at most `total` in all, and `of_a_client` of one; used on the loop only.
+
+    `much` is what a client hears who has enough, `full` what everybody hears where there is no more.
+    """
 
     total: int
     of_a_client: int
+    much: str
+    full: str = "Too many requests are under way to this service; try again in some seconds."
     _held: Counter[str] = field(default_factory=Counter)
 
+    def __len__(self) -> int:
+        return self._held.total()
+
     @contextmanager
-    def account(self, client: str) -> Iterator[Account]:
-        """An account for one body, given back at the end."""
-        account = Account(self, client)
+    def hold(self, client: str, size: int = 0) -> Iterator[Callable[[int], int]]:
+        """Hold so much to the end of the context, and more by what it gives, which says how much it is then.
+
+        Raises Refusal where there is no room.
+        """
+        held = 0
+
+        def take(more: int) -> int:
+            nonlocal held
+            held += more
+            self._held[client] += more
+            status = 429 if self._held[client] > self.of_a_client else 503 if len(self) > self.total else 0
+            if status:
+                raise Refusal(status, "busy", self.much if status == 429 else self.full, headers={"Retry-After": "2"})
+            return held
+
         try:
-            yield account
+            take(size)
+            yield take
         finally:
-            self._held[client] -= account.held
+            self._held[client] -= held
             if not self._held[client]:
                 del self._held[client]
-
-    def take(self, client: str, size: int) -> None:
-        """Note so many bytes more; raises Refusal where there is no room for them."""
-        self._held[client] += size
-        if self._held[client] > self.of_a_client:
-            detail = "Too much of what you sent is still under way; send it in smaller parts, one after the other."
-            raise Refusal(429, "busy", detail, headers={"Retry-After": "2"})
-        if self._held.total() > self.total:
-            detail = "Too many bytes are under way to this service; try again in some seconds."
-            raise Refusal(503, "busy", detail, headers={"Retry-After": "2"})
-
-
-@dataclass(slots=True)
-class Account:
-    """What one body holds of the budget."""
-
-    budget: ByteBudget
-    client: str
-    held: int = 0
-
-    def take(self, size: int) -> None:
-        """So many bytes came; raises Refusal."""
-        self.held += size
-        self.budget.take(self.client, size)
-
-
-@dataclass(slots=True)
-class Places:
-    """The places of those who wait for a quick process: `total` in all, of one client half; used on the loop only."""
-
-    total: int
-    _taken: Counter[str] = field(default_factory=Counter)
-    _glancing: set[str] = field(default_factory=set)
-
-    def __len__(self) -> int:
-        return self._taken.total()
-
-    @contextmanager
-    def take(self, client: str) -> Iterator[None]:
-        """A place for the time of one request; raises Refusal where the client, or everybody, has enough."""
-        if len(self) >= self.total or self._taken[client] >= max(1, self.total // SHARE_OF_WAITING):
-            detail = "Too many requests wait for a worker; try again in some seconds."
-            raise Refusal(429, "busy", detail, headers={"Retry-After": "2"})
-        self._taken[client] += 1
-        try:
-            yield
-        finally:
-            self._taken[client] -= 1
-            if not self._taken[client]:
-                del self._taken[client]
-
-    @contextmanager
-    def glance(self, client: str) -> Iterator[bool]:
-        """Whether a client may have an answer that is not stored now: one at a time, the others' echoes go on."""
-        is_free = client not in self._glancing and len(self._glancing) < GLANCES
-        if is_free:
-            self._glancing.add(client)
-        try:
-            yield is_free
-        finally:
-            if is_free:
-                self._glancing.discard(client)

@@ -36,6 +36,7 @@ READY_PATIENCE = 10.0
 READY_KEPT = 1.0
 LAG_EVERY = 0.25
 START_PATIENCE = 10.0
+MANY_WAIT = "Too many requests wait for a worker; try again in some seconds."
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -63,10 +64,11 @@ class Engine:
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
         self._lag: asyncio.Task[None] | None = None
-        self.places = clients.Places(settings.waiting)
-        self.bytes = clients.ByteBudget(
-            2 * asking.LARGEST_FACTOR * settings.max_body, asking.LARGEST_FACTOR * settings.max_body
-        )
+        # Those who wait for a quick process, those who get an answer that is not stored, and bytes of bodies.
+        self.places = clients.Shares(settings.waiting, max(1, settings.waiting // 2), MANY_WAIT, MANY_WAIT)
+        self.glances = clients.Shares(clients.GLANCES, 1, MANY_WAIT)
+        largest = asking.LARGEST_FACTOR * settings.max_body
+        self.bytes = clients.Shares(2 * largest, largest, "Send less at a time: too much of it is under way already.")
         # Those of the server that runs this application, where it counts them.
         self.connections: Sized = ()
         self.is_open = False
@@ -259,13 +261,8 @@ class Engine:
         self, client: str, task: Callable[..., T], body: bytes, *more: Any, seconds: float = QUICK_DEADLINE
     ) -> T:
         """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at a limit."""
-        outcome = await self.run_quick(client, task, body, *more, seconds=seconds)
-        if outcome.status in LIMITS:
-            raise problems.Refusal(
-                422, "limit", f"Reading this document ran into the {outcome.status} limit; make it smaller."
-            )
-        found: T = value_of(outcome)
-        return found
+        detail = "Reading this document ran into the {} limit; make it smaller."
+        return await self.made(client, task, body, *more, late=detail, seconds=seconds, status=422)
 
     async def made(
         self,
@@ -274,11 +271,12 @@ class Engine:
         *arguments: Any,
         late: str = "This takes longer than a page may; take the result as JSON, or try again later.",
         seconds: float = LONG_DEADLINE,
+        status: int = 503,
     ) -> T:
         """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a limit."""
         outcome = await self.run_quick(client, task, *arguments, seconds=seconds)
         if outcome.status in LIMITS:
-            raise problems.Refusal(503, "busy", late)
+            raise problems.Refusal(status, "busy" if status == 503 else "limit", late.format(outcome.status))
         found: T = value_of(outcome)
         return found
 
@@ -345,7 +343,7 @@ class Engine:
 
     async def _run(self, executor: workers.Executor, call: Call) -> Outcome:
         """The outcome of a call that is withdrawn where nobody waits for it any more."""
-        with self.places.take(call.client):
+        with self.places.hold(call.client, 1):
             running = executor.submit(call)
             try:
                 outcome = await asyncio.wrap_future(running.outcome)

@@ -14,11 +14,8 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from inverse_service.service.documents.answers import as_bytes, problem_document
-from inverse_service.service.jobs import opening
-from inverse_service.service.jobs.batch import answer_line, line_head
-from inverse_service.service.jobs.model import Job, StoreUnavailable
-from inverse_service.service.jobs.statements import Batch, BatchAnswer
+from inverse_service.service.documents import answers
+from inverse_service.service.jobs import batch, model, opening, statements
 from inverse_service.web import clients, problems
 from inverse_service.web.asking import Preference
 from inverse_service.web.engine import Engine
@@ -54,19 +51,19 @@ async def parts_of(engine: Engine, id: str, offset: int, size: int) -> AsyncIter
     while offset < size:
         now, part = await engine.read(engine.store.part, id, offset, PART)
         if now != size or not part:
-            raise StoreUnavailable("The answer changed while it was read.")
+            raise model.StoreUnavailable("The answer changed while it was read.")
         offset += len(part)
         yield part
 
 
-async def lines_of(engine: Engine, answers: list[BatchAnswer]) -> AsyncIterator[bytes]:
+async def lines_of(engine: Engine, answers: list[statements.BatchAnswer]) -> AsyncIterator[bytes]:
     """The lines of answers of a batch: small ones together, each large one in parts."""
     together: list[bytes] = []
     for answer in answers:
         if answer.body is not None or answer.status != "successful":
-            together.append(answer_line(answer))
+            together.append(batch.answer_line(answer))
             continue
-        yield b"".join((*together, line_head(answer)))
+        yield b"".join((*together, batch.line_head(answer)))
         together = []
         async for part in _large(engine, answer):
             yield part
@@ -74,7 +71,7 @@ async def lines_of(engine: Engine, answers: list[BatchAnswer]) -> AsyncIterator[
         yield b"".join(together)
 
 
-async def _large(engine: Engine, answer: BatchAnswer) -> AsyncIterator[bytes]:
+async def _large(engine: Engine, answer: statements.BatchAnswer) -> AsyncIterator[bytes]:
     """A stored object after the head of its line: a comma stands for its first bracket."""
     yield b", "
     async for part in parts_of(engine, answer.job, 1, answer.size):
@@ -89,7 +86,7 @@ VARY = {"Vary": "Accept"}
 
 
 async def result_response(
-    request: Request, job: Job, engine: Engine, applied: dict[str, str]
+    request: Request, job: model.Job, engine: Engine, applied: dict[str, str]
 ) -> tuple[dict[str, str] | None, Response]:
     """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look.
 
@@ -114,7 +111,7 @@ def applied_of(preference: Preference) -> dict[str, str]:
     return {"Preference-Applied": preference.applied} if preference.applied else {}
 
 
-async def job_response(request: Request, job: Job, engine: Engine) -> Response:
+async def job_response(request: Request, job: model.Job, engine: Engine) -> Response:
     """The job itself: 202 while it is open, then 200 with an ETag, 304 where the caller has it.
 
     `Prefer: return=minimal` leaves the result out.
@@ -132,7 +129,7 @@ async def job_response(request: Request, job: Job, engine: Engine) -> Response:
     return await whole_job(job, engine, headers)
 
 
-async def whole_job(job: Job, engine: Engine, headers: Mapping[str, str]) -> Response:
+async def whole_job(job: model.Job, engine: Engine, headers: Mapping[str, str]) -> Response:
     """The Job document with its result, which is not read and written again.
 
     One that was dismissed has as its result what was finished of it.
@@ -150,7 +147,7 @@ def is_known(request: Request, tag: str) -> bool:
     return bool(known & {tag, "*"})
 
 
-async def job_json(job: Job, engine: Engine) -> bytes:
+async def job_json(job: model.Job, engine: Engine) -> bytes:
     """The Job document without a result."""
     # The progress of a job that runs elsewhere is in the store.
     fields = await engine.read(job_fields, job, engine)
@@ -158,15 +155,15 @@ async def job_json(job: Job, engine: Engine) -> bytes:
     return json.dumps(fields)[:-1].encode() + b', "result": null, "problem": ' + problem + b"}"
 
 
-async def problem_of(job: Job, engine: Engine) -> bytes:
+async def problem_of(job: model.Job, engine: Engine) -> bytes:
     """Why a job has no result."""
-    dismissed = as_bytes(problem_document(410, "dismissed", "The job was dismissed while it ran."))
+    dismissed = answers.as_bytes(answers.problem_document(410, "dismissed", "The job was dismissed while it ran."))
     if job.status == "dismissed":
         return dismissed
     return (await engine.read(engine.store.part, job.id, 0, PART))[1] or dismissed
 
 
-def job_fields(job: Job, engine: Engine) -> dict[str, Any]:
+def job_fields(job: model.Job, engine: Engine) -> dict[str, Any]:
     """What a list shows of a job."""
     return {
         "id": job.id,
@@ -192,7 +189,7 @@ def moment_of(seconds: float | None) -> str | None:
     return found.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def progress_of(job: Job, engine: Engine) -> Mapping[str, Any] | None:
+def progress_of(job: model.Job, engine: Engine) -> Mapping[str, Any] | None:
     """The latest progress of a job that runs, here or behind another front end."""
     if job.status != "running":
         return None
@@ -203,7 +200,7 @@ def progress_of(job: Job, engine: Engine) -> Mapping[str, Any] | None:
     return events[-1].data if events else None
 
 
-def batch_fields(batch: Batch) -> dict[str, Any]:
+def batch_fields(batch: statements.Batch) -> dict[str, Any]:
     """The Batch document."""
     place = f"/v1/batches/{batch.id}"
     return {
@@ -218,12 +215,12 @@ def batch_fields(batch: Batch) -> dict[str, Any]:
     }
 
 
-def address(job: Job) -> str:
+def address(job: model.Job) -> str:
     """Where a job is."""
     return f"/v1/jobs/{job.id}"
 
 
-def etag(job: Job, written: str | None = None) -> str:
+def etag(job: model.Job, written: str | None = None) -> str:
     """Changes when the question is answered again; each form that it is written in has its own."""
     form = f"-{MEDIA_TYPES[written]}" if written else ""
     return f'"{job.id[:20]}-{job.revision}-{job.status[:1]}{form}"'
@@ -245,7 +242,7 @@ def media_type_of(request: Request) -> str | None:
 
 
 async def written_response(
-    request: Request, job: Job, engine: Engine, media_type: str, headers: Mapping[str, str]
+    request: Request, job: model.Job, engine: Engine, media_type: str, headers: Mapping[str, str]
 ) -> Response:
     """A solved job in this form; raises Refusal where writing it takes too long."""
     form, place = MEDIA_TYPES[media_type], f"{str(request.base_url).rstrip('/')}/results/{job.id}"

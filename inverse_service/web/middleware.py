@@ -228,9 +228,6 @@ class HeadAsGet(Middleware):
         await self.app({**scope, "method": "GET"}, receive, send_head)
 
 
-GONE: Message = {"type": "http.disconnect"}
-
-
 class StopWhenLeft(Middleware):
     """Middleware that cancels the work on a request when its client closes the connection before the answer is out.
 
@@ -238,60 +235,20 @@ class StopWhenLeft(Middleware):
     """
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        visit = _Visit(receive)
-        work = asyncio.ensure_future(self.app(scope, visit.receive, send))
-        watch = asyncio.ensure_future(visit.left.wait())
+        messages: asyncio.Queue[Message] = asyncio.Queue(1)
+
+        async def read() -> None:
+            """Hand on the parts of the body; it ends when the client is gone."""
+            while (message := await receive())["type"] != "http.disconnect":
+                await messages.put(message)
+
+        work = asyncio.ensure_future(self.app(scope, messages.get, send))
+        reader = asyncio.ensure_future(read())
         try:
-            await asyncio.wait((work, watch), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait((work, reader), return_when=asyncio.FIRST_COMPLETED)
         finally:
-            visit.close()
-            watch.cancel()
-            if not work.done():
-                work.cancel()
-        if visit.left.is_set() and not work.done():
-            with contextlib.suppress(asyncio.CancelledError):
-                await work
-        else:
+            reader.cancel()
+            is_left = not work.done()
+            work.cancel()
+        with contextlib.suppress(*[asyncio.CancelledError] if is_left else []):
             await work
-
-
-class _Visit:
-    """The messages of one request; from the end of its body on the connection is watched."""
-
-    def __init__(self, receive: Receive) -> None:
-        self._receive = receive
-        self._first: asyncio.Task[Message] | None = asyncio.ensure_future(self._begun())
-        self._watch: asyncio.Task[None] | None = None
-        self.left = asyncio.Event()
-
-    async def receive(self) -> Message:
-        """What the application asks for."""
-        if self._first is not None:
-            message, self._first = await self._first, None
-            return message
-        if self._watch is not None:
-            await self.left.wait()
-            return GONE
-        return self._noted(await self._receive())
-
-    def close(self) -> None:
-        """The request is answered."""
-        for task in (self._first, self._watch):
-            if task is not None:
-                task.cancel()
-
-    async def _begun(self) -> Message:
-        """The first part of the body, taken before anybody asks: most requests have no other."""
-        return self._noted(await self._receive())
-
-    def _noted(self, message: Message) -> Message:
-        if message["type"] == GONE["type"]:
-            self.left.set()
-        elif not message.get("more_body", False):
-            self._watch = asyncio.ensure_future(self._until_left())
-        return message
-
-    async def _until_left(self) -> None:
-        while (await self._receive())["type"] != GONE["type"]:
-            pass
-        self.left.set()

@@ -13,10 +13,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from inverse_service.errors import InputError, NoWorker, Place, WorkerFailed
-from inverse_service.service.documents.answers import as_bytes, problem_document
-from inverse_service.service.jobs.model import StoreUnavailable, TooManyJobs
-from inverse_service.service.jobs.tasks import UNREADABLE
-from inverse_service.web.journal import StreamCut
+from inverse_service.service.documents import answers
+from inverse_service.service.jobs import model, tasks
+from inverse_service.web import journal
 from inverse_service.web.middleware import HEADERS
 
 if TYPE_CHECKING:
@@ -46,8 +45,8 @@ def answer_to(request: Request, refusal: Refusal) -> Response:
 
 def problem(refusal: Refusal) -> Response:
     """The response of a refusal; its texts are ours, never the caller's."""
-    content = problem_document(refusal.status, refusal.kind, refusal.detail, refusal.places)
-    return Response(as_bytes(content), refusal.status, headers=refusal.headers, media_type=MEDIA_TYPE)
+    content = answers.problem_document(refusal.status, refusal.kind, refusal.detail, refusal.places)
+    return Response(answers.as_bytes(content), refusal.status, headers=refusal.headers, media_type=MEDIA_TYPE)
 
 
 def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response | None]) -> None:
@@ -57,7 +56,7 @@ def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response
     app.state.page_of_refusal = page_of_refusal
     app.add_exception_handler(Refusal, _on_refusal)
     # A full disk, for one (OperationalError): nothing was stored, and asking again is right.
-    for error in (InputError, WorkerFailed, TooManyJobs, StoreUnavailable, sqlite3.OperationalError):
+    for error in (InputError, WorkerFailed, model.TooManyJobs, model.StoreUnavailable, sqlite3.OperationalError):
         app.add_exception_handler(error, _on_error)
     app.add_exception_handler(RequestValidationError, _on_query)
     app.add_exception_handler(HTTPException, _on_http_exception)
@@ -70,7 +69,7 @@ async def _on_refusal(request: Request, error: Exception) -> Response:
 
 
 async def _on_error(request: Request, error: Exception) -> Response:
-    if isinstance(error, StoreUnavailable | sqlite3.OperationalError):
+    if isinstance(error, model.StoreUnavailable | sqlite3.OperationalError):
         log.warning("the store does not answer at %s", request.url.path, exc_info=error)
     return problem(_refusal_of(error))
 
@@ -98,17 +97,17 @@ def rate_limit(quota: float, left: float, seconds: int) -> dict[str, str]:
 def _refusal_of(error: Exception) -> Refusal:
     match error:
         case InputError():
-            status = 400 if error.code == UNREADABLE else 422
+            status = 400 if error.code == tasks.UNREADABLE else 422
             return Refusal(status, error.code, error.detail, error.places)
         case NoWorker():
             return Refusal(503, "not-ready", error.detail, headers={"Retry-After": "5"})
         case WorkerFailed():
             return Refusal(500, "fault", error.detail)
-        case TooManyJobs():
+        case model.TooManyJobs():
             limits = rate_limit(error.quota, 0.0, error.seconds) if error.quota else {}
             return Refusal(429, error.code, error.detail, headers={"Retry-After": str(error.seconds), **limits})
     detail = "The store of jobs does not answer; try again in some seconds."
-    return Refusal(503, StoreUnavailable.code, detail, headers={"Retry-After": "5"})
+    return Refusal(503, model.StoreUnavailable.code, detail, headers={"Retry-After": "5"})
 
 
 async def _on_http_exception(request: Request, error: Exception) -> Response:
@@ -139,7 +138,7 @@ def _methods(request: Request) -> set[str]:
 
 
 async def _on_fault(request: Request, error: Exception) -> Response:
-    if isinstance(error, StreamCut):
+    if isinstance(error, journal.StreamCut):
         log.warning("a stream was cut off at %s", request.url.path)
     else:
         log.error("fault at %s", request.url.path, exc_info=error)

@@ -14,20 +14,16 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
+from inverse_service.service.jobs import model, statements
 from inverse_service.service.jobs.batch import BatchTerms
-from inverse_service.service.jobs.model import StoreUnavailable
-from inverse_service.service.jobs.statements import Batch
 from inverse_service.service.jobs.tasks import batch_task
-from inverse_service.web import asking
-from inverse_service.web.clients import client_of, require_client, viewer_of
+from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import LONG_DEADLINE, Engine
-from inverse_service.web.job_answers import AT_ONCE, RETRY_AFTER, SMALL, batch_fields, lines_of
 from inverse_service.web.journal import StreamCut
-from inverse_service.web.openapi import BAD_BODY, BATCH_PARAMETERS, JOB_HEADERS, KEY_AND_RATE, refusals
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
 
-router = APIRouter(dependencies=[Depends(require_client)])
+router = APIRouter(dependencies=[Depends(clients.require_client)])
 NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
 KEEP_ALIVE = 10.0
@@ -57,8 +53,8 @@ BATCH_BODY: dict[str, Any] = {
     "/v1/batches",
     status_code=202,
     response_model=BatchDocument,
-    responses={202: {"headers": JOB_HEADERS}, **BAD_BODY},
-    openapi_extra=BATCH_BODY | BATCH_PARAMETERS,
+    responses={202: {"headers": openapi.JOB_HEADERS}, **openapi.BAD_BODY},
+    openapi_extra=BATCH_BODY | openapi.BATCH_PARAMETERS,
 )
 async def create(request: Request, kind: KindName = "solve") -> Response:
     """Many documents: a JSON array, or NDJSON with one document a line; each may have an `id` of its own.
@@ -72,33 +68,40 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     media_type = asking.content_type(request)
     if media_type not in NDJSON_TYPES and not asking.is_json(media_type):
         raise Refusal(415, "content-type", f"Send 'Content-Type: {NDJSON}' or 'Content-Type: application/json'.")
-    server, client, key = engine.server_options, client_of(request), asking.batch_key_of(request)
+    server, client, key = engine.server_options, clients.client_of(request), asking.batch_key_of(request)
     options = replace(server, time_limit=asking.time_limit_of(request, server) or server.time_limit)
     terms = BatchTerms(kind, options, server, client, engine.settings.max_lines, asking.wants_fresh(request))
     try:
         async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body) as body:
             form = (body, asking.is_json(media_type), terms)
             lines = await engine.read_body(client, batch_task, *form, seconds=LONG_DEADLINE)
-            stored = await engine.create_batch(kind, viewer_of(request), lines, key)
+            stored = await engine.create_batch(kind, clients.viewer_of(request), lines, key)
     except InputError as error:
         if error.code != "limit":
             raise
         raise Refusal(413, error.code, error.detail) from None
-    headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": RETRY_AFTER} | await engine.rate_limit(client)
-    return JSONResponse(batch_fields(stored), 202, headers)
+    headers = {
+        "Location": f"/v1/batches/{stored.id}",
+        "Retry-After": job_answers.RETRY_AFTER,
+    } | await engine.rate_limit(client)
+    return JSONResponse(job_answers.batch_fields(stored), 202, headers)
 
 
-@router.get("/v1/batches/{id}", response_model=BatchDocument, responses={**refusals(404), **KEY_AND_RATE})
+@router.get(
+    "/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.refusals(404), **openapi.KEY_AND_RATE}
+)
 async def batch(request: Request, id: str) -> Response:
     """A batch with the number of its lines in each status."""
-    return JSONResponse(batch_fields(await _known(request, id)))
+    return JSONResponse(job_answers.batch_fields(await _known(request, id)))
 
 
-@router.delete("/v1/batches/{id}", response_model=BatchDocument, responses={**refusals(404), **KEY_AND_RATE})
+@router.delete(
+    "/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.refusals(404), **openapi.KEY_AND_RATE}
+)
 async def dismiss(request: Request, id: str) -> Response:
     """Cancel the lines that are still open in a batch; work that nobody else waits for stops."""
-    await engine_of(request).dismiss_batch(id, viewer_of(request))
-    return JSONResponse(batch_fields(await _known(request, id)))
+    await engine_of(request).dismiss_batch(id, clients.viewer_of(request))
+    return JSONResponse(job_answers.batch_fields(await _known(request, id)))
 
 
 @router.get(
@@ -106,8 +109,8 @@ async def dismiss(request: Request, id: str) -> Response:
     response_class=StreamingResponse,
     responses={
         200: {"content": {NDJSON: {"schema": {"type": "string"}}, "application/json": {"schema": LINES}}},
-        **refusals(404),
-        **KEY_AND_RATE,
+        **openapi.refusals(404),
+        **openapi.KEY_AND_RATE,
     },
 )
 async def results(request: Request, id: str) -> Response:
@@ -144,36 +147,38 @@ async def as_array(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     yield b"]\n"
 
 
-async def _stream(engine: Engine, batch: Batch) -> AsyncIterator[bytes]:
+async def _stream(engine: Engine, batch: statements.Batch) -> AsyncIterator[bytes]:
     sent, after, spoken, pause = 0, 0, time.monotonic(), SMALLEST_PAUSE
     with engine.hub.waiting(asking.ANY) as changed:
         while sent < batch.total and not engine.hub.closing:
             changed.clear()
             try:
-                answers = await engine.read(engine.store.batch_answers, batch.id, after, AT_ONCE, SMALL)
+                answers = await engine.read(
+                    engine.store.batch_answers, batch.id, after, job_answers.AT_ONCE, job_answers.SMALL
+                )
                 is_silent = not answers and time.monotonic() - spoken > KEEP_ALIVE
                 if is_silent and await engine.read(engine.store.batch, batch.id) is None:
                     break  # it was forgotten, or erased
-            except StoreUnavailable:  # the stream goes on when it is back
+            except model.StoreUnavailable:  # the stream goes on when it is back
                 answers = []
             # Readers of batches where nothing happens are woken by all others too.
             pause = SMALLEST_PAUSE if answers else min(LARGEST_PAUSE, 2 * pause)
             if answers:
                 after, sent, spoken = answers[-1].order, sent + len(answers), time.monotonic()
-                async for part in lines_of(engine, answers):
+                async for part in job_answers.lines_of(engine, answers):
                     yield part
             if time.monotonic() - spoken > KEEP_ALIVE:  # or the reader and proxies take us for dead
                 spoken = time.monotonic()
                 yield b"\n"
-            if len(answers) < AT_ONCE and sent < batch.total:
+            if len(answers) < job_answers.AT_ONCE and sent < batch.total:
                 await asking.until_set(changed, 0.5)
                 await asyncio.sleep(pause)
     if sent < batch.total:  # what ends as it should is taken for all answers
         raise StreamCut
 
 
-async def _known(request: Request, id: str) -> Batch:
-    found = await engine_of(request).batch(id, viewer_of(request))
+async def _known(request: Request, id: str) -> statements.Batch:
+    found = await engine_of(request).batch(id, clients.viewer_of(request))
     if found is None:
         raise Refusal(404, "not-found", "There is no batch of this id; it may have been forgotten.")
     return found

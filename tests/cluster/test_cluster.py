@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import json
 import os
 import signal
@@ -28,7 +27,6 @@ from inverse_service.errors import InputError  # noqa: E402
 from inverse_service.service.cluster import front, remote  # noqa: E402
 from inverse_service.service.cluster.front import Cluster  # noqa: E402
 from inverse_service.service.cluster.remote import (  # noqa: E402
-    Order,
     Terms,
     difference,
     fingerprint,
@@ -164,12 +162,12 @@ def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path
 def test_a_cluster_with_another_program_is_refused(
     machines: processes.Cluster, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other = dataclasses.replace(fingerprint(), engine="9.9")
+    other = fingerprint() | {"engine": "9.9"}
     monkeypatch.setattr(front, "fingerprint", lambda: other)
     stranger = Cluster(machines.address, MEMORY)
     with pytest.raises(InputError, match=r"another program: engine .* instead of 9\.9; install the same"):
         stranger.start()
-    answer = remote.perform(Order("k", Call(tasks.load_engine, (), 1.0)), Terms(other, MEMORY, "t"))
+    answer = remote.perform("k", Call(tasks.load_engine, (), 1.0), Terms(other, MEMORY, "t"))
     assert isinstance(answer, str), "a worker that joins later must refuse too"
     assert "engine" in answer
 
@@ -177,7 +175,7 @@ def test_a_cluster_with_another_program_is_refused(
 def test_what_differs_is_named() -> None:
     ours = fingerprint()
     assert difference(ours, ours) == ""
-    assert difference(ours, dataclasses.replace(ours, python="3.1")) == f"python 3.1 instead of {ours.python}"
+    assert difference(ours, ours | {"python": "3.1"}) == f"python 3.1 instead of {ours['python']}"
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
 def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Settings | None = None) -> httpx.Response:
     """What a client gets where solving raises the error."""
 
-    async def fail(self: Engine, request: Any, viewer: Any) -> Any:
+    async def fail(*_: Any) -> Any:
         raise error
 
     monkeypatch.setattr(Engine, "submit", fail)
@@ -67,15 +67,15 @@ def test_without_a_worker_process_a_request_is_told_to_come_back(monkeypatch: py
 
 def test_one_request_too_many_is_told_to_come_back() -> None:
     engine = Engine(Settings(waiting=4))
-    with engine.places.take("a"), engine.places.take("a"):
-        with pytest.raises(Refusal) as refused, engine.places.take("a"):
+    with engine.places.hold("a", 1), engine.places.hold("a", 1):
+        with pytest.raises(Refusal) as refused, engine.places.hold("a", 1):
             pass
         assert refused.value.status == 429
         assert refused.value.headers == {"Retry-After": "2"}
-        b, c = engine.places.take("b"), engine.places.take("c")
-        with b, engine.places.take("b"), pytest.raises(Refusal), c:
+        b, c = engine.places.hold("b", 1), engine.places.hold("c", 1)
+        with b, engine.places.hold("b", 1), pytest.raises(Refusal), c:
             pass
-    with engine.places.take("a"):
+    with engine.places.hold("a", 1):
         pass
 
 
@@ -89,7 +89,7 @@ def test_other_pages_may_call_only_where_the_settings_say_so(
 
 
 def test_a_fault_is_counted_and_has_an_id(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def fail(self: Engine, request: Any) -> Any:
+    async def fail(*_: Any) -> Any:
         raise KeyError("inside")
 
     monkeypatch.setattr(Engine, "submit", fail)

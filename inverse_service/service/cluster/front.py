@@ -24,7 +24,7 @@ from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
 from inverse_service.service.cluster import remote
-from inverse_service.service.cluster.remote import Fingerprint, Order, Terms, difference, fingerprint
+from inverse_service.service.cluster.remote import Terms, difference, fingerprint
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.workers import Report, Running
 
@@ -169,7 +169,8 @@ class Cluster:
     def _send(self, task: RemoteRunning) -> None:
         future = self._client.submit(
             remote.perform,
-            Order(task.key, task.call),
+            task.key,
+            task.call,
             self._terms,
             key=f"{task.key}-{uuid.uuid4().hex[:8]}",
             pure=False,
@@ -246,7 +247,7 @@ class Cluster:
         """Raises InputError where a worker that is there now has another program, or none of ours."""
         found = self._client.run(remote.fingerprint, on_error="return")
         for theirs in found.values():
-            if not isinstance(theirs, Fingerprint):
+            if not isinstance(theirs, dict):
                 raise InputError(
                     "A worker of the cluster cannot load this program "
                     f"({type(theirs).__name__}); install inverse-service[dask] in its environment."

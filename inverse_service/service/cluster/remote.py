@@ -11,7 +11,7 @@ import multiprocessing
 import sys
 import threading
 from concurrent.futures import TimeoutError as WaitedTooLong
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -22,26 +22,20 @@ from inverse_service.service.jobs.outcome import Call, Outcome
 GRACE = 60.0
 
 
-@dataclass(frozen=True, slots=True)
-class Fingerprint:
-    """Versions: of this program with a digest of its text, of Python, and of the packages that matter."""
-
-    engine: str
-    python: str
-    distributed: str
-    flint: str
+Fingerprint = dict[str, str]
 
 
 def fingerprint() -> Fingerprint:
-    """That of this process."""
+    """Of this process: the engine with a digest of its text, Python, and the packages that matter."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
-    return Fingerprint(model.engine_version(), python, _version("distributed"), _version("python-flint"))
+    return {"engine": model.engine_version(), "python": python} | {
+        name: _version(name) for name in ("distributed", "python-flint")
+    }
 
 
 def difference(ours: Fingerprint, theirs: Fingerprint) -> str:
     """What differs, in words; empty where nothing does."""
-    mine, yours = asdict(ours), asdict(theirs)
-    return ", ".join(f"{name} {yours[name]} instead of {mine[name]}" for name in mine if mine[name] != yours[name])
+    return ", ".join(f"{name} {theirs[name]} instead of {ours[name]}" for name in ours if theirs[name] != ours[name])
 
 
 def _version(package: str) -> str:
@@ -49,14 +43,6 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "none"
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """Do what `call` says; `key` names it in what comes back."""
-
-    key: str
-    call: Call
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +59,8 @@ _pools: dict[int, workers.Workers] = {}
 _under_way: dict[str, workers.Running] = {}
 
 
-def perform(order: Order, terms: Terms) -> Outcome | str:
-    """The Dask task: the outcome of an order, or what differs between the front's program and this one."""
+def perform(key: str, call: Call, terms: Terms) -> Outcome | str:
+    """The Dask task: the outcome of a call, or what differs between the front's program and this one."""
     if differs := difference(terms.fingerprint, fingerprint()):
         return differs
     from distributed import get_worker
@@ -82,21 +68,21 @@ def perform(order: Order, terms: Terms) -> Outcome | str:
     worker = get_worker()
 
     def report(value: Any) -> None:
-        worker.log_event(terms.topic, {"key": order.key, "value": value})
+        worker.log_event(terms.topic, {"key": key, "value": value})
 
     pool = _pool(worker.state.nthreads, terms.memory_limit)
-    running = _under_way[order.key] = pool.submit(order.call, report)
+    running = _under_way[key] = pool.submit(call, report)
     try:
-        return running.outcome.result(workers.MOST_CROWDED * order.call.deadline + GRACE)
+        return running.outcome.result(workers.MOST_CROWDED * call.deadline + GRACE)
     except WaitedTooLong:
         pool.withdraw(running)
         return Outcome("crash", detail="the worker processes kept silent past the deadline")
     finally:
-        _under_way.pop(order.key, None)
+        _under_way.pop(key, None)
 
 
 async def cancel(key: str) -> None:
-    """Kill the work on an order if this machine has it; runs in parallel with the tasks, not as one of them.
+    """Kill the work on a call if this machine has it; runs in parallel with the tasks, not as one of them.
 
     A coroutine, as Dask waits for all machines where it is a plain function.
     """

@@ -469,52 +469,35 @@ def run_batch(plan: BatchPlan, summary: Summary, report: Callable[[Line], None] 
     if plan.output.exists() and plan.source.exists() and plan.output.samefile(plan.source):
         raise InputError("The output file is the input file; choose another one for --output.")
     with open_source(plan.source) as source, open_output(plan.output) as output:
-        run = _Run(plan.again, output, summary, report)
-        lines = run.open_lines(read_lines(source))
+        earlier, again = dict(output.known), {label for name in plan.again for label in AGAIN[name]}
+
+        def count(line: Line, answer: Known) -> None:
+            summary.count(answer)
+            report(line)
+
+        def open_lines() -> Iterator[Line]:
+            """The lines without an answer that counts: of this very question, and not one to be asked again."""
+            for place, line in enumerate(read_lines(source)):
+                if place == 0:
+                    _refuse_other_layouts(line)
+                answer = earlier.get(key_of(line))
+                if answer is None or answer.digest != line.digest or answer.label in again:
+                    yield line
+                else:
+                    summary.earlier += 1
+                    count(line, answer)
+
+        lines = open_lines()
         first = next(lines, None)
         if first is not None:
             with _engine(plan) as engine:
                 for line, answer in engine.answers(itertools.chain((first,), lines)):
-                    run.count(line, output.add(answer))
+                    count(line, output.add(answer))
                 summary.duplicates = engine.duplicates
-                run.refuse_all_bad()
+        bad = summary.labels["error"]
+        if first is not None and bad >= UNUSABLE and bad == summary.labels.total():
+            raise InputError(f"All {bad} lines are error lines; the first says: {summary.first['error']}")
         summary.replaced = output.superseded
-
-
-class _Run:
-    """Which lines are open, and whether any of them could be read."""
-
-    def __init__(self, again: frozenset[str], output: Output, summary: Summary, report: Callable[[Line], None]) -> None:
-        self._again = frozenset(label for name in again for label in AGAIN[name])
-        self._output, self._summary, self._report = output, summary, report
-        self._earlier = dict(output.known)
-        self._begun = False
-        self._bad = self._good = 0
-
-    def open_lines(self, lines: Iterator[Line]) -> Iterator[Line]:
-        """The lines without an answer that counts: of this very question, and not one to be asked again."""
-        for line in lines:
-            if not self._begun:
-                _refuse_other_layouts(line)
-            self._begun = True
-            answer = self._earlier.get(key_of(line))
-            if answer is None or answer.digest != line.digest or answer.label in self._again:
-                yield line
-            else:
-                self._summary.earlier += 1
-                self.count(line, answer)
-
-    def count(self, line: Line, answer: Known) -> None:
-        """A line is answered."""
-        self._summary.count(answer)
-        self._report(line)
-        self._bad += answer.label == "error"
-        self._good += answer.label != "error"
-
-    def refuse_all_bad(self) -> None:
-        """InputError where ten lines or more are error lines, and all are: the input has another layout."""
-        if self._bad >= UNUSABLE and not self._good:
-            raise InputError(f"All {self._bad} lines are error lines; the first says: {self._summary.first['error']}")
 
 
 def _refuse_other_layouts(line: Line) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import logging
+import queue
 import threading
 import time
 import uuid
@@ -97,86 +98,6 @@ LOST = (psycopg.OperationalError, psycopg.InterfaceError)
 CONFLICT = (psycopg.errors.DeadlockDetected, psycopg.errors.SerializationFailure)
 
 
-class Connections:
-    """At most MOST connections; a thread has one for the time of one transaction."""
-
-    def __init__(self, address: str) -> None:
-        self._address = address
-        self._idle: list[Connection] = []
-        self._free = threading.BoundedSemaphore(MOST)
-        self._lock = threading.Lock()
-        self._closed = False
-        first = connect(address)
-        prepare(first)
-        self._idle.append(first)
-
-    def write(self, function: Callable[[Connection], T], durable: bool = True) -> T:
-        """Run it in a transaction and return its value after the commit.
-
-        It runs again where the connection broke, so it must bear that a first run was committed.
-        Raises what it raises, with everything undone; StoreUnavailable where the server stays away.
-        """
-
-        def transaction(connection: Connection) -> T:
-            # In a pipeline, statements whose rows nobody waits for cost no way to the server and back.
-            with connection.pipeline(), connection.transaction():
-                if not durable:
-                    connection.execute("SET LOCAL synchronous_commit TO off")
-                return function(connection)
-
-        return self._insist(transaction)
-
-    def read(self, function: Callable[[Connection], T]) -> T:
-        """Run it without a transaction around it."""
-        return self._insist(function)
-
-    def close(self) -> None:
-        """Close all that are idle, and the others when they come back."""
-        with self._lock:
-            self._closed = True
-            idle, self._idle = self._idle, []
-        for connection in idle:
-            connection.close()
-
-    def _insist(self, function: Callable[[Connection], T]) -> T:
-        end = time.monotonic() + PATIENCE
-        pause = 0.02
-        while True:
-            try:
-                with self._free:
-                    return self._once(function)
-            except (*LOST, *CONFLICT) as error:
-                if self._closed or time.monotonic() + pause > end:
-                    raise model.StoreUnavailable(f"The database does not answer ({type(error).__name__}).") from error
-            time.sleep(pause)
-            pause = min(1.0, 2 * pause)
-
-    def _once(self, function: Callable[[Connection], T]) -> T:
-        connection = self._take()
-        try:
-            return function(connection)
-        finally:
-            self._give_back(connection)
-
-    def _take(self) -> Connection:
-        with self._lock:
-            if self._closed:
-                raise model.StoreUnavailable("The store is closed.")
-            if self._idle:
-                return self._idle.pop()
-        return connect(self._address)
-
-    def _give_back(self, connection: Connection) -> None:
-        with self._lock:
-            if not (connection.closed or connection.broken or self._closed):
-                self._idle.append(connection)
-                return
-            broken = connection.broken
-            stale, self._idle = (self._idle, []) if broken else ([], self._idle)
-        for each in (connection, *stale):  # the server went away for all of them
-            each.close()
-
-
 def connect(address: str) -> Connection:
     """A connection in autocommit mode that sees our schema; raises psycopg.OperationalError."""
     connection = psycopg.connect(
@@ -240,7 +161,8 @@ class PostgresStore(JobStore):
         super().__init__()
         try:
             self.address = address
-            self._connections = Connections(address)
+            first = connect(address)
+            prepare(first)
         except psycopg.OperationalError as error:
             reason = str(error).strip().partition("\n")[0][:300]
             raise errors.InputError(
@@ -252,6 +174,11 @@ class PostgresStore(JobStore):
             raise errors.InputError(
                 f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}."
             ) from None
+        # A place for each connection there may be; a thread has one for the time of one transaction.
+        self._places: queue.LifoQueue[Connection | None] = queue.LifoQueue()
+        for place in [*[None] * (MOST - 1), first]:
+            self._places.put(place)
+        self._closed = False
         self._changes = Changes(address, self.tell)
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
@@ -264,28 +191,66 @@ class PostgresStore(JobStore):
     def try_to_write(self) -> None:
         self._rows(f"{statements.SELECT} FROM jobs LIMIT 0")
         # With a number of its own a transaction is written to the log of the server.
-        self._connections.write(lambda c: c.execute("SELECT pg_current_xact_id()").rowcount)
+        self._write(lambda session: session.run("SELECT pg_current_xact_id()"))
 
     def close(self) -> None:
+        self._closed = True
         self._changes.close()
-        self._connections.close()
+        free = list[Connection | None]()
+        with contextlib.suppress(queue.Empty):  # those that are out are closed when they come back
+            while True:
+                free.append(self._places.get_nowait())
+        for connection in free:
+            self._places.put(self._closing(connection))
 
     def _read(self, function: Callable[[_Session], T]) -> T:
-        return self._connections.read(lambda connection: function(_Session(connection, [])))
+        return self._insist(lambda connection: function(_Session(connection, [])))
 
     def _write(self, change: Callable[[_Session], T], durable: bool = True) -> T:
-        def announced(connection: Connection) -> tuple[T, list[model.Change]]:
+        def transaction(connection: Connection) -> tuple[T, list[model.Change]]:
             session = _Session(connection, [])
-            value = change(session)
-            self._changes.announce(connection, session.told)
+            # In a pipeline, statements whose rows nobody waits for cost no way to the server and back.
+            with connection.pipeline(), connection.transaction():
+                if not durable:
+                    connection.execute("SET LOCAL synchronous_commit TO off")
+                value = change(session)
+                self._changes.announce(connection, session.told)
             return value, session.told
 
-        value, told = self._connections.write(announced, durable)
+        value, told = self._insist(transaction)
         self.tell(told)
         return value
 
+    def _insist(self, function: Callable[[Connection], T]) -> T:
+        """Run it on a connection, again where that broke, so it must bear that a first run was committed.
+
+        Raises what it raises, with everything undone; StoreUnavailable where the server stays away.
+        """
+        end, pause = time.monotonic() + PATIENCE, 0.02
+        while True:
+            connection = self._places.get()
+            try:
+                if self._closed:
+                    raise model.StoreUnavailable("The store is closed.")
+                connection = connection or connect(self.address)
+                return function(connection)
+            except (*LOST, *CONFLICT) as error:
+                if self._closed or time.monotonic() + pause > end:
+                    raise model.StoreUnavailable(f"The database does not answer ({type(error).__name__}).") from error
+            finally:
+                self._places.put(self._closing(connection))
+            time.sleep(pause)
+            pause = min(1.0, 2 * pause)
+
+    def _closing(self, connection: Connection | None) -> Connection | None:
+        """The connection; closed, and None, where it is of no use any more."""
+        if connection is not None and (connection.closed or connection.broken or self._closed):
+            connection.close()
+            return None
+        return connection
+
     def _used_bytes(self) -> int:
-        return int(self._connections.read(lambda c: c.execute(USED_BYTES, {"row": ROW_BYTES}).fetchall())[0]["size"])
+        return int(self._insist(lambda c: c.execute(USED_BYTES, {"row": ROW_BYTES}).fetchall())[0]["size"])
 
     def _rows(self, query: str, *arguments: Any) -> list[Row]:
-        return self._connections.read(lambda c: c.execute(query.encode(), arguments).fetchall())
+        return self._insist(lambda c: c.execute(query.encode(), arguments).fetchall())

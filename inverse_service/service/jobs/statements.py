@@ -209,9 +209,7 @@ def submit(
     """
     wanted = {request.id: request for request in reversed(requests)}
     known = lock_jobs(session, list(wanted))
-    now = first(session, "SELECT moment() AS now")["now"]
-    new = [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)][::-1]
-    if new:
+    if new := _to_be_asked(session, wanted, known)[::-1]:
         refuse_too_many(session, new, bounds)
         asked = [(r.id, r.kind, r.document, r.options, r.client, r.priority, r.fresh) for r in new]
         session.many(ACCEPT, asked)  # two front ends that insert the same job at once make one
@@ -228,13 +226,16 @@ def submit(
 def refuse_without_room(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
     """Raises TooManyJobs or LimitError where not all of these questions can be accepted now."""
     wanted = {request.id: request for request in requests}
-    rows = session.rows("SELECT id, status, expires, moment() AS now FROM jobs WHERE id AMONG (?)", list(wanted))
-    for row in rows:
-        job = model.Job(row["id"], "", "", "", row["status"], expires=row["expires"])
-        if not job.is_to_be_asked(wanted[job.id].fresh, row["now"]):
-            del wanted[job.id]
-    if wanted:
-        refuse_too_many(session, list(wanted.values()), bounds)
+    if new := _to_be_asked(session, wanted, _read(session, list(wanted), False)):
+        refuse_too_many(session, new, bounds)
+
+
+def _to_be_asked(
+    session: Session, wanted: Mapping[str, model.JobRequest], known: Mapping[str, model.Job]
+) -> list[model.JobRequest]:
+    """Those that have to be computed."""
+    now = first(session, "SELECT moment() AS now")["now"]
+    return [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)]
 
 
 def lock_jobs(session: Session, ids: list[str]) -> dict[str, model.Job]:

@@ -8,6 +8,7 @@ At the end: what becomes of a job when its task ended: stored, tried again, or g
 
 from __future__ import annotations
 
+import functools
 import json
 import logging
 import queue
@@ -16,8 +17,9 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import replace
 from typing import Any
 
 from inverse_service import errors
@@ -36,42 +38,6 @@ AHEAD = 32
 ENDED = ("done", "refused")
 
 
-@dataclass(slots=True)
-class ShortLane:
-    """Tries jobs that wait for a worker for a moment on processes of another pool; each once.
-
-    A job that ends there is done, and its place among the others is given up; any other goes on waiting.
-    """
-
-    executor: workers.Executor
-    _tried: set[tuple[str, int]] = field(default_factory=set)
-
-    def look(
-        self, claimed: Iterable[tuple[model.Job, workers.Running]], end: Callable[[model.Job, Outcome], None]
-    ) -> None:
-        """Try what waits; `end` is called with each job that ended, from another thread."""
-        claimed = list(claimed)
-        busy = {job.client for job, task in claimed if task.has_begun}
-        self._tried &= {(job.id, job.attempt) for job, _ in claimed}
-        for job, task in claimed:
-            key = (job.id, job.attempt)
-            if task.call.task is not tasks.job_task:  # how the system of a stopped job is understood is no answer
-                continue
-            if job.priority == model.INTERACTIVE and job.client not in busy and key not in self._tried:
-                self._tried.add(key)
-                self._try(job, task, end)
-
-    def _try(self, job: model.Job, task: workers.Running, end: Callable[[model.Job, Outcome], None]) -> None:
-        call = replace(task.call, deadline=min(SHORT, task.call.deadline))
-        running = self.executor.submit(call, task.report)
-        running.outcome.add_done_callback(lambda done: _ended(job, done.result(), end))
-
-
-def _ended(job: model.Job, outcome: Outcome, end: Callable[[model.Job, Outcome], None]) -> None:
-    if outcome.status in ENDED:
-        end(job, outcome)
-
-
 DEATHS = ("inverse_service_worker_deaths_total", "Workers that died.")
 FINISHERS = 4
 TICK = 0.1
@@ -84,12 +50,6 @@ POLL = 0.5
 STOP_PATIENCE = 1.0
 # The store cannot be reached now and may be back: disk full or locked, server gone.
 AWAY = (sqlite3.OperationalError, model.StoreUnavailable, OSError)
-
-
-@dataclass(frozen=True, slots=True)
-class _Ended:
-    job: model.Job
-    outcome: Outcome
 
 
 class Supervisor:
@@ -109,14 +69,16 @@ class Supervisor:
         self.events = EventLog(store)
         self._store, self._executor = store, executor
         self._client_running = client_running or model.NO_BOUND
-        self._short = None if quick is None else ShortLane(quick)
+        self._quick = quick
         self._owner = uuid.uuid4().hex
         self._running: dict[tuple[str, int], tuple[model.Job, workers.Running]] = {}
+        # Runs that were tried in the quick processes, and those that ended there.
+        self._tried: set[tuple[str, int]] = set()
         self._won: set[tuple[str, int]] = set()
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._stopping = threading.Event()
-        self._ended: queue.SimpleQueue[_Ended | None] = queue.SimpleQueue()
+        self._ended: queue.SimpleQueue[tuple[model.Job, Outcome] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._beaten = time.monotonic()
         self._doubtful = False
@@ -182,7 +144,7 @@ class Supervisor:
         """Claim as many as run, and as many again, so that no worker waits for the disk."""
         while not self._stopping.is_set():
             free, most = 2 * self._executor.capacity - len(self._running), self._client_running
-            if free <= 0 and self._short is not None:
+            if free <= 0 and self._quick is not None:
                 free, most = free + AHEAD, 1
             if free <= 0 or not self._store.is_waiting():
                 return
@@ -221,7 +183,7 @@ class Supervisor:
             return
         is_known = self.events.so_far(job.id) is not None
         if is_known or not is_undetermined(job, outcome) or self._stopping.is_set():
-            self._ended.put(_Ended(job, outcome))
+            self._ended.put((job, outcome))
             return
         call = Call(
             tasks.understand_job_task,
@@ -232,44 +194,58 @@ class Supervisor:
             workers.FIRST,
             job.client,
         )
-        self._run(
-            job,
-            call,
-            lambda job, understood: self._ended.put(_Ended(job, answers.with_understood(outcome, understood))),
-        )
+        self._run(job, call, lambda job, found: self._ended.put((job, answers.with_understood(outcome, found))))
 
-    def _win(self, job: model.Job, outcome: Outcome) -> None:
-        """A job that waited for a worker ended in the short lane: it waits no more."""
+    def _try_short(self, quick: workers.Executor) -> None:
+        """Try jobs that wait for a worker for a moment on the quick processes, each once; others go on waiting."""
+        with self._lock:
+            claimed = list(self._running.values())
+        busy = {job.client for job, task in claimed if task.has_begun}
+        self._tried &= {(job.id, job.attempt) for job, _ in claimed}
+        for job, task in claimed:
+            key = (job.id, job.attempt)
+            # How the system of a stopped job is understood is no answer.
+            is_first = task.call.task is tasks.job_task and key not in self._tried
+            if is_first and job.priority == model.INTERACTIVE and job.client not in busy:
+                self._tried.add(key)
+                tried = quick.submit(replace(task.call, deadline=min(SHORT, task.call.deadline)), task.report)
+                tried.outcome.add_done_callback(functools.partial(self._win, job))
+
+    def _win(self, job: model.Job, tried: Future[Outcome]) -> None:
+        """A job that waited for a worker ended in the quick processes: it waits no more."""
+        if tried.result().status not in ENDED:
+            return
         with self._lock:
             found = self._running.get((job.id, job.attempt))
             if found is None:  # its turn came, and it ended there
                 return
             self._won.add((job.id, job.attempt))
         found[1].cancel()
-        self._ended.put(_Ended(job, outcome))
+        self._ended.put((job, tried.result()))
 
     def _finish_loop(self) -> None:
         while (ended := self._ended.get()) is not None:
+            job, outcome = ended
             try:
-                self._insist(ended)
+                self._insist(job, outcome)
             except Exception:  # the thread must live
-                log.exception("an answer could not be stored", extra={"job": ended.job.id})
-                self._fail(ended.job)
+                log.exception("an answer could not be stored", extra={"job": job.id})
+                self._fail(job)
             finally:
                 with self._lock:
-                    self._running.pop((ended.job.id, ended.job.attempt), None)
-                    self._won.discard((ended.job.id, ended.job.attempt))
+                    self._running.pop((job.id, job.attempt), None)
+                    self._won.discard((job.id, job.attempt))
                 self._wake.set()
 
-    def _insist(self, ended: _Ended) -> None:
+    def _insist(self, job: model.Job, outcome: Outcome) -> None:
         """Store an answer however long the store stays away; where the service stops first, the job runs again."""
         told = False
         while True:
             try:
-                return self._finish(ended.job, ended.outcome)
+                return self._finish(job, outcome)
             except AWAY:
                 if not told:
-                    log.exception("an answer waits for the store", extra={"job": ended.job.id})
+                    log.exception("an answer waits for the store", extra={"job": job.id})
                 told = True
             if self._stopping.wait(POLL):
                 return None
@@ -306,10 +282,8 @@ class Supervisor:
                 if time.monotonic() - written > WRITE_EVENTS:
                     self.events.flush()
                     written = time.monotonic()
-                if self._short is not None:
-                    with self._lock:
-                        claimed = list(self._running.values())
-                    self._short.look(claimed, self._win)
+                if self._quick is not None:
+                    self._try_short(self._quick)
                 if time.monotonic() - self._beaten > HEARTBEAT:
                     self._beat()
                 elif self._doubtful:

@@ -154,17 +154,18 @@ async def _refused(request: Request, fields: dict[str, str], problem: forms.Prob
 async def answer_beside(request: Request) -> Response:
     """The answer next to the form: nothing is stored; one at a time for each client, and none where it takes long."""
     engine: Engine = request.app.state.engine
-    with engine.places.glance(clients.client_of(request)) as is_free:
-        if not is_free:
-            return Response(status_code=204)
-        try:
+    found, is_free = None, False
+    try:
+        with engine.glances.hold(clients.client_of(request), 1):
+            is_free = True
             found = await results.read_sent(
                 request, engine.settings.max_body, result_tasks.glance_task, 2 * result_tasks.GLANCE
             )
-        except Refusal as refusal:
-            if refusal.kind not in ("limit", "busy"):
-                raise
-            found = None
+    except Refusal as refusal:
+        if refusal.kind not in ("limit", "busy"):
+            raise
+    if not is_free:
+        return Response(status_code=204)
     return rendering.page("glance.html", glance=found)
 
 
