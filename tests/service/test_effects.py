@@ -28,7 +28,11 @@ NAMES = {"constraints": "gamma", "potential": "alpha", "magnetic": "beta", "spri
          "rayleigh": "zeta"}  # fmt: skip
 
 
-@pytest.mark.parametrize("method", ["nonholonomic", "runge-kutta", "reference", "stiff", "adaptive"])
+@pytest.mark.parametrize(
+    "method",
+    ["nonholonomic", "runge-kutta",
+     *(pytest.param(name, marks=pytest.mark.slow) for name in ("reference", "stiff", "adaptive"))],
+)  # fmt: skip
 @pytest.mark.parametrize("left_out", NAMES)
 def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str) -> None:
     """Not in the equations, not in the kernel, not in the answer: each effect has a parameter of its own."""

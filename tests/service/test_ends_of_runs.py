@@ -19,8 +19,10 @@ ENDS = {
 @pytest.mark.parametrize("potential", ENDS.values(), ids=ENDS)
 @pytest.mark.parametrize(
     "method",
-    ["stormer-verlet", "variational", {"method": "variational", "form": "raw"}, {"method": "variational", "alpha": 0},
-     "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "heyoka"],
+    ["stormer-verlet", "nonholonomic", "adaptive", "heyoka",
+     *(pytest.param(one, marks=pytest.mark.slow) for one in (
+         "variational", {"method": "variational", "form": "raw"}, {"method": "variational", "alpha": 0},
+         "runge-kutta", "reference", "stiff"))],
 )  # fmt: skip
 def test_the_steps_done_are_those_recorded(potential: str, method: Any) -> None:
     """The steps, the time of the end, the last point and the final state of a run that was stopped belong together."""

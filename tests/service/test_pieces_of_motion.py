@@ -13,7 +13,10 @@ from scipy.special import beta
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
 
-EXACT = ["adaptive", "reference", {"method": "runge-kutta", "order": 8}, {"method": "variational", "order": 8}]
+EXACT = [
+    "adaptive", {"method": "variational", "order": 8}, pytest.param("reference", marks=pytest.mark.slow),
+    pytest.param({"method": "runge-kutta", "order": 8}, marks=pytest.mark.slow),
+]  # fmt: skip
 FORCES = 9.81 * 0.3
 
 
