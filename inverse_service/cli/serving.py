@@ -53,20 +53,30 @@ def serve(
         # Another name would be a page elsewhere that lets its own name point here.
         settings = dataclasses.replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
-    _start_loading()
-    from inverse_service.service.jobs.workers import bound_data
-    from inverse_service.web import journal
+    from inverse_service.service.jobs import warming, workers
+    from inverse_service.web import journal, pages
+
+    # The server that forks the workers loads the engine while this process loads the pages.
+    for module in pages.TASKS:
+        workers.preload(module)
+    workers.start_server()
     from inverse_service.web.application import create_application
+    from inverse_service.web.pages import forms, solve
 
     journal.begin(settings.log_level)
-    _warn(settings, host, listener)
+    bound, number = listener.getsockname()[:2]
+    if not (settings.api_keys or settings.api_keys_file or ipaddress.ip_address(bound.partition("%")[0]).is_loopback):
+        log.warning("no keys are set: whoever reaches %s may use this service and see all its jobs", host)
+    if not warming.is_warm():
+        log.warning(warming.SENTENCE)
     application = create_application(settings)
     # Opened here so that a database that cannot be used is one sentence, and before the address is printed.
     application.state.engine.open()
-    address = _address(host, listener.getsockname()[1])
-    bound_data(WEB_MEMORY + SHARE_OF_BODIES * settings.max_body // 2**20)
+    address = f"http://{f'[{host}]' if ':' in host else host}:{number}"
+    workers.bound_data(WEB_MEMORY + SHARE_OF_BODIES * settings.max_body // 2**20)
     server = _server(application, settings)
-    _make_first_page()
+    # The templates and examples of the start page, which its first visitor need not wait for.
+    solve.solve_page(forms.fields_from({"equations": solve.START}))
     # uvicorn ends in order and then raises the signal once more, which is no fault; one that comes before it begins
     # is heard too.
     signal.signal(signal.SIGTERM, server.handle_exit)
@@ -77,33 +87,6 @@ def serve(
     # Collecting what is left would take longer than all that stopped before, and nothing could end it.
     gc.freeze()
     return cli.ExitCode.DONE
-
-
-def _start_loading() -> None:
-    """The server that forks the workers loads the engine while this process loads the pages."""
-    from inverse_service.service.jobs.workers import preload, start_server
-    from inverse_service.web import pages
-
-    for module in pages.TASKS:
-        preload(module)
-    start_server()
-
-
-def _make_first_page() -> None:
-    """The templates and examples of the start page, which its first visitor need not wait for."""
-    from inverse_service.web.pages import solve
-    from inverse_service.web.pages.forms import fields_from
-
-    solve.solve_page(fields_from({"equations": solve.START}))
-
-
-def _warn(settings: Settings, host: str, listener: socket.socket) -> None:
-    from inverse_service.service.jobs.warming import SENTENCE, is_warm
-
-    if not (settings.api_keys or settings.api_keys_file or _is_local(listener)):
-        log.warning("no keys are set: whoever reaches %s may use this service and see all its jobs", host)
-    if not is_warm():
-        log.warning(SENTENCE)
 
 
 def _server(application: Any, settings: Settings) -> Any:
@@ -147,10 +130,6 @@ def _most_connections(wanted: int) -> int:
     return max(10, min(wanted, max(soft, largest) - OWN_DESCRIPTORS))
 
 
-def _is_local(listener: socket.socket) -> bool:
-    return ipaddress.ip_address(listener.getsockname()[0].partition("%")[0]).is_loopback
-
-
 def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
     """Streams that are open end when the first signal comes; uvicorn waits for them, for a limited time."""
     handle = server.handle_exit
@@ -179,11 +158,6 @@ def _listen(host: str, port: int) -> socket.socket:
     # on sockets that were made with the protocol named.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener
-
-
-def _address(host: str, port: int) -> str:
-    shown = f"[{host}]" if ":" in host else host
-    return f"http://{shown}:{port}"
 
 
 @cli.application.command()

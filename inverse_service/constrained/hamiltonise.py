@@ -386,47 +386,32 @@ def compare(
     are p over (q, u); `observed` are H and the constraints' images over (q, p).
     """
     trees = [*nonholonomic.rates, *hamiltonian.rates, *momenta, *observed]
-    samples = sample_functions(trees, seed)
-    source = random.Random(f"flow {seed}")
+    samples, source = sample_functions(trees, seed), random.Random(f"flow {seed}")
+    m, n, count = len(nonholonomic.rates), len(hamiltonian.rates), len(momenta)
     for _ in range(_STARTS):
         values = {name: Fraction(source.randrange(50, 200), 100) for name in constants}
         table: dict[ex.Expression, ex.Expression] = {name: ex.number(value) for name, value in values.items()}
         placed = [ex.substitute(derivative.define_functions(tree, samples), table) for tree in trees]
+        first = Flow(nonholonomic.variables, tuple(placed[:m]))
+        second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))
+        start = np.array([source.randrange(20, 90) / 100 for _ in range(m)])
         try:
-            return _compared(nonholonomic, hamiltonian, placed, len(momenta), (values, samples), source)
+            lifted = numerical(placed[m + n : m + n + count], first.variables)(start)
+            one = np.array(integrated(first, start))
+            other = np.array(integrated(second, np.concatenate([start[: n // 2], lifted])))
+            observe = numerical(placed[m + n + count :], second.variables)
+            seen = np.array([observe(state) for state in other])
         except (ArithmeticError, ValueError, RuntimeError, errors.InputError):
             continue
+        if np.isfinite(seen).all():
+            return Comparison(
+                time=STEPS * STEP,
+                step=STEP,
+                parameters={name.name: float(value) for name, value in values.items()},
+                functions={name: body for name, (_, body) in samples.items()},
+                start={printing.to_text(x): float(value) for x, value in zip(first.variables, start, strict=True)},
+                difference=float(np.abs(one[:, : n // 2] - other[:, : n // 2]).max(initial=0.0)),
+                constraint=float(np.abs(seen[:, 1:]).max(initial=0.0)),
+                energy=float(np.abs(seen[:, 0] - seen[0, 0]).max()),
+            )
     return None
-
-
-def _compared(
-    nonholonomic: Flow,
-    hamiltonian: Flow,
-    placed: Sequence[ex.Expression],
-    count: int,
-    chosen: tuple[Mapping[ex.Symbol, Fraction], derivative.Definitions],
-    source: random.Random,
-) -> Comparison:
-    m, n = len(nonholonomic.rates), len(hamiltonian.rates)
-    first = Flow(nonholonomic.variables, tuple(placed[:m]))
-    second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))
-    start = np.array([source.randrange(20, 90) / 100 for _ in range(m)])
-    lifted = numerical(placed[m + n : m + n + count], first.variables)(start)
-    one = np.array(integrated(first, start))
-    other = np.array(integrated(second, np.concatenate([start[: n // 2], lifted])))
-    observe = numerical(placed[m + n + count :], second.variables)
-    observed = np.array([observe(state) for state in other])
-    if not np.isfinite(observed).all():
-        raise OverflowError("what is observed has no finite value")
-    return Comparison(
-        time=STEPS * STEP,
-        step=STEP,
-        parameters={name.name: float(value) for name, value in chosen[0].items()},
-        functions={name: body for name, (_, body) in chosen[1].items()},
-        start={
-            printing.to_text(variable): float(value) for variable, value in zip(first.variables, start, strict=True)
-        },
-        difference=float(np.abs(one[:, : n // 2] - other[:, : n // 2]).max(initial=0.0)),
-        constraint=float(np.abs(observed[:, 1:]).max(initial=0.0)),
-        energy=float(np.abs(observed[:, 0] - observed[0, 0]).max()),
-    )

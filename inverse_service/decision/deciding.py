@@ -547,37 +547,27 @@ def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | No
         prime, fresh = residues_of(k)
         if fresh is None:
             return None
-        if fractions is not None and all(_agrees(a, fresh.get(key, 0), prime) for key, a in fractions.items()):
+        if fractions is not None and not any(
+            (a.numerator - fresh.get(key, 0) * a.denominator) % prime for key, a in fractions.items()
+        ):
             return fractions
-        residues = {key: _joined(residues.get(key, 0), modulus, value, prime) for key, value in fresh.items()}
+        # The number modulo modulus * prime with both residues.
+        inverse, known = pow(modulus, -1, prime), residues
+        residues = {
+            key: known.get(key, 0) + modulus * ((value - known.get(key, 0)) * inverse % prime)
+            for key, value in fresh.items()
+        }
         modulus *= prime
-        fractions = _fractions(residues, modulus)
+        found = {key: modular.reconstruct(value, modulus, isqrt(modulus // 2)) for key, value in residues.items()}
+        fractions = {key: value for key, value in found.items() if value is not None}
+        if len(fractions) < len(found):
+            fractions = None
     return None
 
 
 def _squares(index: Index, prime: int) -> int:
     """1/2 for the square of a velocity, zero for all else."""
     return pow(2, -1, prime) if sum(index) == 2 and 2 in index else 0
-
-
-def _joined(residue: int, modulus: int, other: int, prime: int) -> int:
-    """The number modulo modulus * prime with these residues."""
-    return residue + modulus * ((other - residue) * pow(modulus, -1, prime) % prime)
-
-
-def _fractions(residues: Mapping[Key, int], modulus: int) -> dict[Key, Fraction] | None:
-    bound = isqrt(modulus // 2)
-    found: dict[Key, Fraction] = {}
-    for index, residue in residues.items():
-        value = modular.reconstruct(residue, modulus, bound)
-        if value is None:
-            return None
-        found[index] = value
-    return found
-
-
-def _agrees(value: Fraction, residue: int, prime: int) -> bool:
-    return (value.numerator - residue * value.denominator) % prime == 0
 
 
 def as_tree(series: RationalSeries) -> ex.Expression:

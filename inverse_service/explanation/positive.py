@@ -62,19 +62,15 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
         g = tuple(tuple(exact.ring.value(entry) for entry in row) for row in multiplier)
         return _worked_out(exact, g)
     except (TooLarge, ZeroDivisionError):
-        return Explanation(_plan(), complete=False)
-
-
-def _plan() -> tuple[Step, ...]:
-    """What has to be computed."""
-    return (
-        said(
-            "The matrix `g` is the Hessian of `L` in the velocities; `dg_ij/dv^k` is symmetric in `j` and `k`.",
-            about=("multiplier",),
-        ),
-        said("With `N = -1/2 df/dv`, compare `Gamma(g)` with `g N + (g N)^T`."),
-        said("With `Phi` as given, see that `g Phi` is symmetric; `det g` is not zero."),
-    )
+        plan = (
+            said(
+                "The matrix `g` is the Hessian of `L` in the velocities; `dg_ij/dv^k` is symmetric in `j` and `k`.",
+                about=("multiplier",),
+            ),
+            said("With `N = -1/2 df/dv`, compare `Gamma(g)` with `g N + (g N)^T`."),
+            said("With `Phi` as given, see that `g Phi` is symmetric; `det g` is not zero."),
+        )
+        return Explanation(plan, complete=False)
 
 
 def _worked_out(exact: MotionInRing, g: Matrix) -> Explanation:

@@ -547,26 +547,14 @@ class ExactRing:
             case ex.Number(value):
                 return self.constant(value)
             case ex.Sum(terms):
-                return self._sum(terms)
+                return sum(map(self.value, terms), self.constant(0))
             case ex.Product(factors):
-                return self._product(factors)
+                return math.prod(map(self.value, factors), start=self.constant(1))
             case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
                 if abs(exponent) > LARGEST_EXPONENT:
                     raise TooLarge(f"a power above {LARGEST_EXPONENT} is not expanded")
                 return self.value(base) ** int(exponent)
         raise KeyError(f"{type(tree).__name__} node is not an atom of this ring")
-
-    def _sum(self, terms: Sequence[ex.Expression]) -> Quotient:
-        total = self.constant(0)
-        for term in terms:
-            total = total + self.value(term)
-        return total
-
-    def _product(self, factors: Sequence[ex.Expression]) -> Quotient:
-        total = self.constant(1)
-        for factor in factors:
-            total = total * self.value(factor)
-        return total
 
 
 def is_integer_power(tree: ex.Expression) -> bool:
@@ -717,7 +705,8 @@ def _adjoin_family(ring: ExactRing, name: str, arguments: tuple[ex.Expression, .
     values = [ring.value(argument) for argument in arguments]
     indices: dict[tuple[int, ...], int] = {}
     # From the highest order down, so that lower derivatives are the greater generators.
-    for orders in sorted(_orders(len(arguments), highest), key=lambda k: (-sum(k), k)):
+    every = itertools.product(range(highest + 1), repeat=len(arguments))
+    for orders in sorted((k for k in every if sum(k) <= highest), key=lambda k: (-sum(k), k)):
         node = ex.Arbitrary(name, arguments, orders)
         indices[orders] = ring.new_generator(node)
         ring.atoms[node] = ring.generator(indices[orders])
@@ -726,10 +715,6 @@ def _adjoin_family(ring: ExactRing, name: str, arguments: tuple[ex.Expression, .
             continue
         slopes = [(_next(ring, indices, orders, place), value) for place, value in enumerate(values)]
         ring.set_slopes(indices[orders], slopes)
-
-
-def _orders(length: int, highest: int) -> list[tuple[int, ...]]:
-    return [k for k in itertools.product(range(highest + 1), repeat=length) if sum(k) <= highest]
 
 
 def _next(ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[int, ...], place: int) -> Quotient:
@@ -1003,7 +988,12 @@ def factor_coordinates(argument: Quotient) -> Coordinates:
 
 def argument_basis(vectors: Sequence[Coordinates]) -> ArgumentBasis:
     """A basis taken from the vectors themselves, simplest first."""
-    order = sorted(range(len(vectors)), key=lambda index: (_size(vectors[index]), index))
+
+    def size(index: int) -> tuple[int, int, int]:
+        values = vectors[index].values()
+        return len(values), sum(abs(c.numerator) + c.denominator for c in values), index
+
+    order = sorted(range(len(vectors)), key=size)
     chosen: list[int] = []
     expressed: dict[int, list[Fraction]] = {}
     for index in order:
@@ -1012,20 +1002,12 @@ def argument_basis(vectors: Sequence[Coordinates]) -> ArgumentBasis:
             combination = [Fraction(0)] * len(chosen) + [Fraction(1)]
             chosen.append(index)
         expressed[index] = combination
-    rows = [_padded(expressed[index], len(chosen)) for index in range(len(vectors))]
+    rows = [expressed[k] + [Fraction(0)] * (len(chosen) - len(expressed[k])) for k in range(len(vectors))]
     scales = tuple(math.lcm(*(row[column].denominator for row in rows)) for column in range(len(chosen)))
     integers = tuple(tuple(int(c * m) for c, m in zip(row, scales, strict=True)) for row in rows)
     if any(abs(k) > _LARGEST_MULTIPLE for row in integers for k in row):
         raise TooLarge("the arguments of exponentials or angles are too large multiples of a common one")
     return ArgumentBasis(tuple(chosen), scales, integers)
-
-
-def _size(vector: Coordinates) -> tuple[int, int]:
-    return len(vector), sum(abs(c.numerator) + c.denominator for c in vector.values())
-
-
-def _padded(row: list[Fraction], length: int) -> list[Fraction]:
-    return row + [Fraction(0)] * (length - len(row))
 
 
 def _solve(basis: Sequence[Coordinates], target: Coordinates) -> list[Fraction] | None:

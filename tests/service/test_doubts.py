@@ -159,8 +159,8 @@ def test_command_and_page_show_it_beside_the_outcome() -> None:
     assert f"stormer-verlet: {rough['doubt']}" in page(result)
     job = {"id": "1", "kind": "simulate", "status": "successful", "result": result}
     html = bytes(simulation_result("http://here", job, "{}").body).decode()
-    assert '<span class="badge incomplete">completed</span><br><span class="note">With half the step' in html
-    assert html.count('<span class="badge valid">completed</span>') == 1
+    assert '<b class="open">completed</b><br><span class="note">With half the step' in html
+    assert html.count('<b class="yes">completed</b>') == 1
     assert "doubt" not in good
 
 
