@@ -27,7 +27,7 @@ from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.expressions.printing import to_text
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import ladder, rungs
+from inverse_service.search import ladder
 from inverse_service.service.documents.accepting import to_given, to_schema, to_system
 from inverse_service.solving.solving import solve_branches
 
@@ -99,8 +99,8 @@ def observed(finders: dict[str, None]) -> Iterator[None]:
 @contextmanager
 def without(*names: str) -> Iterator[None]:
     """Within the block the search has no rungs of these names."""
-    kept = tuple(rung for rung in rungs.RUNGS if rung.name not in names)
-    with mock.patch.object(rungs, "RUNGS", kept):
+    kept = tuple(rung for rung in ladder.RUNGS if rung.name not in names)
+    with mock.patch.object(ladder, "RUNGS", kept):
         yield
 
 
@@ -168,7 +168,7 @@ def plain(given: Any) -> Given:
 def main(arguments: Sequence[str] | None = None, report: Callable[[str], None] = print) -> None:
     chosen = options(arguments)
     runs: dict[str, list[Run]] = {}
-    rows: dict[str, Row] = {rung.name: Row() for rung in sorted(rungs.RUNGS, key=lambda rung: rung.cost)}
+    rows: dict[str, Row] = {rung.name: Row() for rung in sorted(ladder.RUNGS, key=lambda rung: rung.cost)}
     for collection, given in given_systems(chosen):
         before = record(given, chosen.limit)
         runs.setdefault(collection, []).append(before)

@@ -18,9 +18,9 @@ from unittest import mock
 from benchmarks.ablation import Given, Run, add_collections, given_systems, record
 from benchmarks.tables import table
 from inverse_service import bounds as amounts
-from inverse_service.search import rungs
+from inverse_service.search import ladder
 from inverse_service.search.families import Family
-from inverse_service.search.rungs import Rung
+from inverse_service.search.ladder import Rung
 
 VALUES: dict[str, int] = {name: value for name, value in vars(amounts).items() if name.isupper()}
 # Their rooms keep what they computed with other amounts.
@@ -30,8 +30,8 @@ KEEP = ("decision", "search", "solving", "constrained", "explanation", "mechanic
 @contextmanager
 def changed(name: str, value: int) -> Iterator[None]:
     """Within the block an amount has another value, also in the rows of the ansatz, and nothing computed is kept."""
-    rows = tuple(_changed(rung, VALUES[name], value) for rung in rungs.RUNGS)
-    with mock.patch.object(amounts, name, value), mock.patch.object(rungs, "RUNGS", rows):
+    rows = tuple(_changed(rung, VALUES[name], value) for rung in ladder.RUNGS)
+    with mock.patch.object(amounts, name, value), mock.patch.object(ladder, "RUNGS", rows):
         forget()
         yield
     forget()

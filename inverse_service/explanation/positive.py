@@ -293,7 +293,7 @@ def as_given_steps() -> tuple[Step, ...]:
 
 def search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
     """The family or the method that found L, and the constants it may have."""
-    from inverse_service.search.rungs import REASONS
+    from inverse_service.search.ladder import REASONS
 
     assert outcome.found is not None
     name, _ = outcome.tried[-1]

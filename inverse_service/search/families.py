@@ -59,10 +59,18 @@ from inverse_service.field.modular import Field, compiled, multiply, reconstruct
 from inverse_service.field.point import Expansion, SingularPoint, Variable, variables_in
 from inverse_service.field.sample_points import SamplePoints
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
-from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
+from inverse_service.search.ansatz import (
+    SPARE,
+    LetterTable,
+    helmholtz_matrix,
+    letters_of,
+    random_null_vector,
+    sampler_of,
+    table_at,
+    to_montgomery,
+)
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.material import Material, antiderivatives, distinct, moving_letters, oriented
-from inverse_service.search.null_vectors import SPARE, random_null_vector
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,

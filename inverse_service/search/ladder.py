@@ -20,11 +20,101 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import real_point
 from inverse_service.field.point import SingularPoint
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import ansatz, families, plain_forces, protocol, quadratures, rungs, tidy
+from inverse_service.search import (
+    ansatz,
+    families,
+    linear_systems,
+    one_coordinate,
+    one_matrix,
+    plain_forces,
+    protocol,
+    quadratures,
+    reductions,
+    row_factors,
+    tidy,
+)
 from inverse_service.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.search.material import Material, gather
 from inverse_service.search.members import Member, best_members, needed_combinations
 from inverse_service.search.terms import Monomial, TooManyTerms, collected, terms_of, tree_of
+
+Rung = protocol.Leaf | protocol.Reduction | families.Family
+
+LEAVES = (
+    protocol.Leaf(
+        "each equation times a function",
+        0.1,
+        lambda material: True,
+        row_factors.propose,
+        "Each equation times a function of `t` and the coordinates, the equations are self-adjoint: then the matrix of "
+        "their accelerations is the Hessian of `L`, which follows by integration.",
+        exact=True,
+    ),
+    protocol.Leaf(
+        "one matrix",
+        0.4,
+        one_matrix.accepts,
+        one_matrix.propose,
+        "The algebraic conditions leave one matrix `G(t, q)` up to a factor, which is computed from them; the "
+        "derivatives of the factor, of `A` and of `V` in `L = phi G_ij v^i v^j/2 + A_i v^i - V` follow from it.",
+    ),
+    protocol.Leaf(
+        "linear systems, multipliers in t alone",
+        1.5,
+        linear_systems.is_linear,
+        linear_systems.linear_lagrangians,
+        "The system is linear: a `g` that depends on `t` alone has to solve `g' = g N + (g N)^T` and keep `g Phi` "
+        "symmetric.",
+    ),
+    protocol.Leaf(
+        "one coordinate, products of Darboux factors",
+        6.5,
+        one_coordinate.applies,
+        one_coordinate.propose,
+        "For one coordinate `g` has to solve `Gamma(g) + g df/dv = 0`; a product of factors that `Gamma` takes to "
+        "multiples of themselves solves it, and `L` is `g` integrated twice by `v`.",
+    ),
+    protocol.Leaf(
+        "one coordinate, a function of the velocity",
+        9.5,
+        lambda material: material.motion.size == 1,
+        one_coordinate.propose_function_of_velocity,
+        "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
+        "`phi_t = A phi` and `phi_x = B phi`; what is not elementary stays under integral signs.",
+        exact=True,
+    ),
+)
+REDUCTIONS = (
+    protocol.Reduction(
+        "other coordinates",
+        3.5,
+        reductions.applies,
+        reductions.in_shorter_coordinates,
+        "In other coordinates `f` is shorter; a Lagrangian found there is carried back.",
+        exact=True,
+    ),
+    protocol.Reduction(
+        "decoupled blocks one by one",
+        3.55,
+        reductions.is_decoupled,
+        reductions.into_blocks,
+        "The system decouples; the Lagrangian is the sum over the blocks.",
+        exact=True,
+    ),
+)
+ANSATZ = (
+    families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
+    families.Family("functions of velocities as in f, short factors", 3.74, families.as_in_force, bounds.SMALL),
+    families.Family("functions of velocities, constant coefficients", 3.75, families.of_velocities, 0),
+    families.Family("ratios of velocities, short factors", 3.7, families.ratios, bounds.SMALL),
+    families.Family("quadratic, roots of constant velocities", 3.8, families.roots_of_constants, bounds.SMALL),
+    families.Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
+    families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
+    families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
+)
+RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)
+REASONS = {rung.name: rung.reason for rung in (*LEAVES, *REDUCTIONS)}
+
 
 _DIGITS = 180
 _STEP_DIGITS = 40
@@ -170,7 +260,7 @@ def _climb(
     except TooManyTerms:
         return
     own = families.own_family(own_terms)
-    chosen = [*([own] if own else []), *(rung for rung in rungs.RUNGS if rung.cost <= highest)]
+    chosen = [*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)]
     for rung in sorted(chosen, key=lambda rung: rung.cost):
         check()
         found = attempt(state, rung)
@@ -178,7 +268,7 @@ def _climb(
             yield found
 
 
-def attempt(state: _Search, rung: rungs.Rung) -> protocol.Found | None:
+def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
     """What one rung finds."""
     if isinstance(rung, families.Family):
         return _by_ansatz(state, rung)
