@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 import inverse_service
@@ -130,3 +131,18 @@ def test_the_exceptions_of_kinds_and_motions_are_written(
     for result in (kinds, motion):
         written = text_page(result, False) if form == "text" else latex_page(result, False)
         assert "not decided here: c = 0" in written
+
+
+def test_over_http_a_result_its_page_and_its_check_have_the_exceptions(service: str) -> None:
+    found = httpx.post(f"{service}/v1/solve", json=FRICTION, headers={"Prefer": "wait=20"}, timeout=60)
+    result = found.json()
+    assert {*result["exceptions"]} == {"c = 0", "k = 0"}
+    text = httpx.post(f"{service}/v1/solve", json=FRICTION, headers={"Accept": "text/plain"}, timeout=60).text
+    assert "not decided here: c = 0, k = 0" in text
+    checked = httpx.post(f"{service}/v1/check", json={"document": FRICTION, "result": result}, timeout=60).json()
+    assert {*checked["statement"]["exceptions"]} == {"c = 0", "k = 0"}
+    result["exceptions"] = ["c = 0"]
+    checked = httpx.post(f"{service}/v1/check", json={"document": FRICTION, "result": result}, timeout=60).json()
+    assert [one["field"] for one in checked["contradictions"]] == ["/exceptions"]
+    page = httpx.get(service + found.links["canonical"]["url"], timeout=60)
+    assert "not decided here" in page.text

@@ -1,0 +1,93 @@
+"""Every leaf of a result, changed to something else: the check sees it, or lists it as not checked."""
+
+from __future__ import annotations
+
+import copy
+import json
+import random
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from inverse_service import errors, solve
+from inverse_service.certificate import checker
+from inverse_service.service.documents import checking
+from tests.doors import rows
+
+DOCUMENTS, LEAVES, SECONDS = 100, 80, 10.0  # how many documents, of each at most so many leaves
+VERDICTS = {"variational": "not_variational", "not_variational": "variational", "undetermined": "variational",
+            "differs": "variational", "valid": "invalid"}  # fmt: skip
+
+
+def leaves(value: Any, at: str = "") -> Iterator[str]:
+    """The JSON pointers of what is no object, no list, and not null."""
+    for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+        if isinstance(part, dict | list):
+            yield from leaves(part, f"{at}/{key}")
+        elif part not in (None, ""):
+            yield f"{at}/{key}"
+
+
+def other(value: Any) -> Any:
+    """Another value of the same form."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int | float):
+        return value + 1
+    if value in VERDICTS:
+        return VERDICTS[value]
+    if re.fullmatch(r"-?[\d./]+", value):
+        return "17"
+    if re.search(r"[<>]", value):
+        return value.translate(str.maketrans("<>", "><"))
+    return f"{value} + 1" if re.search(r"[-+*/^() ]", value) else f"{value}1"
+
+
+def changed(result: dict[str, Any], pointer: str) -> dict[str, Any]:
+    found = copy.deepcopy(result)
+    *path, last = [int(key) if key.isdigit() else key for key in pointer.split("/")[1:]]
+    place: Any = found
+    for key in path:
+        place = place[key]
+    place[last] = other(place[last])
+    return found
+
+
+def chosen() -> list[rows.Row]:
+    """Documents of every file of the corpus, the same ones each time."""
+    listed = rows.systems()
+    random.Random(5).shuffle(listed)
+    return listed[:DOCUMENTS]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("row", [pytest.param(row, id=row["id"].replace(" ", "-")) for row in chosen()])
+def test_a_changed_leaf_is_seen_or_listed(row: rows.Row, monkeypatch: pytest.MonkeyPatch) -> None:
+    known: dict[str, checker.CheckResult] = {}
+    plain = checker.check_certificate
+
+    def remembered(certificate: Any, **options: Any) -> checker.CheckResult:
+        key = json.dumps(certificate, sort_keys=True)
+        if key not in known:
+            known[key] = plain(certificate, **options)
+        return known[key]
+
+    monkeypatch.setattr(checking, "check_certificate", remembered)
+    try:
+        result = json.loads(solve(row["document"], time_limit=SECONDS).to_json())
+    except errors.InputError:
+        pytest.skip("the document is refused")
+    first = checking.check_plain(copy.deepcopy(result))
+    if first["verdict"] != "valid":
+        pytest.skip(f"the check says {first['verdict']}: {first['reasons'][:1]}")
+    asked = [one for one in leaves(result) if not one.startswith(tuple(first["not_checked"]))]
+    asked = random.Random(1).sample(asked, min(LEAVES, len(asked)))
+    unseen = []
+    for pointer in asked:
+        found = checking.check_plain(changed(result, pointer))
+        if found["verdict"] == "valid" and not pointer.startswith(tuple(found["not_checked"])):
+            unseen.append(pointer)
+    print(f"{row['id']}: {len(asked)} leaves changed")
+    assert not unseen, unseen
