@@ -51,7 +51,8 @@ def changed(result: dict[str, Any], pointer: str) -> dict[str, Any]:
     place: Any = found
     for key in path:
         place = place[key]
-    place[last] = other(place[last])
+    # The rows of a certificate are of an order and below: a larger one is true too.
+    place[last] = place[last] - 1 if last == "order" else other(place[last])
     return found
 
 

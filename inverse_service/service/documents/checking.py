@@ -20,7 +20,7 @@ from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.expressions.printing import to_latex
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents import accepting, canonical, covering, derived, hamiltonians, translate
+from inverse_service.service.documents import accepting, canonical, comparison, derived, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
@@ -390,7 +390,7 @@ class Examination:
         for place, stated in listed:
             # What is said about a kind of Lagrangians holds where the answer around it does.
             whole = [*stated, *(one for one in shown.around or [] if one not in stated)]
-            missing, beyond = covering.lacking(certificate, whole, proof, self.end - now())
+            missing, beyond = comparison.lacking(certificate, whole, proof, self.end - now())
             if missing:
                 self.unsettled(f"{place or '/domain'} lacks {', '.join(missing)}.")
                 continue
@@ -417,7 +417,7 @@ class Examination:
         if not isinstance(energy, dict) or not isinstance(certificate.get("lagrangian"), str):
             self.contradict(at, _text(energy), "No Lagrangian is proven that it could belong to.")
             return
-        found = hamiltonians.judge(certificate, energy, self.end - now())
+        found = comparison.judge_hamiltonian(certificate, energy, self.end - now())
         if found.verdict == "invalid":
             self.contradict(f"{at}/text", energy.get("text"), found.reason)
         elif found.verdict == "incomplete":
@@ -623,7 +623,7 @@ class Examination:
 
             found = parse_associated(to_nonholonomic_schema(plain)) or {}
             wanted = {name: one["text"] for name, one in found.get("equations", {}).items()}
-            same = hamiltonians.same_formulas(own["equations"], wanted, canonical.names_of(own))
+            same = comparison.same_formulas(own["equations"], wanted, canonical.names_of(own))
             if same is None:
                 self.unsettled("Whether this is the associated system that the document names was not settled.")
             else:
@@ -631,7 +631,7 @@ class Examination:
         energy = result.get("hamiltonian")
         certificate = _object(result.get("certificate"))
         if isinstance(energy, dict) and energy.get("constraints") and "/hamiltonian/momenta" in self.claimed:
-            good = hamiltonians.image_agrees(plain, energy, canonical.names_of(own, certificate, energy["momenta"]))
+            good = comparison.image_agrees(plain, energy, canonical.names_of(own, certificate, energy["momenta"]))
             if good is not None:
                 self.agree(
                     "/hamiltonian/constraints", good, energy["constraints"], "It is not the image of the constraints."
@@ -645,7 +645,7 @@ class Examination:
         if len(domains) != len({*domains}):
             self.contradict("/branches", "", "Two branches have one domain.")
         if not self.contradictions and not self.open:
-            gap = covering.gaps(accepting.to_solvable(schema), self.result, [one["sides"] for one in self.cells])
+            gap = comparison.gaps(accepting.to_solvable(schema), self.result, [one["sides"] for one in self.cells])
             if gap:
                 self.contradict("/branches", f"{len(self.cells)} cells", gap)
 

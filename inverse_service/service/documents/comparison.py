@@ -1,26 +1,36 @@
-"""Whether the system of a certificate is that of a document as a user gave it."""
+"""What `check` compares with what certificates prove: a document as given, stated domains, and Hamiltonians."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from time import thread_time
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.certificate.checker import CheckResult
+from inverse_service import errors
+from inverse_service.certificate import cell, checker, formulas
+from inverse_service.certificate import question as checks
 from inverse_service.deadline import now
-from inverse_service.errors import InputError
+from inverse_service.decision.cells import point_of
+from inverse_service.expressions import derivative
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Symbol, Velocity, substitute, subtract
+from inverse_service.field import real_point
+from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting
-from inverse_service.service.documents.preparing import is_motion, is_nonholonomic, prepared
+from inverse_service.service.documents import accepting, preparing
 
 if TYPE_CHECKING:
     from api_schemas.system import SystemDocument
     from inverse_service.mechanics.constrained_motion import ConstrainedMotion, NonholonomicSystem
 
 
-def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> CheckResult:
+def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
     """The checker's kind of verdict on: these right sides are what the document asks about. Never raises.
 
     Names have to be the same, coordinates in the same order; then `mechanics.agreement` decides. Of a
@@ -39,25 +49,25 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
 
 # The same system leaves with each part of a growing result; what was found to agree is not compared again.
 MOST_KEPT = 16
-_COMPARED: dict[str, CheckResult] = {}
+_COMPARED: dict[str, checker.CheckResult] = {}
 
 
-def _compared(document: Any, canonical: Canonical, end: float) -> CheckResult:
+def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckResult:
     try:
-        document = prepared(document).document
-        if is_nonholonomic(document):
+        document = preparing.prepared(document).document
+        if preparing.is_nonholonomic(document):
             return _compared_motion(document, canonical, end)
         schema = accepting.to_schema(document)
         given = accepting.to_given(schema)
-    except InputError as error:
-        return CheckResult("invalid", (f"The document as given cannot be read: {error}",))
+    except errors.InputError as error:
+        return checker.CheckResult("invalid", (f"The document as given cannot be read: {error}",))
     names, texts = given.names, _texts(schema, given.names)
     texts = texts if len(texts) == len(given.residuals) else []
     limit = end - now()
     return _named(names, canonical) or equations_agree(given.residuals, names.coordinates, canonical, limit, texts)
 
 
-def _compared_motion(document: Any, canonical: Canonical, end: float) -> CheckResult:
+def _compared_motion(document: Any, canonical: Canonical, end: float) -> checker.CheckResult:
     # Imported where it is needed: it takes 0.05 s, which a single call for another system notices.
     motion = _nonholonomic(document)
     functions = dict(motion.functions)
@@ -65,7 +75,7 @@ def _compared_motion(document: Any, canonical: Canonical, end: float) -> CheckRe
     return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
 
 
-def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: float = 60.0) -> CheckResult:
+def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: float = 60.0) -> checker.CheckResult:
     """Whether a certificate about a motion on constraints is about that of the document. Never raises.
 
     The constraints hold with its velocities, and its accelerations are the motion, as of an associated system.
@@ -75,12 +85,12 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     from inverse_service.service.documents.reduced_documents import look_motion, read
 
     try:
-        document = prepared(document).document
+        document = preparing.prepared(document).document
         claimed = _claimed(_with_velocities(certificate["system"], document))
-        if is_motion(document):
+        if preparing.is_motion(document):
             given = read(look_motion(document))
             pairs = zip(given.free_accelerations, claimed.free_accelerations, strict=True)
-            trees, differ = [subtract(*pair) for pair in pairs], given.free != claimed.free
+            trees, differ = [ex.subtract(*pair) for pair in pairs], given.free != claimed.free
             constraints = [v - w for v, w in given.on_constraints.items()]
         else:
             made = _nonholonomic(document)
@@ -90,16 +100,18 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
                 sorted(made.coordinates) != sorted(claimed.coordinates)
                 or len(made.constraints) != len(claimed.dependent),  # a smaller D is another motion
             )
-        trees += [substitute(tree, claimed.on_constraints) for tree in constraints]
-    except (InputError, KeyError, ValueError):
-        return CheckResult("invalid", ("The motion of a certificate cannot be compared with the document as given.",))
-    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, claimed.coordinates), *map(Velocity, claimed.free)]
-    found = None if differ else vanish(trees, [*variables, *map(Symbol, claimed.parameters)])
+        trees += [ex.substitute(tree, claimed.on_constraints) for tree in constraints]
+    except (errors.InputError, KeyError, ValueError):
+        sentence = "The motion of a certificate cannot be compared with the document as given."
+        return checker.CheckResult("invalid", (sentence,))
+    positions = [ex.TIME, *map(ex.Symbol, claimed.coordinates)]
+    variables: list[ex.Symbol | ex.Velocity] = [*positions, *map(ex.Velocity, claimed.free)]
+    found = None if differ else vanish(trees, [*variables, *map(ex.Symbol, claimed.parameters)])
     if differ or not found:
         sentence = "The motion of a certificate is not that of the document as given."
-        return CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
-    if is_motion(document):
-        return CheckResult("valid", ("The motion is that of the document as given.",))
+        return checker.CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
+    if preparing.is_motion(document):
+        return checker.CheckResult("valid", ("The motion is that of the document as given.",))
     whole = first_system(claimed)
     texts = {name: to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)}
     system = {key: certificate["system"].get(key) for key in ("parameters", "functions")}
@@ -115,7 +127,8 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
     from inverse_service.constrained.nonholonomic_study import motion_report
     from inverse_service.service.documents.reduced_documents import look_motion, read
 
-    motion = read(look_motion(document)) if is_motion(document) else motion_report(_nonholonomic(document)).motion
+    given = preparing.is_motion(document)
+    motion = read(look_motion(document)) if given else motion_report(_nonholonomic(document)).motion
     rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
     velocities = {name: to_text(rate) for name, rate in rates if name not in system["coordinates"]}
     coordinates = [*system["coordinates"], *velocities]
@@ -151,7 +164,7 @@ def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:
     return [GivenText(pair[0], pair[1], values) if len(pair) == 2 else None for pair in sides]
 
 
-def _named(names: Names, canonical: Canonical) -> CheckResult | None:
+def _named(names: Names, canonical: Canonical) -> checker.CheckResult | None:
     """What differs in the declared names, None where nothing does."""
     system = canonical.system if isinstance(canonical.system, Mapping) else {}
     pairs = {
@@ -161,9 +174,217 @@ def _named(names: Names, canonical: Canonical) -> CheckResult | None:
     }
     for what, (given, found) in pairs.items():
         if given != found:
-            return CheckResult("invalid", (f"The {what} are not those of the document as given.",))
+            return checker.CheckResult("invalid", (f"The {what} are not those of the document as given.",))
     return None
 
 
 def _sorted(names: Any) -> Any:
     return sorted(names) if isinstance(names, list) and all(isinstance(name, str) for name in names) else names
+
+
+_SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
+
+
+def lacking(
+    certificate: Mapping[str, Any], stated: Sequence[str], proof: checker.CheckResult, limit: float
+) -> tuple[list[str], set[int]]:
+    """The members of the proven cell that do not follow from a stated domain; stated ones that were not proven."""
+    if proof.cell is None:
+        return [], {*range(len(stated))}
+    tools = checks.Tools(random.Random(), thread_time() + max(1.0, limit))
+    question = checks.Question(tools, certificate["system"], True, dict(certificate))
+    question.read_integrals(certificate.get("integrals") or {})
+    try:
+        missing, beyond = cell.lacking(question, stated, proof.cell)
+    except formulas.Ended as end:
+        return ([*end.args[1:]], set()) if end.args[0] == "invalid" else ([], {*range(len(stated))})
+    return missing, {*beyond}
+
+
+def trees_of(domain: Sequence[str], names: Names) -> list[ex.Expression]:
+    """What a domain says is positive, as trees."""
+    found = []
+    for text in domain:
+        for sign in "<>":
+            sides = [reader.read_formula(side, names) for side in text.split(sign)] if sign in text else []
+            pairs = pairwise(sides)
+            found += [left - right if sign == ">" else right - left for left, right in pairs]
+    return found
+
+
+def gaps(
+    system: second_order_system.SecondOrderSystem, result: Mapping[str, Any], sides: Sequence[Sequence[str]]
+) -> str:
+    """What is wrong where a point of the document lies in no cell: `sides` are those of the answers that are proven."""
+    listed = [*sides, *(one.get("domain") or [] for one in result.get("not_answered") or [])]
+    try:
+        cells = [trees_of(domain, system.names) for domain in listed]
+    except errors.InputError:
+        return "A domain cannot be read."
+    if any(isinstance(node, ex.Arbitrary) for cell in cells for tree in cell for node in ex.walk(tree)):
+        return ""
+    branches = second_order_system.branches_of(system)
+    points = [*map(point_of, branches), *(point_of(system, seed) for seed in _SEEDS)]
+    for point in filter(None, points):
+        if not any(real_point.are_positive(cell, point) for cell in cells):
+            place = ", ".join(f"{key} = {float(value):.4g}" for key, value in list(point.items())[:6])
+            return f"No cell holds the point {place}."
+    return ""
+
+
+_SHAPE = {"text": r"(?s:.*)", "momenta": {}, "domain?": [formulas.TEXT, formulas.MAX_LISTED]}
+_WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
+_NAMED = "The momenta are not p_x for each coordinate x."
+_VELOCITIES = "A Hamiltonian that is not implicit holds no velocities."
+_IMPLICIT = "A Hamiltonian that is implicit holds velocities."
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """The verdict on H; whether that is proven, and whether its stated domain has all that H needs."""
+
+    verdict: str
+    reason: str = ""
+    proven: bool = True
+    whole: bool = True
+
+
+def judge_hamiltonian(certificate: Mapping[str, Any], shown: Any, time_limit: float) -> Judged:
+    """H(q, p) = p v - L and p = dL/dv, where v is that of a point at which the domain of H holds.
+
+    That point is the one of the certificate, or else any other one. Momenta go by their names, and velocities occur in
+    an H that is `implicit` alone.
+    """
+    found, notes = checker.CheckResult("incomplete"), dict[str, bool]()
+    for claim in (certificate, {**certificate, "near": None}):
+        if found.verdict == "incomplete":
+            found = checker.judged(functools.partial(_agreed, claim, shown, notes), time_limit, None)
+    reason = found.reasons[0] if found.reasons else ""
+    return Judged(found.verdict, reason, notes.get("proven", False), notes.get("whole", False))
+
+
+def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, str]:
+    """{coordinate: the name of its momentum}: p_x, or momentum_x, momentum_x_2, … where that is taken."""
+    found = dict[str, str]()
+    for name in names:
+        others = (key for key in momenta if key == f"momentum_{name}" or key.startswith(f"momentum_{name}_"))
+        chosen = f"p_{name}" if f"p_{name}" in momenta else next(others, None)
+        if chosen is None:
+            return {}
+        found[name] = chosen
+    return found if len({*found.values()}) == len(momenta) else {}
+
+
+def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any) -> list[str]:
+    formulas.check_shape(shown, _SHAPE, "hamiltonian")
+    question = checks.Question(tools, certificate["system"], True, dict(certificate))
+    question.read_integrals(certificate.get("integrals") or {})
+    lagrangian, energy = (
+        formulas.read_tokens(certificate["lagrangian"], "lagrangian"),
+        formulas.read_tokens(shown["text"], "hamiltonian"),
+    )
+    named = momenta_of(question.coordinates, shown["momenta"])
+    formulas.require(named, _NAMED)
+    momenta = {named[x]: formulas.read_tokens(shown["momenta"][named[x]], "momenta") for x in question.coordinates}
+    holds = any(token.rstrip("'") in question.coordinates and token.endswith("'") for token in energy)
+    formulas.require(holds <= bool(shown.get("implicit")), _VELOCITIES)
+    formulas.require(holds >= bool(shown.get("implicit")), _IMPLICIT)
+    listed = [text for text in shown.get("domain") or [] if "!=" not in text]
+    conditions = sorted({checks.read_condition(text) for text in listed})
+    speeds = [f"{name}'" for name in question.coordinates]
+
+    before = list[cell.Need]()  # of L, the momenta, and what the stated domain says is positive
+
+    def parts(ring: Any) -> Any:
+        question.held = False  # L and p need not be defined everywhere
+        whole, p = formulas.Reader(ring, lagrangian).value, {}
+        for name, text in momenta.items():
+            p[name] = formulas.Reader(ring, text).value
+        if isinstance(ring, cell.Letters):
+            before.clear()
+            before.extend([*ring.needs, *(need for value in (whole, *p.values()) for need in ring.needs_of(value))])
+        stated = [ring.add([formulas.Reader(ring, side, **p).value for side in pair], [1, -1]) for pair in conditions]
+        for value in () if question.rational else stated:
+            ring.elementary("log", value)
+        question.held = True
+        if isinstance(ring, cell.Letters):
+            ring.needs = {}
+        work = [ring.multiply(ring.names[v], x, ring.degree) for v, x in zip(speeds, p.values(), strict=True)]
+        return whole, p, ring.add([formulas.Reader(ring, energy, **p).value, whole, *work], [1, 1] + [-1] * len(work))
+
+    def claims(ring: Any) -> checks.Claims:
+        whole, p, difference = parts(ring)
+        slopes = [{0: ring.arithmetic.settle({0: whole.get(ring.units[v], 0)}).get(0, 0)} for v in ring.v]
+        pairs = zip(p.values(), slopes, strict=True)
+        zeros = [ring.add([{0: value.get(0, 0)}, slope], [1, -1]) for value, slope in pairs]
+        return checks.Claims([(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], [])
+
+    question.claimed, notes["proven"] = (claims, 1), True
+    try:
+        question.prepare(parts, [lagrangian, energy, *momenta.values()])
+        question.settle(1, claims)
+    except formulas.Ended as end:
+        if end.args[0] == "invalid" or question.rational or not question.place.values:
+            raise
+        notes["proven"] = False
+        question.look_around()  # which may refute it
+
+    def read(ring: cell.Letters) -> None:
+        question.read_all(ring)
+        _, p, difference = parts(ring)
+        moving = {ring.texts.index(v) for v in speeds}
+        held = [need for need in before if not moving & {*ring.holds(need.polynomial)}]  # which L needs of positions
+        needed = [*held, *ring.needs, *ring.needs_of(difference), *ring.cut]
+        stated = [list(cell.needs_of_text(ring, text, p)) for text in shown.get("domain") or []]
+        known = cell.Knowledge(
+            ring, [*(need for need in before if need not in held), *(n for one in stated for n in one)]
+        )
+        follow = cell.Knowledge(ring, [*before, *needed])
+        notes["whole"] = all(map(known.implies, needed)) and all(follow.implies(n) for one in stated for n in one)
+
+    if notes["proven"]:
+        cell.letters_of(question, read)
+    return [""]
+
+
+def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: Names) -> bool | None:
+    """Whether formulas by name are equal as functions; None where that is not settled."""
+    if one == other:
+        return True
+    if one.keys() != other.keys():
+        return False
+    trees = [reader.read_formula(one[key], names) - reader.read_formula(other[key], names) for key in one]
+    return _vanish(trees, names, names.coordinates)
+
+
+def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool | None:
+    """Whether the `constraints` of H vanish where the constraints of the document hold and p are its momenta.
+
+    As many as those, and independent; None where the document has none or it is not settled.
+    """
+    from inverse_service.constrained.hamiltonise import rank_at_point
+    from inverse_service.mechanics.constrained_motion import equations_of_motion
+    from inverse_service.service.documents import translate_nonholonomic
+
+    if not isinstance(document, dict) or "lagrangian" not in document:
+        return None
+    schema = translate_nonholonomic.to_nonholonomic_schema(document)
+    motion = equations_of_motion(translate_nonholonomic.to_nonholonomic(schema))
+    listed = [reader.read_formula(text, names) for text in shown["constraints"]]
+    if len(listed) != len(motion.dependent):
+        return False
+    momenta: dict[ex.Expression, ex.Expression] = {
+        ex.Symbol(name): reader.read_formula(text, names) for name, text in shown["momenta"].items()
+    }
+    held = [ex.substitute(ex.substitute(tree, momenta), motion.on_constraints) for tree in listed]
+    good = _vanish(held, names, motion.free)
+    slopes = [[derivative.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed]
+    variables = [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Symbol, names.parameters)]
+    return good if not good else rank_at_point(slopes, variables) == len(listed) or None
+
+
+def _vanish(trees: Sequence[ex.Expression], names: Names, moving: Sequence[str]) -> bool | None:
+    from inverse_service.constrained.hamiltonise import vanish
+
+    constants = [ex.Symbol(name) for name in names.parameters]
+    return vanish(trees, [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, moving), *constants])
