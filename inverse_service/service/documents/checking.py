@@ -549,7 +549,7 @@ class Examination:
         if reduced := _object(self.result.get("reduced")):
             if document is own:
                 return
-            from inverse_service.service.documents.reduced_documents import compared_reduced
+            from inverse_service.service.documents.nonholonomic_documents import compared_reduced
 
             found = compared_reduced(document, reduced, self.end - now())
             self.about_another("/reduced", reduced, found)
@@ -618,8 +618,10 @@ class Examination:
         result = self.result
         asked = plain.get("associated") if isinstance(plain, dict) else None
         if asked in ("first", "second", "third") and "multiples" not in plain:
-            from inverse_service.service.documents.nonholonomic_documents import parse_associated
-            from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema
+            from inverse_service.service.documents.nonholonomic_documents import (
+                parse_associated,
+                to_nonholonomic_schema,
+            )
 
             found = parse_associated(to_nonholonomic_schema(plain)) or {}
             wanted = {name: one["text"] for name, one in found.get("equations", {}).items()}

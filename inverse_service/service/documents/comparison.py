@@ -82,13 +82,13 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     """
     from inverse_service.constrained.hamiltonise import vanish
     from inverse_service.constrained.lagrangian import first_system
-    from inverse_service.service.documents.reduced_documents import look_motion, read
+    from inverse_service.service.documents.nonholonomic_documents import look_motion, read_given_motion
 
     try:
         document = preparing.prepared(document).document
         claimed = _claimed(_with_velocities(certificate["system"], document))
         if preparing.is_motion(document):
-            given = read(look_motion(document))
+            given = read_given_motion(look_motion(document))
             pairs = zip(given.free_accelerations, claimed.free_accelerations, strict=True)
             trees, differ = [ex.subtract(*pair) for pair in pairs], given.free != claimed.free
             constraints = [v - w for v, w in given.on_constraints.items()]
@@ -125,10 +125,10 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
     if system.get("velocities") is not None:
         return system
     from inverse_service.constrained.nonholonomic_study import motion_report
-    from inverse_service.service.documents.reduced_documents import look_motion, read
+    from inverse_service.service.documents.nonholonomic_documents import look_motion, read_given_motion
 
     given = preparing.is_motion(document)
-    motion = read(look_motion(document)) if given else motion_report(_nonholonomic(document)).motion
+    motion = read_given_motion(look_motion(document)) if given else motion_report(_nonholonomic(document)).motion
     rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
     velocities = {name: to_text(rate) for name, rate in rates if name not in system["coordinates"]}
     coordinates = [*system["coordinates"], *velocities]
@@ -145,7 +145,7 @@ def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
 
 
 def _nonholonomic(document: Any) -> NonholonomicSystem:
-    from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic, to_nonholonomic_schema
+    from inverse_service.service.documents.nonholonomic_documents import to_nonholonomic, to_nonholonomic_schema
 
     return to_nonholonomic(to_nonholonomic_schema(document))
 
@@ -364,12 +364,12 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool 
     """
     from inverse_service.constrained.hamiltonise import rank_at_point
     from inverse_service.mechanics.constrained_motion import equations_of_motion
-    from inverse_service.service.documents import translate_nonholonomic
+    from inverse_service.service.documents import nonholonomic_documents
 
     if not isinstance(document, dict) or "lagrangian" not in document:
         return None
-    schema = translate_nonholonomic.to_nonholonomic_schema(document)
-    motion = equations_of_motion(translate_nonholonomic.to_nonholonomic(schema))
+    schema = nonholonomic_documents.to_nonholonomic_schema(document)
+    motion = equations_of_motion(nonholonomic_documents.to_nonholonomic(schema))
     listed = [reader.read_formula(text, names) for text in shown["constraints"]]
     if len(listed) != len(motion.dependent):
         return False

@@ -123,18 +123,17 @@ class UseCases:
 def use_cases(document: Any) -> UseCases:
     """Those of the kind that a prepared document is of, imported now."""
     if preparing.is_motion(document):
-        from inverse_service.service.documents import reduced_documents as reduced
+        from inverse_service.service.documents import nonholonomic_documents as held
 
-        return UseCases(reduced.look_motion, reduced.parse, reduced.system_of, reduced.solve_motion)
+        return UseCases(held.look_motion, held.parse_motion, held.system_of_motion, held.solve_motion)
     if preparing.is_forward(document):
         from inverse_service.service.documents import forward as alone
 
         return UseCases(alone.look_forward, alone.parse, alone.system_of, alone.solve_forward)
     if preparing.is_nonholonomic(document):
         from inverse_service.service.documents import nonholonomic_documents as held
-        from inverse_service.service.documents.translate_nonholonomic import to_nonholonomic_schema as look
 
-        return UseCases(look, held.parse, held.system_of, held.solve_nonholonomic)
+        return UseCases(held.to_nonholonomic_schema, held.parse, held.system_of, held.solve_nonholonomic)
     return UseCases(accepting.to_schema, parse_system, accepting.to_system, solve_system)
 
 

@@ -1,34 +1,456 @@
-"""Use cases for Nonholonomic documents, as they run inside a worker process."""
+"""Motions on constraints: documents to systems, the use cases, and findings as parts of a result.
+
+Of a Lagrangian with constraints, and of a motion that is given as it is; the key `reduced` of either.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
-from api_schemas import nonholonomic
-from api_schemas.result import AdvicePart
+from api_schemas import nonholonomic as schemas
+from api_schemas.base import ParseAnswer
+from api_schemas.result import AdvicePart, HamiltonianPart
 from inverse_service import errors
+from inverse_service.certificate.checker import CheckResult
 from inverse_service.constrained import answering, nonholonomic_study
-from inverse_service.constrained.reduced import Decided
+from inverse_service.constrained import reduced as deciding
+from inverse_service.constrained.hamiltonise import Comparison, Hamiltonisation
+from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import now
-from inverse_service.decision.solutions import Answer, Solution, SolveOptions
-from inverse_service.expressions import collecting
+from inverse_service.decision import solutions
+from inverse_service.explanation import wording
+from inverse_service.expressions import collecting, notation, printing
+from inverse_service.expressions import tree as ex
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics import constrained_motion, method_advice
-from inverse_service.mechanics.first_integrals import FirstIntegral
+from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
 from inverse_service.mechanics.paper_class import AssociatedSystem
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import (
-    accepting,
-    derived,
-    documents,
-    reduced_documents,
-    translate,
-    translate_nonholonomic,
-)
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names
+from inverse_service.service.documents import accepting, checking, derived, documents, preparing, translate
 from inverse_service.service.documents.growing import Growing
 from inverse_service.solving import confirming
+
+T = TypeVar("T")
+
+
+def to_nonholonomic_schema(document: Any) -> schemas.NonholonomicDocument:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    if isinstance(document, dict) and "equations" in document:
+        sentence = "'equations' and a Lagrangian or constraints are both given: keep the one or the other."
+        raise errors.DocumentRefused((errors.Place(sentence, "/equations"),))
+    return accepting.validated(document, schemas.NonholonomicDocument)
+
+
+def to_nonholonomic(schema: schemas.NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
+    """The system that a document describes; raises InputError with pointer and column."""
+    return constrained_motion.read_nonholonomic(
+        schema.coordinates,
+        schema.lagrangian,
+        schema.constraints,
+        schema.parameters,
+        schema.functions,
+        schema.name,
+        where=schema.where,
+    )
+
+
+def to_families(
+    schema: schemas.NonholonomicDocument, system: constrained_motion.NonholonomicSystem
+) -> list[tuple[ex.Expression, ...]]:
+    """The families of multiples, each one tree for each coordinate; raises InputError."""
+    if schema.multiples is None:
+        return []
+    if isinstance(schema.multiples, dict):
+        return [constrained_motion.read_multiples(schema.multiples, system, schema.parameters)]
+    return [
+        constrained_motion.read_multiples(family, system, schema.parameters, f"/multiples/{place}")
+        for place, family in enumerate(schema.multiples)
+    ]
+
+
+def to_nonholonomic_parse_answer(
+    system: constrained_motion.NonholonomicSystem,
+    motion: constrained_motion.EquationsOfMotion,
+    schema: schemas.NonholonomicDocument,
+) -> schemas.NonholonomicParseAnswer:
+    """What was understood: Lagrangian, constraints, and the accelerations that follow."""
+    return translate.part_of(
+        schemas.NonholonomicParseAnswer,
+        system,
+        functions=translate.function_fields(system),
+        equations={name: translate.parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
+        depends_on_time=any(node == ex.TIME for f in motion.accelerations for node in ex.walk(f)),
+        guessed=translate.guessed_names(schema, system),
+        readings=[],
+        lagrangian=translate.parsed(system.lagrangian),
+        constraints=[translate.parsed(tree) for tree in system.constraints],
+    )
+
+
+def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]) -> schemas.NonholonomicPart:
+    """The key `nonholonomic` of a result."""
+    system = study.report.motion.system
+    return schemas.NonholonomicPart(
+        lagrangian=translate.formula(system.lagrangian),
+        constraints=[translate.formula(tree) for tree in system.constraints],
+        main=study.answers[study.main].associated.kind,
+        **_motion_fields(study.report),
+        first_integrals=[translate.integral_part(each) for each in kept],
+        associated=[_associated(one, place == study.main) for place, one in enumerate(study.answers)],
+        hamiltonisation=[_hamiltonisation(report) for one in study.answers for report in one.reports],
+    )
+
+
+def _motion_fields(report: nonholonomic_study.MotionReport) -> dict[str, Any]:
+    return {
+        "equations_of_motion": _motion(report.motion),
+        "integrable": _integrability(report),
+        "measure_density": _measure(report),
+        "paper_class": _class(report),
+    }
+
+
+def _motion(motion: constrained_motion.EquationsOfMotion) -> schemas.MotionPart:
+    return translate.part_of(
+        schemas.MotionPart,
+        motion,
+        first_order=translate.formulas(motion.dependent, motion.dependent_velocities),
+        second_order=translate.formulas(motion.free, motion.free_accelerations),
+        accelerations=translate.formulas(motion.system.coordinates, motion.accelerations),
+    )
+
+
+def _integrability(report: nonholonomic_study.MotionReport) -> schemas.IntegrabilityPart:
+    found, count = report.integrability, len(report.motion.system.constraints)
+    if found is None:
+        text = "Whether constraints are integrable was not settled, their brackets are too large."
+        nothing: dict[str, Any] = {"holonomic": False, "integrable": 0, "count": count, "growth": [], "integrals": []}
+        return schemas.IntegrabilityPart(**nothing, **_stated(text))
+    if found.integrable == 0:
+        text = "No combination of the constraints is integrable."
+    elif found.holonomic:
+        text = (
+            "The constraints are integrable (Frobenius): they restrict positions, the system is holonomic in disguise."
+        )
+    else:
+        text = f"{found.integrable} of {count} constraints is integrable: a combination restricts positions."
+    return translate.part_of(schemas.IntegrabilityPart, found, **_stated(text))
+
+
+def _stated(*pieces: wording.Piece, key: str = "statement") -> dict[str, Any]:
+    """A sentence (see `said`) as text and in parts."""
+    step = translate.step_part(wording.said(*pieces))
+    return {key: step.text, "parts": step.parts}
+
+
+def to_any_associated(answer: answering.MotionAnswer) -> schemas.AnyAssociatedPart:
+    """The key `any_associated` of a result."""
+    found, certificates = answer.lagrangian, [translate.plain(each) for each in answer.certificates]
+    report = None if found is None else found.report
+    return translate.part_of(
+        schemas.AnyAssociatedPart,
+        answer,
+        **_stated(*_statement(answer)),
+        checked="valid" if certificates else None,
+        lagrangian=None if found is None else _motion_lagrangian(found),
+        associated=None if found is None else _belongs_to(found),
+        hamiltonian=None if report is None else _hamiltonian(report),
+        image=[] if report is None else [translate.formula(tree) for tree in _images(report)],
+        certificate=certificates[0] if certificates else None,
+        certificate_with_time=certificates[1] if len(certificates) > 1 else None,
+        explanation=[translate.step_part(step) for step in answer.explanation],
+    )
+
+
+def _statement(answer: answering.MotionAnswer) -> list[wording.Piece]:
+    """The answer about the motion in one sentence, with the set that its proof speaks of."""
+    if "variational" in (answer.verdict, answer.verdict_with_time):
+        kind = "" if answer.lagrangian is None else answer.lagrangian.kind
+        by = f"the {kind} associated system" if kind not in ("", "own") else "an associated system"
+        time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
+        return [f"This motion can be given a solutions.Hamiltonian, by {by}{time}", *_where(answer), "."]
+    if answer.verdict == answer.verdict_with_time == "not_variational":
+        return ["This motion cannot be given a solutions.Hamiltonian, by any associated system", *_where(answer), "."]
+    if answer.verdict == "not_variational":
+        no = "This motion cannot be given a solutions.Hamiltonian by any `L(q, q')`"
+        return [f"{no}; with a Lagrangian that depends on time it is open."]
+    return [checking.OPEN_MOTION]
+
+
+def _where(answer: answering.MotionAnswer) -> Iterator[wording.Piece]:
+    """ ", where A > 0 and B > 0" with the conditions of the first certificate, in its names; nothing without one."""
+    certificate = answer.certificates[0] if answer.certificates else {}
+    for place, condition in enumerate(certificate.get("conditions") or ()):
+        system = certificate["system"]
+        names = Names(tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"])
+        left, sign, right = condition.partition(" > " if " > " in condition else " < ")
+        yield " and " if place else ", where "
+        yield notation.row(reader.read_formula(left, names), sign, reader.read_formula(right, names))
+
+
+def _motion_lagrangian(found: answering.MotionLagrangian) -> schemas.MotionLagrangianPart:
+    return schemas.MotionLagrangianPart(
+        **dict(translate.lagrangian_part(found.lagrangian)),
+        on_constraints=translate.formula(found.jet.on_constraints),
+        transverse_momenta=[translate.formula(tree) for tree in found.jet.transverse_momenta],
+    )
+
+
+def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:
+    system = found.system
+    pairs = () if system is None else zip(system.coordinates, system.accelerations, strict=True)
+    return schemas.BelongsTo(kind=found.kind, equations={name: printing.to_text(f) for name, f in pairs})
+
+
+_MEASURE = {
+    "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
+    "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
+    "not_found": "A density `N(q)` was not found in closed form; whether there is one was not settled.",
+}
+
+
+def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
+    found = report.density
+    return schemas.MeasurePart(
+        status=found.status,
+        density=None if found.momenta is None else translate.formula(found.momenta),
+        in_velocities=None if found.velocities is None else translate.formula(found.velocities),
+        **_stated(_MEASURE[found.status]),
+    )
+
+
+def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
+    member = report.member
+    if member is None:
+        return schemas.ClassPart(member=False, **_stated(f"The system is outside the paper's class: {report.reason}."))
+    parts, names = member.geometry, member.geometry.system.coordinates
+    dependent = [names[place] for place in member.frame.dependent]
+    force = "" if member.force_fits else " that depends on more than `r_2`"
+    N = _in_time(lambda: translate.formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2)))
+    return schemas.ClassPart(
+        member=True,
+        **_stated(
+            "The system is in the class `s' = -A(r_1) r_2'` with ",
+            notation.row("r_1 = ", ex.Symbol(names[member.r1])),
+            ", ",
+            notation.row("r_2 = ", ex.Symbol(names[member.r2])),
+            f", with a potential{force}." if member.has_force else ".",
+        ),
+        r1=names[member.r1],
+        r2=names[member.r2],
+        s=dependent,
+        A=_in_time(lambda: translate.formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes)))
+        or {},
+        N=N,
+        K=_in_time(lambda: translate.formula(parts.tree(member.slope_of_density))),
+        potential=member.has_force,
+    )
+
+
+def _in_time(work: Callable[[], T]) -> T | None:
+    """What the work gives; None where the time for exact expressions was used up before it."""
+    try:
+        return work()
+    except TooLarge:
+        return None
+
+
+_SHOWN = ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate", "domain")
+
+
+def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> schemas.AssociatedPart:
+    """The steps of the main one are the `explanation` of the result."""
+    system, solution, answer = one.associated.system, one.solution, one.answer
+    if system is None or solution is None or answer is None:
+        return schemas.AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
+    fields = translate.answer_fields(answer, system)
+    return schemas.AssociatedPart(
+        kind=one.associated.kind,
+        defined=True,
+        explanation=one.associated.explanation,
+        **translate.equation_fields(system),
+        verdict_with_time=None if solution.with_time is None else solution.with_time.verdict,
+        steps=[] if is_main else [translate.step_part(step, in_full=False) for step in answer.explanation],
+        **{key: fields[key] for key in _SHOWN},
+    )
+
+
+def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.HamiltonisationPart:
+    found = report.found
+    return schemas.HamiltonisationPart(
+        associated=report.kind,
+        label=report.label,
+        lagrangian=translate.formula(found.lagrangian),
+        hamiltonian=_hamiltonian(found),
+        constraints=[translate.formula(tree) for tree in _images(found)],
+        checked=report.checked,
+        statements=[
+            schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text")) for each in found.statements
+        ],
+        holds=found.holds,
+        trajectory=None if found.comparison is None else _trajectory(found.comparison),
+    )
+
+
+def _images(found: Hamiltonisation) -> tuple[ex.Expression, ...]:
+    """The constraints in phase space; none where the energy is given in the velocities."""
+    return () if found.transform is not None and found.transform.implicit else found.images
+
+
+def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
+    if found.transform is None:
+        return None
+    return translate.hamiltonian_part(solutions.Hamiltonian.of(found.transform, _images(found)))
+
+
+def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
+    functions = {name: printing.to_text(body) for name, body in comparison.functions.items()}
+    return translate.part_of(schemas.TrajectoryPart, comparison, functions=functions)
+
+
+# Of the time, what the equations of the free coordinates alone may take.
+SHARE_OF_REDUCED = 0.25
+MOST_FOR_INTEGRALS = 2.0  # s
+ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
+
+
+def look_motion(document: Any) -> schemas.MotionDocument:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    return accepting.validated(document, schemas.MotionDocument)
+
+
+def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) -> dict[str, Any]:
+    """The result, all of it in `any_associated`; raises InputError."""
+    end = now() + documents.SHARE_OF_SOLVER * options.time_limit
+    schema = look_motion(document)
+    if schema.special_cases:
+        raise errors.InputError(
+            "special cases are not looked for where the motion itself is given: leave it out.", "/special_cases"
+        )
+    motion = read_given_motion(schema)
+    question = schema.time_dependent_lagrangian
+    grow.wanted = ("any_associated", "reduced")
+    grow.begin("reduced")
+    plain = decided_reduced(motion, None, options.seed, SHARE_OF_REDUCED * (end - now()))
+    own = None if plain is None else plain.answer
+    grow.begin("any_associated")
+    answer = answering.answer_motion(motion, (), question, options.seed, end, grow.stage, reduced=own)
+    open_answer = solutions.Answer("undetermined", reason=ONLY_THE_MOTION)
+    result = translate.to_result(solutions.Solution(first_system(motion), open_answer, None, None), schema)
+    kept = first_integrals(motion, None, options.seed, MOST_FOR_INTEGRALS) if schema.first_integrals else ()
+    told = dict(result) | {"first_integrals": [translate.integral_part(one) for one in kept]}
+    about = to_any_associated(answer)
+    whole = schemas.NonholonomicResult(**told, nonholonomic=None, any_associated=about)
+    grow.hand_over(("any_associated",), lambda: compared(whole, end - now()))
+    grow.begin("reduced")
+    reduced = reduced_part_of_motion(motion, plain, options.seed, end - now())
+    grow.begin("certificate")
+    return grow.end(compared(whole.model_copy(update={"reduced": reduced}), end - now()))
+
+
+def compared(whole: schemas.NonholonomicResult, time_limit: float) -> dict[str, Any]:
+    """A result whose main fields leave open what was not asked; its motion is that of the document."""
+    found = whole.model_dump(mode="json")
+    checking.compare_motion(found, time_limit)
+    return documents.ordered(found)
+
+
+def system_of_motion(schema: schemas.MotionDocument) -> SecondOrderSystem:
+    """The accelerations on the constraints, by the free velocities, as a system; raises InputError."""
+    return first_system(read_given_motion(schema))
+
+
+def parse_motion(schema: schemas.MotionDocument) -> ParseAnswer:
+    """What was understood; raises InputError."""
+    return translate.to_parse_answer(system_of_motion(schema), schema)
+
+
+def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.ConstrainedMotion:
+    """The motion that a document describes; raises InputError."""
+    return constrained_motion.read_motion(
+        schema.coordinates, schema.motion, schema.constraints, schema.parameters, schema.functions, schema.where
+    )
+
+
+QUADRATURE = "Along a solution of these equations the other coordinates are integrals over t of the right sides."
+CLOSED = "The equations of these coordinates hold no others; the others follow from the equations of motion."
+_WRONG = CheckResult("invalid", ("reduced is not the reduced system of the document, or has another clock.",))
+
+
+def decided_reduced(
+    motion: constrained_motion.ConstrainedMotion, lagrangian: ex.Expression | None, seed: int, time_limit: float
+) -> deciding.Decided | None:
+    """The reduced system with its answer, None where the motion does not reduce."""
+    options = solutions.SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
+    return deciding.decide_reduced(motion, lagrangian, options)
+
+
+def reduced_part(
+    report: nonholonomic_study.MotionReport, plain: deciding.Decided | None, seed: int, time_limit: float
+) -> schemas.ReducedPart | None:
+    """With another clock besides; where the free coordinates hold others, the answer of a closed subsystem."""
+    options = solutions.SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
+    motion = report.motion
+    if plain is not None:
+        return _part(deciding.answer_reduced(motion, motion.system.lagrangian, report.density, options, plain))
+    closed = deciding.closed_subsystem(report.exact, motion)
+    return None if closed is None else _part(deciding.answer_closed(closed, options))
+
+
+def reduced_part_of_motion(
+    motion: constrained_motion.ConstrainedMotion, plain: deciding.Decided | None, seed: int, time_limit: float
+) -> schemas.ReducedPart | None:
+    """The same of a motion that is given as it is: there is no measure that would give a clock."""
+    options = solutions.SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
+    return None if plain is None else _part(deciding.answer_reduced(motion, None, None, options, plain))
+
+
+def _part(found: deciding.Reduced) -> schemas.ReducedPart:
+    factor, clocked = found.factor, found.clocked
+    return schemas.ReducedPart(
+        coordinates=list(found.plain.system.coordinates),
+        **derived.answered(found.plain.system, found.plain.answer),
+        reconstruction={name: printing.to_text(rate) for name, rate in found.others},
+        statement=QUADRATURE if found.others else CLOSED,
+        with_clock=None
+        if clocked is None or factor is None
+        else derived.clocked_part(factor, clocked.system, clocked.answer),
+        without_clock=found.reason,
+    )
+
+
+def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> CheckResult | None:
+    """The checker's verdicts on `reduced` and its `with_clock`, whose systems have to be those of the document."""
+    end = now() + time_limit
+    try:
+        system = _of_document(preparing.prepared(document).document)
+    except errors.InputError:
+        return _WRONG
+    if system is None:
+        return _WRONG
+    found = derived.compared_answer(part, system, end - now())
+    clock = part.get("with_clock")
+    if (found is not None and found.verdict != "valid") or not isinstance(clock, dict):
+        return found
+    try:
+        factor = derived.read_clock(system, str(clock.get("factor")))
+    except errors.InputError:
+        return _WRONG
+    return derived.compared_clocked(clock, system, factor, end - now()) or found
+
+
+def _of_document(document: Any) -> SecondOrderSystem | None:
+    if preparing.is_motion(document):
+        return deciding.reduced_system(read_given_motion(look_motion(document)))
+    report = nonholonomic_study.motion_report(to_nonholonomic(to_nonholonomic_schema(document)))
+    return deciding.reduced_system(report.motion) or deciding.closed_subsystem(report.exact, report.motion)
+
 
 # Of the time for all, what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3
@@ -45,16 +467,16 @@ SHOWN_AT_ONCE = 0.3
 SHARE_LEFT = 0.1
 
 
-def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | None = None) -> dict[str, Any]:
+def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Growing | None = None) -> dict[str, Any]:
     """The result document of a Nonholonomic document; the main fields answer one associated system.
 
     Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
     finds our own certificate invalid.
     """
     grow, end = grow or Growing(None), now() + options.time_limit
-    schema = translate_nonholonomic.to_nonholonomic_schema(document)
-    system = translate_nonholonomic.to_nonholonomic(schema)
-    families = translate_nonholonomic.to_families(schema, system)
+    schema = to_nonholonomic_schema(document)
+    system = to_nonholonomic(schema)
+    families = to_families(schema, system)
     grow.begin("motion")
     report = nonholonomic_study.motion_report(
         system, min(constrained_motion.TIME_LIMIT, SHARE_OF_MOTION * options.time_limit)
@@ -121,16 +543,16 @@ def solve_nonholonomic(document: Any, options: SolveOptions, grow: Growing | Non
 class _Made:
     """What is known of a motion: `answers` about any associated system by branch, the `reduced` system."""
 
-    schema: nonholonomic.NonholonomicDocument
+    schema: schemas.NonholonomicDocument
     report: nonholonomic_study.MotionReport
     grow: Growing
     last: float
     answers: list[answering.MotionAnswer] = dataclasses.field(default_factory=list)
-    plain: Decided | None = None
-    reduced: nonholonomic.ReducedPart | None = None
+    plain: deciding.Decided | None = None
+    reduced: schemas.ReducedPart | None = None
     kept: tuple[FirstIntegral, ...] = ()
 
-    def find_first_integrals(self, options: SolveOptions) -> None:
+    def find_first_integrals(self, options: solutions.SolveOptions) -> None:
         """What is constant along the motion."""
         if self.schema.first_integrals:
             self.grow.begin("first_integrals")
@@ -141,24 +563,24 @@ class _Made:
         """Hand over these parts, and with them all that is known."""
         self.grow.hand_over(parts, lambda: documents.checked(self.whole(studies), max(1.0, self.last - now())))
 
-    def begin_reduced(self, seed: int) -> Answer | None:
+    def begin_reduced(self, seed: int) -> solutions.Answer | None:
         """The answer for the reduced system as it is, which answers for the motion too where it is a yes."""
         self.grow.begin("reduced")
-        motion, limit = self.report.motion, reduced_documents.SHARE_OF_REDUCED * (self.last - now())
-        self.plain = reduced_documents.decided_reduced(motion, motion.system.lagrangian, seed, limit)
+        motion, limit = self.report.motion, SHARE_OF_REDUCED * (self.last - now())
+        self.plain = decided_reduced(motion, motion.system.lagrangian, seed, limit)
         return None if self.plain is None else self.plain.answer
 
     def end_reduced(self, seed: int) -> None:
         """With other clocks, in the time that is left."""
         self.grow.begin("reduced")
-        self.reduced = reduced_documents.reduced_part(self.report, self.plain, seed, self.last - now())
+        self.reduced = reduced_part(self.report, self.plain, seed, self.last - now())
 
     def ask(
         self,
         study: nonholonomic_study.Study,
-        asked: SolveOptions,
+        asked: solutions.SolveOptions,
         deadline: float,
-        own: Answer | None,
+        own: solutions.Answer | None,
         tell: Callable[[], None],
     ) -> None:
         """Whether any associated system has a Lagrangian; `tell` is called with a verdict before its Lagrangian.
@@ -176,18 +598,18 @@ class _Made:
         if answering.OUT_OF_TIME in found.reason or (found.verdict == "undetermined" and now() >= deadline):
             self.grow.cut["any_associated"] = found.reason
 
-    def whole(self, studies: Sequence[nonholonomic_study.Study]) -> nonholonomic.NonholonomicResult:
+    def whole(self, studies: Sequence[nonholonomic_study.Study]) -> schemas.NonholonomicResult:
         """The result of an associated system with what is known of the motion, which is what one simulates."""
         solutions = [_with_images(each.answers[each.main]) for each in studies]
         result = translate.to_result(solutions[0], self.schema, solutions[1:])
         system = self.report.motion.system
         taken = method_advice.for_constraints(system.lagrangian, system.constraints, system.coordinates)
-        motions = [translate_nonholonomic.to_any_associated(answer) for answer in self.answers or (OPEN,)]
+        motions = [to_any_associated(answer) for answer in self.answers or (OPEN,)]
         parts = zip(result.branches, motions * (1 if self.answers else len(studies)), strict=False)
-        branches = [nonholonomic.NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
-        part = translate_nonholonomic.to_nonholonomic_part(studies[0], self.kept)
+        branches = [schemas.NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
+        part = to_nonholonomic_part(studies[0], self.kept)
         told = {"advice": AdvicePart(**taken), "branches": branches, "first_integrals": part.first_integrals}
-        return nonholonomic.NonholonomicResult(
+        return schemas.NonholonomicResult(
             **dict(result) | told,
             nonholonomic=part,
             any_associated=motions[0],
@@ -197,8 +619,8 @@ class _Made:
 
 def _about_the_motion(
     report: nonholonomic_study.MotionReport,
-    schema: nonholonomic.NonholonomicDocument,
-    options: SolveOptions,
+    schema: schemas.NonholonomicDocument,
+    options: solutions.SolveOptions,
     end: float,
     grow: Growing,
 ) -> dict[str, Any]:
@@ -213,45 +635,45 @@ def _about_the_motion(
     grow.wanted, made = ("motion", "first_integrals", "any_associated", "reduced"), _Made(schema, report, grow, last)
     answered = map(_unasked, nonholonomic_study.on_branches(one))
     studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
-    grow.hand_over(("motion",), lambda: reduced_documents.compared(made.whole(studies), 1.0))
+    grow.hand_over(("motion",), lambda: compared(made.whole(studies), 1.0))
     made.find_first_integrals(options)
-    grow.hand_over(("first_integrals",), lambda: reduced_documents.compared(made.whole(studies), 1.0))
+    grow.hand_over(("first_integrals",), lambda: compared(made.whole(studies), 1.0))
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     own = made.begin_reduced(options.seed)
-    told = partial(grow.hand_over, (), lambda: reduced_documents.compared(made.whole(studies), 1.0))
+    told = partial(grow.hand_over, (), lambda: compared(made.whole(studies), 1.0))
     for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
         grow.begin("any_associated")
         # Other clocks of the reduced system, which come after, have a floor too.
-        share = now() + (1 - reduced_documents.SHARE_OF_REDUCED) * (last - now()) / left
+        share = now() + (1 - SHARE_OF_REDUCED) * (last - now()) / left
         made.ask(study, asked, share, own, told if len(studies) == 1 else lambda: None)
-    grow.hand_over(("any_associated",), lambda: reduced_documents.compared(made.whole(studies), max(1.0, end - now())))
+    grow.hand_over(("any_associated",), lambda: compared(made.whole(studies), max(1.0, end - now())))
     made.end_reduced(options.seed)
     grow.begin("certificate")
-    return grow.end(reduced_documents.compared(made.whole(studies), end - now()))
+    return grow.end(compared(made.whole(studies), end - now()))
 
 
-def _unasked(
-    one: AssociatedSystem, reason: str = reduced_documents.ONLY_THE_MOTION
-) -> nonholonomic_study.AssociatedAnswer:
+def _unasked(one: AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonomic_study.AssociatedAnswer:
     """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
-    answer = Answer("undetermined", reason=reason, positive=tuple(map(collecting.collect, one.system.positive)))
-    return nonholonomic_study.AssociatedAnswer(one, Solution(one.system, answer, None, None))
+    answer = solutions.Answer(
+        "undetermined", reason=reason, positive=tuple(map(collecting.collect, one.system.positive))
+    )
+    return nonholonomic_study.AssociatedAnswer(one, solutions.Solution(one.system, answer, None, None))
 
 
-def _share(schema: nonholonomic.NonholonomicDocument) -> float:
+def _share(schema: schemas.NonholonomicDocument) -> float:
     return SHARE_OF_SYSTEMS / 2 if schema.special_cases else SHARE_OF_SYSTEMS
 
 
-def _with_images(main: nonholonomic_study.AssociatedAnswer) -> Solution:
-    """The solution, its Hamiltonian with the constraints in phase space."""
+def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solution:
+    """The solution, its solutions.Hamiltonian with the constraints in phase space."""
     solution = main.solution
     assert solution is not None
     autonomous, with_time = _imaged(main, solution.autonomous), _imaged(main, solution.with_time)
     return dataclasses.replace(solution, autonomous=autonomous, with_time=with_time)
 
 
-def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: Answer | None) -> Answer | None:
+def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: solutions.Answer | None) -> solutions.Answer | None:
     if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
         return answer
     expression = answer.lagrangian.expression
@@ -261,35 +683,31 @@ def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: Answer | None) ->
     return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=images))
 
 
-def parse(schema: nonholonomic.NonholonomicDocument) -> nonholonomic.NonholonomicParseAnswer:
+def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
     """What was understood of a Nonholonomic document; raises InputError."""
-    system = translate_nonholonomic.to_nonholonomic(schema)
-    translate_nonholonomic.to_families(schema, system)
-    return translate_nonholonomic.to_nonholonomic_parse_answer(
-        system, constrained_motion.equations_of_motion(system), schema
-    )
+    system = to_nonholonomic(schema)
+    to_families(schema, system)
+    return to_nonholonomic_parse_answer(system, constrained_motion.equations_of_motion(system), schema)
 
 
-def parse_associated(schema: nonholonomic.NonholonomicDocument) -> dict[str, Any] | None:
+def parse_associated(schema: schemas.NonholonomicDocument) -> dict[str, Any] | None:
     """The equations of the one associated system that is asked for, or why it is not defined; None for another
     question."""
     if schema.associated not in ("first", "second", "third"):
         return None
-    system = translate_nonholonomic.to_nonholonomic(schema)
+    system = to_nonholonomic(schema)
     report = nonholonomic_study.motion_report(system, SHOWN_AT_ONCE)
-    one = nonholonomic_study.associated_systems(
-        report, schema.associated, translate_nonholonomic.to_families(schema, system)
-    )[0]
+    one = nonholonomic_study.associated_systems(report, schema.associated, to_families(schema, system))[0]
     found = one.system
     pairs = zip(found.coordinates, found.accelerations, strict=True) if found else ()
     equations = {name: translate.parsed(f).model_dump() for name, f in pairs}
     return {"kind": one.kind, "explanation": "" if found else one.explanation, "equations": equations}
 
 
-def system_of(schema: nonholonomic.NonholonomicDocument) -> SecondOrderSystem:
+def system_of(schema: schemas.NonholonomicDocument) -> SecondOrderSystem:
     """The first associated system; raises InputError."""
     first, *_ = nonholonomic_study.associated_systems(
-        nonholonomic_study.motion_report(translate_nonholonomic.to_nonholonomic(schema)), "first"
+        nonholonomic_study.motion_report(to_nonholonomic(schema)), "first"
     )
     assert first.system is not None
     return first.system
