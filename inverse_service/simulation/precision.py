@@ -30,7 +30,7 @@ LOOSEST, TIGHTEST = 1e-3, 1e-15  # tolerances
 MOST_STEPS = 4_000_000
 ROUND_OFF, NOISE = 1e-12, 4.0  # errors below this share of the motion are round-off, whose noise is about this factor
 STALLED = 0.5  # of the error before: less gain than this, twice, is the round-off floor
-SECONDS = 0.25  # for each of the repeats: of the first runs of all methods together, and of their later ones
+SECONDS = 0.2  # for each of the repeats: of the first runs of all methods together, and of their later ones
 SHARE_OF_FIRST, SHARE_OF_REPEATS = 0.6, 0.2  # of the time limit
 LONG = 100  # times the time of the scene
 PARTS = 20  # of a long run: the first and the last are compared
@@ -372,12 +372,17 @@ def prices(measured: Precision) -> dict[float, dict[str, Price]]:
     first: dict[str, Setting] = {}
     for setting in measured.settings:
         first.setdefault(setting.requested.label, setting)
-    found = {}
-    for target in TARGETS:
+    found: dict[float, dict[str, Price]] = {}
+    finer: dict[str, Price] = {}
+    for target in reversed(TARGETS):
         known = {label: price_of(curve, first[label], target * measured.scale) for label, curve in drawn.items()}
-        reached = [(label, price) for label, price in known.items() if price is not None]
-        found[target] = dict(sorted(reached, key=lambda item: item[1].seconds))
-    return found
+        reached = {label: price for label, price in known.items() if price is not None}
+        for label, price in finer.items():  # what is cheaper for a smaller error is as good for a larger one
+            if label in reached and price.seconds < reached[label].seconds:
+                reached[label] = price
+        finer = reached
+        found[target] = dict(sorted(finer.items(), key=lambda item: item[1].seconds))
+    return {target: found[target] for target in TARGETS}
 
 
 def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) -> Iterator[LongRun]:

@@ -100,3 +100,40 @@ def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None
     assert gone >= {"energy": {"energy"}, "constraints": {"constraint_1"}, "momenta": {"p_x", "p_y"},
                     "velocities": {"v_x", "v_y"}}[observed]  # fmt: skip
     assert (len(kernels[1]) < len(kernels[0])) == (observed != "momenta")  # momenta are the state itself
+
+
+IN_THE_ANSWER = {
+    "matching_circle": "circle", "phase": "max_phase_error", "error": "max_error", "lyapunov": "lyapunov",
+    "constraint_forces": "constraint_forces", "period": "period", "cost": "cost", "own": "own", "body": "body_x",
+    "events": "events",
+}  # fmt: skip
+DISK: dict[str, Any] = {
+    "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
+    "initial": {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 1}},
+    "step": 0.1, "steps": 9, "methods": ["adaptive"],
+}  # fmt: skip
+
+
+def observing(names: list[str]) -> dict[str, Any]:
+    formulas: list[Any] = [{"own": "x*y'"}] if "own" in names else []
+    kinds = [name for name in names if name not in ("own", "body", "events")]
+    scene = DISK | {"observe": ["trajectory", *kinds, *formulas]}
+    scene |= {"points": {"body": ["x", "y"]}} if "body" in names else {}
+    return scene | ({"events": [{"when": "x - 1/2"}]} if "events" in names else {})
+
+
+def keys_of(value: Any) -> set[str]:
+    if isinstance(value, dict):
+        return {key for key in value if value[key] is not None}.union(*map(keys_of, value.values()))
+    return set().union(*map(keys_of, value)) if isinstance(value, list) else set()
+
+
+def test_a_quantity_beside_the_kernel_that_is_left_out_is_nowhere_in_the_answer() -> None:
+    """Neither a number, a column, a time that it took, nor a true motion."""
+    every = list(IN_THE_ANSWER)
+    assert set(IN_THE_ANSWER.values()) <= keys_of(simulate(observing(every)))
+    for name, key in IN_THE_ANSWER.items():
+        found = keys_of(simulate(observing([one for one in every if one != name])))
+        assert key not in found, name
+        assert name not in found, name
+    assert simulate(observing([]))["truth"] is None

@@ -15,6 +15,7 @@ from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import one_trajectory, work_precision
 from inverse_service.simulation.precision import Precision, Setting, _with_floor, measured_order, price_of
 from inverse_service.simulation.scene_data import MethodChoice, Requested
+from inverse_service.web.pages.simulations import precision_result
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 METHOD = Requested("variational-0.5", "variational", "0.5", MethodChoice("variational"))
@@ -198,3 +199,11 @@ def test_a_motion_that_is_known_for_a_while_only_is_refused_with_the_reason() ->
     scene = {"system": duffing, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.05, "time": 400}
     with pytest.raises(InputError, match=r"known until t = .* only"):
         work_precision(scene | {"methods": ["reference"], "repeats": 1}, None, 20.0)
+
+
+def test_the_page_marks_what_is_better_than_asked(found: dict[str, Any]) -> None:
+    job = {"id": "1", "kind": "work-precision", "status": "successful", "result": found}
+    html = bytes(precision_result(job, "{}").body).decode()
+    marked = sum(row["at_most"] is True for target in found["targets"] for row in target["rows"])
+    assert marked > 0
+    assert html.count("\u2264 ") == marked

@@ -117,7 +117,8 @@ def prices_of(target: Mapping[str, Any], labels: list[str]) -> list[Price]:
         setting = f"step {short_number(row['step'])}" if row["step"] else f"tolerance {short_number(row['tolerance'])}"
         is_best = row["seconds"] == best
         ratio = "best" if is_best else f"{short_number(row['ratio'])} \u00d7"
-        found.append(Price(duration(row["seconds"]), f"{ratio}, {setting}", is_best))
+        at_most = "\u2264 " if row["at_most"] else ""  # its coarsest setting is better than the error asked for
+        found.append(Price(f"{at_most}{duration(row['seconds'])}", f"{ratio}, {setting}", is_best))
     return found
 
 
