@@ -25,7 +25,7 @@ def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
 def place(base: ex.Expression) -> Place:
     """The rank of an atom among atoms; its text settles ties."""
     ranks = {ex.Number: 0, ex.Symbol: 1, ex.Arbitrary: 2, ex.Velocity: 4}
-    return ranks.get(type(base), 3), printing.to_text(base)
+    return 0 if base == ex.PI else ranks.get(type(base), 3), printing.to_text(base)
 
 
 def terms_tree(terms: Iterable[Term]) -> ex.Expression:

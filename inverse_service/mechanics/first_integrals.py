@@ -112,7 +112,7 @@ class _Integrals:
         self.names = motion.coordinates
         self.constraints = dict(motion.on_constraints)
         self.free = tuple(map(ex.Velocity, motion.free))
-        self.positions = tuple(map(ex.Symbol, self.names))
+        self.positions, self.velocities = tuple(map(ex.Symbol, self.names)), tuple(map(ex.Velocity, self.names))
         self.momenta = () if lagrangian is None else tuple(self._momentum(lagrangian, name) for name in motion.free)
         self.kept: list[FirstIntegral] = []
         self.functions: list[Expression] = []
@@ -131,7 +131,7 @@ class _Integrals:
                 if forms != self.momenta and any(not isinstance(form, ex.Velocity) for form in forms):
                     for degree in (1, 2):
                         self._search(self.units.ansatz(forms, degree, False, plain=True), degree, False)
-            frames = frames if self.constraints else frames[:1]
+            frames = [one for one in frames if self.constraints or one in (self.momenta, self.velocities)]
             for degree, moving in ((1, False), (2, False), (1, True)):
                 if degree == 2 and not moving:
                     self._propose(proposed)
@@ -159,7 +159,7 @@ class _Integrals:
     def _energy(self, lagrangian: Expression) -> Expression:
         """sum v p - L: the terms of L as they are where each is homogeneous in the velocities; of the others what
         multiplies each logarithm or arctangent together, and what is left."""
-        velocities = [ex.Velocity(name) for name in self.names]
+        velocities = self.velocities
         moving = [a for a in ex.distinct_nodes((lagrangian,)) if isinstance(a, ex.Apply) and ex.holds(a, *velocities)]
         letters: dict[Expression, Expression] = {a: ex.Symbol(f"_{place}") for place, a in enumerate(moving)}
         found: list[Expression] = []
@@ -347,9 +347,14 @@ class _Integrals:
     # For a reader.
 
     def _frames(self) -> Iterator[tuple[Expression, ...]]:
-        """What the integrals are polynomials in: momenta, linear forms that L holds squared, velocities."""
+        """What the integrals are polynomials in: momenta, velocities where these are not theirs, forms that L squares.
+
+        In the field of a magnetic pole the momenta have a string where they are singular, the velocities have none.
+        """
         forms = () if self.lagrangian is None else _squared_forms(self.lagrangian)
-        frames = [self.momenta, forms, tuple(map(ex.Velocity, self.names)) if not self.momenta else ()]
+        at_rest: dict[Expression, Expression] = {ex.Velocity(name): ex.ZERO for name in self.names}
+        shifted = not self.constraints and any(ex.substitute(p, at_rest) != ex.ZERO for p in self.momenta)
+        frames = [self.momenta, self.velocities if shifted or not self.momenta else (), forms]
         seen: set[frozenset[Expression]] = set()
         for frame in frames:
             kept = tuple(dict.fromkeys(form for form in frame if form != ex.ZERO))

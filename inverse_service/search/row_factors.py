@@ -204,7 +204,7 @@ def symmetric_lines(lines: Lines) -> Iterator[Lines]:
                 labels = [part if label == parts[j] else label for label in labels]
         return [*known, own or (Fraction(1), EMPTY)], [*labels, part]
 
-    constants = set(map(ex.Symbol, lines.system.parameters))
+    constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
     for order, factors, parts in extended([], [], []):
         cleared = _cleared(factors, parts, constants)
         chosen = Lines(lines.system, [matrix[row] for row in order], [lines.rest[row] for row in order])
@@ -328,7 +328,7 @@ def _divided(left: Terms, right: Terms, integrator: Integrator) -> Terms:
 def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, Terms] | None:
     """K for each line, one in each connected part, so that terms between different parts fit; None where none does."""
     own = {i: k for k, part in enumerate(parts) for i in part}
-    constants = set(map(ex.Symbol, lines.system.parameters))
+    constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
     edges: dict[int, dict[int, Factor]] = {}
     for i, j in combinations(lines.places, 2):
         a, b = own[i], own[j]
@@ -409,7 +409,7 @@ def with_written_masses(
         return None
     if written is None or hessian is None or not _is_multiple(hessian, written):
         return None
-    parameters: set[ex.Expression] = {ex.Symbol(name) for name in system.parameters}
+    parameters: set[ex.Expression] = {ex.PI, *map(ex.Symbol, system.parameters)}
     (number, wanted), (value, known) = _constant(written[0][0], parameters), _constant(hessian[0][0], parameters)
     factor, ratio = times(wanted, known, -1), abs(number / value)
     # The factor stays in one piece, so that it cancels: (m + M)/(m + M).

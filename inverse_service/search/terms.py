@@ -284,7 +284,7 @@ def monomial_tree(key: Monomial) -> ex.Expression:
 
 def _letter_rank(item: tuple[ex.Expression, Fraction]) -> tuple[int, str]:
     letter = item[0]
-    kind = 0 if isinstance(letter, ex.Number) else 1 if isinstance(letter, ex.Symbol) else 3
+    kind = 0 if isinstance(letter, ex.Number) or letter == ex.PI else 1 if isinstance(letter, ex.Symbol) else 3
     return (4 if isinstance(letter, ex.Velocity) else kind, _traits(letter)[2])
 
 

@@ -39,6 +39,14 @@ DOCUMENTS: dict[str, tuple[dict[str, Any], list[str]]] = {
     ),
     "Emden": ({"equations": "y'' = -2*y'/t - y^5"}, ["scaling"]),
     "Emden, other powers": ({"equations": "y'' = -5*y'/t - y^2"}, ["scaling"]),
+    "magnetic pole": (
+        {
+            "equations": "x'' = g*(y*z'-z*y')/(x^2+y^2+z^2)^(3/2); y'' = g*(z*x'-x*z')/(x^2+y^2+z^2)^(3/2);"
+            "z'' = g*(x*y'-y*x')/(x^2+y^2+z^2)^(3/2)",
+            "parameters": ["g"],
+        },
+        ["energy", "angular momentum", "linear", "linear", "scaling"],
+    ),
     "relativistic": (
         {"equations": "d/dt(m*x'/sqrt(1 - x'^2/c^2)) = -k*x", "parameters": ["m", "c", "k"]},
         ["energy"],
