@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -29,6 +29,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, flow, matrices
 from inverse_service.field.point import Variable
 from inverse_service.field.tower import to_kernels
+from inverse_service.mechanics import writing
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -93,11 +94,6 @@ def first_integrals(
     return tuple(work.kept)
 
 
-def shorter(tree: Expression) -> Expression:
-    """The formula collected, where that is shorter."""
-    return min((tree, collecting.collect(tree)), key=ex.node_count)
-
-
 class _Integrals:
     """The work for one motion; what is found is in `kept`, on the constraints in `functions`."""
 
@@ -153,7 +149,7 @@ class _Integrals:
             self._propose([FirstIntegral("energy", self._energy(self.lagrangian), "t -> t + s")])
         for name in self.names:
             if not ex.holds(self.lagrangian, ex.Symbol(name)):
-                p = shorter(derivative.differentiate(self.lagrangian, ex.Velocity(name)))
+                p = self._short(derivative.differentiate(self.lagrangian, ex.Velocity(name)))
                 self._propose([FirstIntegral(f"momentum of {name}", p, f"{name} -> {name} + s")])
 
     def _energy(self, lagrangian: Expression) -> Expression:
@@ -201,7 +197,9 @@ class _Integrals:
         """That of a free coordinate: dL/du, the dependent velocities being functions of the free ones."""
         slopes: list[tuple[Expression, Expression]] = [(ex.Velocity(name), ex.ONE)]
         slopes += [(v, derivative.differentiate(w, ex.Velocity(name))) for v, w in self.constraints.items()]
-        parts = (shorter(derivative.differentiate(lagrangian, v)) * slope for v, slope in slopes if slope != ex.ZERO)
+        parts = (
+            self._short(derivative.differentiate(lagrangian, v)) * slope for v, slope in slopes if slope != ex.ZERO
+        )
         return ex.add(*parts)
 
     def _propose(self, candidates: Iterable[FirstIntegral]) -> None:
@@ -383,15 +381,16 @@ class _Integrals:
             symmetry = self._symmetry(fields)
         return FirstIntegral(name, tree, symmetry), self._on_constraints(tree)
 
+    def _short(self, tree: Expression, cost: Callable[[Expression], int] = ex.node_count) -> Expression:
+        return writing.shorten(tree, exact_field.Budget(4_000, self.deadline), cost=cost)
+
     def _shortest(self, tree: Expression) -> Expression:
         """The function written as it was made, collected, or factored, in all velocities or in the free ones."""
-        found = []
-        for one in dict.fromkeys((tree, self._on_constraints(tree))):
-            found += [one, collecting.collect(one)]
-            with suppress(*_NO_RING):
-                ring, _ = self._ring([one])
-                found.append(exact_field.quotient_tree(ring, ring.value(one)))
-        return min(found, key=lambda one: len(printing.to_text(one)))
+
+        def length(one: Expression) -> int:
+            return len(printing.to_text(one))
+
+        return min((self._short(one, length) for one in dict.fromkeys((tree, self._on_constraints(tree)))), key=length)
 
     def _field(self, ansatz: _Ansatz, vector: Sequence[tuple[Expression, int]], i: int) -> Expression:
         """eta_i = dF/dp_i."""

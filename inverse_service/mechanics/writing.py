@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import permutations
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.expressions import collecting, collecting_trees, inequalities
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
@@ -96,6 +96,30 @@ def _power_of(factor: ex.Expression) -> tuple[ex.Expression, Fraction]:
 def _place(factor: ex.Expression) -> int:
     base, _ = _power_of(factor)
     return 2 if isinstance(base, ex.Velocity) else 1 if isinstance(base, ex.Apply) else 0
+
+
+def quotient(
+    tree: ex.Expression, budget: exact_field.Budget, symbols: Sequence[ex.Symbol | ex.Velocity] | None = None
+) -> ex.Expression:
+    """The tree over one denominator, both factored, all relations used; as it is where that is too large.
+
+    `symbols` are its letters in the order in which polynomials are written; without them those that occur in it.
+    """
+    held = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity))
+    try:
+        return exact_field.factored([tree], list(held) if symbols is None else symbols, budget)[0]
+    except (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms):
+        return tree
+
+
+def shorten(
+    tree: ex.Expression,
+    budget: exact_field.Budget,
+    symbols: Sequence[ex.Symbol | ex.Velocity] | None = None,
+    cost: Callable[[ex.Expression], int] = ex.node_count,
+) -> ex.Expression:
+    """The cheapest of the tree as it is, multiplied out, and as one factored quotient."""
+    return min((tree, collecting.collect(tree), quotient(tree, budget, symbols)), key=cost)
 
 
 @lru_cache(maxsize=1024)

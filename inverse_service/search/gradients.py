@@ -23,7 +23,7 @@ from inverse_service.deadline import check
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
-from inverse_service.mechanics import implicit_equations
+from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import quadratures
 from inverse_service.search.terms import (
@@ -102,8 +102,8 @@ class Integrator:
             return {}
         names = self.system.coordinates
         symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-        with suppress(exact_field.TooLarge, ZeroDivisionError, TooManyTerms, KeyError, errors.IrreducibleAtoms):
-            return terms_of(exact_field.factored([tree_of(terms)], symbols, exact_field.Budget.short())[0])
+        with suppress(TooManyTerms):
+            return terms_of(writing.quotient(tree_of(terms), exact_field.Budget.short(), symbols))
         return terms
 
     def integral(self, slope: Terms, variable: ex.Symbol) -> tuple[Terms, Terms]:

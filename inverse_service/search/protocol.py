@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 
 import mpmath
 
-from inverse_service import deadline, errors
+from inverse_service import deadline
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian, Matrix
 from inverse_service.expressions import evaluation, inequalities, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, real_point
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.search import terms
 
 if TYPE_CHECKING:
@@ -138,15 +138,10 @@ def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression
 def _factored(analysis: deciding.Analysis, tree: ex.Expression) -> ex.Expression:
     if len(ex.factors_of(tree)) == 1 and not any(isinstance(node, ex.Sum) for node in ex.walk(tree)):
         return tree
-    held = set(ex.walk(tree))
-    moving = deciding.variables_of(analysis.system)[
-        : 1 + 2 * len(analysis.system.coordinates)
-    ]  # parameters are printed first
-    varying = [variable for variable in moving if variable in held]
-    try:
-        return exact_field.factored([tree], varying, exact_field.Budget.short())[0]
-    except (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms):
-        return tree
+    held, count = set(ex.walk(tree)), 1 + 2 * len(analysis.system.coordinates)
+    # Parameters are printed first.
+    moving = [variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held]
+    return writing.quotient(tree, exact_field.Budget.short(), moving)
 
 
 def _varies(tree: ex.Expression) -> bool:

@@ -75,13 +75,7 @@ def _node_weight(node: ex.Expression) -> int:
 
 def shortest(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
     """The lightest of the tree, its expansion and its factored form."""
-    found = [tree]
-    for change in (expanded, lambda given: factored(given, variables)):
-        try:
-            found.append(change(tree))
-        except TooManyTerms:
-            continue
-    return min(found, key=weight)
+    return writing.shorten(tree, exact_field.Budget.long(), [ex.TIME, *variables], weight)
 
 
 def even_root(radicand: ex.Expression) -> tuple[ex.Expression, ex.Expression]:

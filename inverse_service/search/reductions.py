@@ -19,9 +19,10 @@ from functools import partial
 
 from inverse_service import bounds, deadline
 from inverse_service.decision import certify
-from inverse_service.expressions import collecting, collecting_trees, derivative
+from inverse_service.expressions import collecting_trees, derivative
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, tower
+from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
 from inverse_service.search import quadratures, tidy
 from inverse_service.search.material import Material
@@ -357,19 +358,12 @@ def _settled(tree: ex.Expression, names: Sequence[str], known: dict[ex.Expressio
 
 
 def _shortest(tree: ex.Expression, names: Sequence[str]) -> ex.Expression:
-    whole = collecting.collect(tree)
-    deadline.check(size([tree, whole]))  # about what it costs to multiply out
-    return min((tree, whole, _quotient(whole, names)), key=lambda form: size([form]))
-
-
-def _quotient(tree: ex.Expression, names: Sequence[str]) -> ex.Expression:
+    deadline.check(size([tree]))  # about what it costs to multiply out
     if isinstance(tree, ex.Number | ex.Symbol | ex.Velocity):
         return tree
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
     budget = exact_field.Budget.short()
     try:
-        return exact_field.factored([tree], symbols, budget)[0]
-    except (exact_field.TooLarge, ZeroDivisionError):
-        return tree
+        return writing.shorten(tree, budget, symbols)
     finally:
         deadline.check(1 + budget.done)

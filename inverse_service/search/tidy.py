@@ -413,20 +413,17 @@ def _part(outer: Monomial, inner: Terms, system: SecondOrderSystem) -> ex.Expres
     if len(inner) == 1 and next(iter(inner)) == EMPTY:
         return whole
     quotient = _quotient(plain, system.parameters, system.coordinates)
-    if quotient is None or _is_sum_of(quotient, len(inner)):
+    if _is_sum_of(quotient, len(inner)):
         return whole
     return min(whole, constant * _constants_first(quotient, system) * rates, key=_size)
 
 
 @lru_cache(maxsize=256)
-def _quotient(tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> ex.Expression | None:
-    """The sum as one quotient in factors, None where it is too large; several forms ask for the same ones."""
-    constants = list(map(ex.Symbol, parameters))
+def _quotient(tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> ex.Expression:
+    """The sum as one quotient in factors, itself where it is too large; several forms ask for the same ones."""
+    constants = map(ex.Symbol, parameters)
     symbols: list[ex.Symbol | ex.Velocity] = [*constants, ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-    try:
-        return exact_field.factored([tree], symbols, exact_field.Budget.short())[0]
-    except (exact_field.TooLarge, ZeroDivisionError):
-        return None
+    return writing.quotient(tree, exact_field.Budget.short(), symbols)
 
 
 def _constants_first(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:

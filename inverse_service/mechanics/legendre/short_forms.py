@@ -11,7 +11,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import collecting, collecting_trees
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
-from inverse_service.mechanics import implicit_equations
+from inverse_service.mechanics import implicit_equations, writing
 
 # Terms met on the way (`Budget`) in exact work on one tree.
 _WORK = 20_000
@@ -82,13 +82,7 @@ def related(tree: ex.Expression) -> ex.Expression:
 
 def exact_quotient(tree: ex.Expression) -> ex.Expression:
     """The tree as one factored quotient in which all relations are used; as it is where that is too large."""
-    letters = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity))
-    try:
-        return exact_field.factored([tree], list(letters), exact_field.Budget(bounds.EXPANSION, deadline.end(), _WORK))[
-            0
-        ]
-    except (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms):
-        return tree
+    return writing.quotient(tree, exact_field.Budget(bounds.EXPANSION, deadline.end(), _WORK))
 
 
 def exponentials_above(tree: ex.Expression) -> ex.Expression:
