@@ -625,9 +625,8 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
                     splits[token.text] = parts
             elif not arguments and not _may_be_called(line, place):
                 found_parameters.setdefault(token.text, (pointer, token))
-    for name, by in slopes.items():
-        if by == {*coordinates}:
-            found_functions.setdefault(name, coordinates)
+    for name, arguments in slopes.items():
+        found_functions.setdefault(name, arguments)
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
     _ask_back(called, Names(coordinates, (), {**declared.functions, **found_functions}))
     known_names = Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
@@ -645,9 +644,10 @@ def _product_or_function(line: Sequence[Token], place: int, argument: str, text:
     return refusals.refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
-def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, set[str]]:
-    """V with x and y where dV/dx and dV/dy, or diff(V, x), occur and V is not declared."""
+def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, tuple[str, ...]]:
+    """V of all coordinates where its derivatives by all occur, V of r where dV/dr alone does, V not declared."""
     found: dict[str, set[str]] = {}
+    partial: set[str] = set()
     for line in lines:
         for place in range(len(line) - 4):
             called, opening, name, *rest = line[place : place + 5]
@@ -656,7 +656,10 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, set[
             by = [token.text for token in line[place + 3 : closing(line, place + 1)] if not token.is_operator(",")]
             if rest[0].is_operator(",") and by and {*by} <= {*declared.coordinates} and not declared.role(name.text):
                 found.setdefault(name.text, set()).update(by)
-    return found
+                partial |= set() if called.value else {name.text}
+    every = {*declared.coordinates}
+    known = {name: by for name, by in found.items() if by == every or (len(by) == 1 and name not in partial)}
+    return {name: tuple(x for x in declared.coordinates if x in by) for name, by in known.items()}
 
 
 def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
@@ -753,7 +756,7 @@ def _refuse_operators(
     pointer: str,
     coordinates: Sequence[str],
     calls: Collection[Call],
-    slopes: Mapping[str, set[str]],
+    slopes: Collection[str],
 ) -> None:
     """InputError for x^T, Delta x (a difference to most), diff(V, x) of a constant V, and 2j."""
     token = line[place]
@@ -764,7 +767,7 @@ def _refuse_operators(
         raise refusals.refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
     around = [other.text for other in line[place + 1 : place + 3]]
     by = around[1] if len(before) == 2 and before[0] in DERIVATIVE_NAMES and around[:1] == [","] and around[1:] else ""
-    if by in coordinates and slopes.get(token.text) != {*coordinates}:
+    if by in coordinates and token.text not in slopes:
         meant = f"diff({token.text}({by}), {by})"
         what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
         raise refusals.refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)

@@ -505,7 +505,7 @@ def _of_operand(tokens: Tokens, quotient: _Quotient, place: int, names: Names, d
         instead = f"write {name.text}'({variables[0].text}), or * before a factor"
         raise refusals.refusal("a bracket follows a derivative", follows[0].column, instead)
     if declared or (role is None and names.guesses and "t" not in by):
-        return _carried_out(operand, variables, first), quotient.after
+        return _carried_out(operand, variables, first, not quotient.partial), quotient.after
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
         if not quotient.partial and names.role("d") is not None:
             return None
@@ -720,11 +720,12 @@ def _refuse_fraction(tokens: Tokens, place: int, names: Names) -> None:
         raise refusals.refusal(f"a derivative by {by} occurs", column, instead)
 
 
-def _carried_out(inner: Sequence[Token], variables: Sequence[Token], at: Token) -> Tokens:
-    """diff(u, x, …), all at the place of the derivative."""
+def _carried_out(inner: Sequence[Token], variables: Sequence[Token], at: Token, total: bool = False) -> Tokens:
+    """diff(u, x, …), all at the place of the derivative; the diff of dV/dr, where V depends on r alone, has a value."""
     if not inner:
         raise unexpected(at, "what is differentiated")
-    found = [Token("name", "diff", at.column, True), Token("operator", "(", at.column), *inner]
+    call = Token("name", "diff", at.column, True, Fraction(total))
+    found = [call, Token("operator", "(", at.column), *inner]
     for variable in variables:
         found += [Token("operator", ",", at.column), Token("name", variable.text, at.column)]
     return [*found, Token("operator", ")", at.column)]

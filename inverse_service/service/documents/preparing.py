@@ -125,6 +125,7 @@ _ENERGY = re.compile(
     r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*=(?!=)"
 )
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
+_FORM = re.compile(r"(?<![A-Za-z\\])d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in dz = y dx
 _DEFINED = re.compile(r"\s*\\?([A-Za-z]\w*(?:_\{\w+\})?)(\([^()]*\))?\s*")
 
 
@@ -159,7 +160,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> dict[str, Any]:
     where, constraints = {}, []
     for line in others:
         left, equal, right = line.partition("=")
-        if equal and (defined := _DEFINED.fullmatch(left)):
+        if equal and (defined := _DEFINED.fullmatch(left)) and not (left.strip()[0] == "d" and _FORM.search(right)):
             where[defined[1]] = right
             if defined[2]:  # V(x) = k x^2/2
                 lagrangian = lagrangian.replace(f"{defined[1]}{defined[2]}", defined[1].ljust(len(left.strip())))
