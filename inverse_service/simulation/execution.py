@@ -28,7 +28,7 @@ from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
 from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula, free_names, real_value
 from inverse_service.simulation import peers, schemes
-from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, formulas_of
+from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
 
 __all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "run"]
@@ -320,61 +320,6 @@ def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> st
     return f"determinant of the discrete equations for {names}"
 
 
-def at_last(card: Card, memory: Array) -> dict[str, float]:
-    """State variables and rates after the last good step."""
-    layout = card.layout
-    return {name: float(memory[place]) for place, name in enumerate(layout.persistent)}
-
-
-# So far ahead a pole is felt by the guard or by Newton; the way there is nearly straight.
-STEPS_AHEAD = 20
-_NEAR = 1e-9
-_LARGE = 1e4
-
-State = Mapping[str, float]
-
-
-def pole_ahead(f: Formulas, state: State, rates: Sequence[float], step: float) -> tuple[str, float] | None:
-    """(text, value now) of the first denominator that passes 0 in STEPS_AHEAD steps, where dH~/dq has a pole.
-
-    `state` gives positions, momenta and parameters by kernel name, `rates` the velocities. Denominators that H~ is
-    smooth through, as cos(phi) of the disk, do not count.
-    """
-    for item in f.denominators:
-        part = _zero_ahead(item, state, rates, step)
-        if part is not None and _has_pole(f, state, rates, part * step):
-            return item.text, real_value(item.formula, _moved(state, rates, 0.0))
-    return None
-
-
-def _moved(state: State, rates: Sequence[float], time: float) -> dict[str, float]:
-    table = dict(state) | {f"v{k}": rate for k, rate in enumerate(rates)}
-    return table | {f"q{k}": state[f"q{k}"] + time * rate for k, rate in enumerate(rates)}
-
-
-def _zero_ahead(item: Denominator, state: State, rates: Sequence[float], step: float) -> float | None:
-    """After how many steps on the straight way the denominator passes 0, by bisection; None where it does not."""
-    value = real_value(item.formula, _moved(state, rates, 0.0))
-    for k in range(STEPS_AHEAD):
-        low, high = float(k), float(k + 1)
-        if not value * real_value(item.formula, _moved(state, rates, high * step)) <= 0:
-            continue
-        while high - low > _NEAR:
-            middle = (low + high) / 2
-            passed = value * real_value(item.formula, _moved(state, rates, middle * step)) <= 0
-            low, high = (low, middle) if passed else (middle, high)
-        return low
-    return None
-
-
-def _has_pole(f: Formulas, state: State, rates: Sequence[float], time: float) -> bool:
-    slopes: list[Formula] = [f.hamiltonian.diff(q) for q in f.symbols("q")]
-    now, there = (
-        max(abs(real_value(slope, _moved(state, rates, moment))) for slope in slopes) for moment in (0.0, time)
-    )
-    return not math.isfinite(there) or there > _LARGE * (1.0 + now)
-
-
 def failed_start(start: Start, outcome: Outcome, time: float = 0.0) -> Trajectory:
     """A run that cannot begin: the start alone."""
     begin = np.array([list(start.positions)], dtype=np.float64)
@@ -404,7 +349,7 @@ class Ended:
     @cached_property
     def last(self) -> dict[str, float]:
         """State variables and rates after the last good step."""
-        return at_last(self.card, self.run.memory)
+        return {name: float(self.run.memory[place]) for place, name in enumerate(self.card.layout.persistent)}
 
     @cached_property
     def parameters(self) -> dict[str, float]:
@@ -505,51 +450,66 @@ def _outcome(ended: Ended) -> Outcome:
     return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, remedy)
 
 
-def _pole(ended: Ended) -> tuple[str, float] | None:
-    """What L~ and H~ divide by, where it passes 0 just ahead: guard and Newton fail because of it."""
-    f, last = ended.f, ended.last
-    if ended.choice.method != "variational" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
-        return None
-    state = {**ended.begin.state, **last, **ended.parameters}
-    return pole_ahead(f, state, [last.get(f"d{k}_rate", 0.0) for k in range(f.size)], ended.grid.step)
+# So far ahead a pole is felt by the guard or by Newton; the way there is nearly straight.
+STEPS_AHEAD, BISECTIONS, LARGE = 20, 30, 1e4
 
 
-def _vanished(ended: Ended) -> tuple[str, float] | None:
-    """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it."""
-    choice = ended.choice
-    if choice.method not in ("variational", "modified"):
-        return None
-    raw = (
-        choice.method == "modified"
-        or choice.form == "raw"
-        or (choice.form != "verlet" and len(schemes.parts_of(choice)) == 2)
-    )
-    points = _way(ended)
-    for item in ended.f.denominators:
-        if not (raw or item.moves):
-            continue
-        values = [real_value(item.formula, point) for point in points]
-        if not min(values) * max(values) > 0 or abs(values[-1]) < 1e-3 * abs(values[1]):
-            return item.text, values[1]
-    return None
-
-
-def _way(ended: Ended) -> list[dict[str, float]]:
-    """(q, v) a step before the last good point, at it, and where its velocity leads in a step and a half."""
+def _way(ended: Ended) -> Callable[[float], dict[str, float]]:
+    """The straight way from the last good point: (q, v, p) so many steps after it."""
     last, start, step = ended.last, ended.begin.state, ended.grid.step
     passed = last[programs.CLOCK] * step
     means = [(last[f"q{k}"] - start[f"q{k}"]) / passed if passed else 0.0 for k in range(ended.f.size)]
     # A rate of 0 is that of the step that failed; the mean one says where the way led.
     rates = [last.get(f"d{k}_rate", 0.0) or mean for k, mean in enumerate(means)]
-    table = ended.parameters | {f"v{k}": rate for k, rate in enumerate(rates)}
-    return [
-        table | {f"q{k}": last[f"q{k}"] + part * step * rate for k, rate in enumerate(rates)}
-        for part in (-1.0, 0.0, 1.5)
-    ]
+    table = {**start, **last, **ended.parameters, **{f"v{k}": rate for k, rate in enumerate(rates)}}
+    return lambda part: table | {f"q{k}": last[f"q{k}"] + part * step * rate for k, rate in enumerate(rates)}
+
+
+def _pole(ended: Ended) -> tuple[str, float] | None:
+    """(text, value now) of the first denominator of L~ that passes 0 just ahead, where dH~/dq has a pole: guard and
+    Newton fail because of it. Those that H~ is smooth through, as cos(phi) of the disk, do not count."""
+    f = ended.f
+    if ended.choice.method != "variational" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
+        return None
+    at, slopes = _way(ended), [f.hamiltonian.diff(q) for q in f.symbols("q")]
+    for item in f.denominators:
+        now = real_value(item.formula, at(0.0))
+        first = next((k for k in range(STEPS_AHEAD) if now * real_value(item.formula, at(k + 1.0)) <= 0), None)
+        if first is None:
+            continue
+        low, high = float(first), first + 1.0
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            passed = now * real_value(item.formula, at(middle)) <= 0
+            low, high = (low, middle) if passed else (middle, high)
+        here, there = (max(abs(real_value(slope, at(part))) for slope in slopes) for part in (0.0, low))
+        if not math.isfinite(there) or there > LARGE * (1.0 + here):
+            return item.text, now
+    return None
+
+
+def _vanished(ended: Ended) -> tuple[str, float] | None:
+    """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it: from a step
+    before the last good point to a step and a half after it."""
+    choice, at = ended.choice, _way(ended)
+    if choice.method not in ("variational", "modified"):
+        return None
+    raw = choice.method == "modified" or choice.form == "raw" or _has_two_places(choice)
+    for item in ended.f.denominators:
+        values = [real_value(item.formula, at(part)) for part in (-1.0, 0.0, 1.5)]
+        passes = not min(values) * max(values) > 0 or abs(values[-1]) < 1e-3 * abs(values[1])
+        if (raw or item.moves) and passes:
+            return item.text, values[1]
+    return None
+
+
+def _has_two_places(choice: MethodChoice) -> bool:
+    """Whether the Lagrangian is taken at two places of a step."""
+    return choice.form != "verlet" and len(schemes.parts_of(choice)) == 2
 
 
 def _remedy(f: Formulas, choice: MethodChoice) -> str:
-    if choice.form != "verlet" and len(schemes.parts_of(choice)) == 2:
+    if _has_two_places(choice):
         return "leave symmetrised out: its two places lie on different sides there; alpha = 1/2 has order 2 too"
     if choice.method == "variational" and choice.form == "raw":
         return "use the Hamiltonian form, which is smooth there"

@@ -101,19 +101,19 @@ def observation_of(scene: data.Scene) -> data.Observation:
     return data.Observation(momenta=True, velocities="velocities" in scene.observe, observables=observables(scene))
 
 
-def conserved_momenta(scene: data.Scene, problem: data.Problem) -> dict[int, str]:
+def conserved_momenta(scene: data.Scene, problem: data.Problem) -> list[int]:
     """Places of the coordinates that do not occur in the method's Lagrangian: their momenta are constants."""
     lagrangian = problem.free_lagrangian or problem.lagrangian
     if lagrangian is None:
-        return {}
+        return []
     constrained = problem.constraints if problem.free_lagrangian is None else ()
-    return {
-        k: name
+    return [
+        k
         for k, name in enumerate(scene.coordinates)
         if derivative.differentiate(lagrangian, ex.Symbol(name)) == ex.ZERO
         and not (scene.forces and scene.forces[k] != ex.ZERO)
         and all(derivative.differentiate(w, ex.Velocity(name)) == ex.ZERO for w in constrained)
-    }
+    ]
 
 
 def why_energy_varies(scene: data.Scene) -> str | None:
@@ -195,21 +195,6 @@ def point_constraints(scene: data.Scene, positions: Array, velocities: Array) ->
     return {"max_constraint_at_points": max(known) if len(known) == len(defects) else None}
 
 
-def constraint_numbers(scene: data.Scene, trajectory: Trajectory) -> dict[str, Any]:
-    """The greatest defect of all constraints over all steps, and each one's."""
-    each = {f"constraint_{k}": trajectory.maxima[f"constraint_{k}"] for k in range(1, len(scene.constraints) + 1)}
-    return {"max_constraint": max(each.values(), default=None)}
-
-
-def momentum_numbers(trajectory: Trajectory, conserved: Mapping[int, str]) -> dict[str, Any]:
-    """max |p_k - p_0| for each conserved momentum; empty where the method has no momenta."""
-    if trajectory.momenta is None:
-        return {}
-    drifts = np.abs(trajectory.momenta - trajectory.momenta[0]).max(axis=0)
-    each = {name: float(drifts[k]) for k, name in conserved.items()}
-    return {"max_momentum_drift": max(each.values(), default=None)}
-
-
 def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: float = np.inf) -> dict[str, Any]:
     """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few points).
 
@@ -254,12 +239,6 @@ def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:
     third = max(1, int(last / max(1.0, drift.revolutions) / 3)) if np.isfinite(drift.revolutions) else 1
     circle = circle_through(points[[0, third, 2 * third]])
     return None if circle is None else {"radius": circle.radius, "center": list(circle.center)}
-
-
-def phase_numbers(points: Array, exact: Array) -> tuple[dict[str, Any], Array]:
-    """Greatest and final phase error in radians, and the error at each point."""
-    error = phase_error(points, exact)
-    return {"max_phase_error": greatest(error), "final_phase_error": float(error[-1])}, error
 
 
 def error_numbers(
@@ -457,10 +436,18 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
         return _energy(run)
     if name == "constraints":
         columns = {key: column for key, column in trajectory.series.items() if key.startswith("constraint_")}
-        return constraint_numbers(scene, trajectory) | _point_constraints(run), columns
+        sizes = [size for key, size in trajectory.maxima.items() if key.startswith("constraint_")]
+        numbers: dict[str, Any] = {"max_constraint": max(sizes, default=None)}
+        if run.requested.method == "variational" and scene.constraints:
+            velocities = velocities_at_points(run)
+            numbers |= {} if velocities is None else point_constraints(scene, positions, velocities)
+        return numbers, columns
     if name == "momenta" and problem is not None:
-        columns = {} if trajectory.momenta is None else columns_of(scene, trajectory.momenta, "p_")
-        return momentum_numbers(trajectory, conserved_momenta(scene, problem)), columns
+        if trajectory.momenta is None:
+            return {}, {}
+        drifts = np.abs(trajectory.momenta - trajectory.momenta[0]).max(axis=0)
+        kept = [float(drifts[k]) for k in conserved_momenta(scene, problem)]
+        return {"max_momentum_drift": max(kept, default=None)}, columns_of(scene, trajectory.momenta, "p_")
     if name == "velocities" and (points := velocities_at_points(run)) is not None:
         return {}, columns_of(scene, points, "v_")
     if name == "velocities" and trajectory.velocities is not None:
@@ -565,13 +552,6 @@ def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[
     return {"max_discrete_energy_error": run.trajectory.maxima["energy_error"] / (abs(start) or 1.0)}, series
 
 
-def _point_constraints(run: Observed) -> dict[str, Any]:
-    if run.requested.method != "variational" or not run.scene.constraints:
-        return {}
-    velocities = velocities_at_points(run)
-    return {} if velocities is None else point_constraints(run.scene, run.trajectory.positions, velocities)
-
-
 def velocities_at_points(run: Observed) -> Array | None:
     """(m, n) at the recorded points, from the momenta where the method has them; None where it has neither."""
     if run.problem is None or run.requested.alpha is None or run.in_pieces:
@@ -592,8 +572,8 @@ def _compared(
     if scene.circle is None:
         return {"max_phase_error": None}, {}
     pair = list(scene.circle)
-    found, angles = phase_numbers(positions[:, pair], true[:, pair])
-    return found, {"phase_error": angles}
+    angles = phase_error(positions[:, pair], true[:, pair])
+    return {"max_phase_error": greatest(angles), "final_phase_error": float(angles[-1])}, {"phase_error": angles}
 
 
 def last_point(run: Observed) -> tuple[float, Array, Array | None]:

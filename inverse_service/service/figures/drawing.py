@@ -34,9 +34,7 @@ def coordinate_figure(
 ) -> tuple[Figure, str]:
     """One panel a coordinate, one line a method, the true motion in black."""
     names = result["system"]["coordinates"]
-    with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(7.6, 1.5 * len(names) + 1.2)
-        panels = figure.subplots(len(names), 1, squeeze=False, sharex=True).ravel()
+    with styles.panels(len(names), 1, 7.6, 1.5, sharex=True) as (figure, panels):
         for axes, name in zip(panels, names, strict=True):
             times = result["step"] * result["record_every"] * np.arange(len(truth[name])) if truth else None
             every = 1
@@ -50,8 +48,6 @@ def coordinate_figure(
                     )
             axes.set_ylabel(styles.with_unit(name, result))
         panels[-1].set_xlabel(styles.with_unit("t", result))
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
     start = f"{result['name'] or 'Motion'}: {styles.run_of(result)}."
     return figure, start + _finding(result) + styles.thinned(every)
 
@@ -65,9 +61,7 @@ def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
         return None
     wide = min(3, len(names))
     every = max(1, max(len(table["t"]) for _, _, table in lines) // MOST_POINTS)
-    with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(max(5.2, 3.1 * wide + 0.4), 2.8 * -(-len(names) // wide) + 0.9)
-        panels = figure.subplots(-(-len(names) // wide), wide, squeeze=False).ravel()
+    with styles.panels(len(names), wide, max(5.2, 3.1 * wide + 0.4), 2.8) as (figure, panels):
         for axes, name in zip(panels, names, strict=False):
             for style, label, table in lines:
                 axes.plot(
@@ -76,10 +70,6 @@ def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
                     markersize=1.5, label=styles.plain(label),
                 )  # fmt: skip
             axes.set(xlabel=styles.with_unit(name, result), ylabel=f"{name}'")
-        for axes in panels[len(names) :]:
-            axes.set_visible(False)
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
     dots = f" Dots are one point of {every}." if every > 1 else ""
     return figure, f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate.{dots}"
 
@@ -164,9 +154,7 @@ def section_figure(result: Mapping[str, Any]) -> tuple[Figure, str] | None:
         return None
     panels = [(k, name) for k, event in enumerate(methods[0][1]["events"]) for name in names if name != event["when"]]
     wide = min(3, len(panels))
-    with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(3.4 * wide + 0.6, 3.0 * -(-len(panels) // wide) + 0.6)
-        grid = figure.subplots(-(-len(panels) // wide), wide, squeeze=False).ravel()
+    with styles.panels(len(panels), wide, 3.4 * wide + 0.6, 3.0) as (figure, grid):
         for axes, (k, name) in zip(grid, panels, strict=False):
             for place, method in methods:
                 columns = method["events"][k]["columns"]
@@ -176,9 +164,6 @@ def section_figure(result: Mapping[str, Any]) -> tuple[Figure, str] | None:
                 )  # fmt: skip
             title = styles.plain(f"{methods[0][1]['events'][k]['when']} = 0")
             axes.set(xlabel=styles.with_unit(name, result), ylabel=f"{name}'", title=title)
-        for axes in grid[len(panels) :]:
-            axes.set_visible(False)
-        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
     return figure, f"{result['name'] or 'Section'}: the states at which each event happens."
 
 
@@ -195,9 +180,7 @@ def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Ar
     shown = [name for name in first if name.endswith("_end") or name == "max_energy_error"][:MOST_COORDINATES]
     if len(varied) != 1 or not shown:
         return None
-    with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(7.0, 1.7 * len(shown) + 0.8)
-        panels = figure.subplots(len(shown), 1, squeeze=False, sharex=True).ravel()
+    with styles.panels(len(shown), 1, 7.0, 1.7, sharex=True) as (figure, panels):
         for axes, name in zip(panels, shown, strict=True):
             for place, method in methods:
                 own = columns[method["label"]]
@@ -207,7 +190,6 @@ def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Ar
                 )  # fmt: skip
             axes.set_ylabel(name.replace("_", " "))
         panels[-1].set_xlabel(varied[0])
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
     return figure, f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
 
 

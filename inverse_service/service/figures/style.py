@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,19 @@ def look(place: int, method: str) -> Look:
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure, sizes in inches."""
     return Figure(figsize=(width, height), layout="constrained")
+
+
+@contextmanager
+def panels(count: int, wide: int, width: float, height: float, **shared: Any) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure with so many panels, `wide` in a row, sizes in inches, in our settings; with one legend for all."""
+    rows = -(-count // wide)
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(width, height * rows + 0.8)
+        axes = list(figure.subplots(rows, wide, squeeze=False, **shared).ravel())
+        yield figure, axes
+        for empty in axes[count:]:
+            empty.set_visible(False)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
 
 
 def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
