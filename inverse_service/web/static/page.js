@@ -293,7 +293,7 @@ function renew(text) {
   const opened = [...main.querySelectorAll(".why.shown")].map((row) => row.id);
   const [old, parts] = [main, next].map((place) => [...place.querySelectorAll("[data-part]")]);
   note(next);
-  if (old.length !== parts.length || (next.querySelector("[data-motion]") && !main.querySelector("[data-motion]"))) {
+  if (!old.length || old.length !== parts.length || (next.querySelector("[data-motion]") && !main.querySelector("[data-motion]"))) {
     main.replaceChildren(...next.childNodes);
     parts.forEach((part) => written.set(part, part.innerHTML));
     for (const figure of main.querySelectorAll("[data-motion]")) moving(figure);
