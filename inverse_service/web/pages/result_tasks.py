@@ -18,7 +18,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import growing, text_page
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.web.pages import forms, preview, rendering, sheets, simulations, typesetting
@@ -321,8 +321,31 @@ def glance_of_fields(fields: forms.Fields) -> dict[str, Any] | None:
         return None
 
 
+class _Enough(Exception):
+    """What is known suffices for a glance."""
+
+
 def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The sheet of a document without its proofs, and its motion; None where nothing was settled."""
-    found = tasks.solve_task(model.split_options(document)[0], SolveOptions(time_limit=GLANCE))
+    """The sheet of a document without its proofs, and its motion; None where nothing was settled.
+
+    The work ends with the first L and H that the checker has confirmed.
+    """
+    values: list[Mapping[str, Any]] = []
+
+    def look(report: Any) -> None:
+        if isinstance(report, str):  # a stage
+            return
+        values.append(report["value"])
+        so_far = growing.merged(values)
+        # With a domain there are other branches to come.
+        is_whole = not (so_far.get("domain") or sheets.is_constrained(so_far))
+        cases = sheets.sheet_of(so_far, brief=True).cases if is_whole else ()
+        if len(cases) == 1 and {"L", "H"} <= {formula.letter for formula in cases[0].formulas}:
+            raise _Enough
+
+    try:
+        found = tasks.solve_task(model.split_options(document)[0], SolveOptions(time_limit=GLANCE), look)
+    except _Enough:
+        found = growing.merged(values)
     sheet = sheets.sheet_of(found, brief=True)
     return None if sheet.verdict == sheets.OPEN else {"sheet": sheet, "motion": preview.motion_of_result(found)}

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from inverse_service import solve
-from inverse_service.web.pages import sheets
+from inverse_service.web.pages import result_tasks, sheets
 from tests.doors.rows import rows
 
 SLEIGH = {
@@ -107,3 +107,15 @@ def test_no_sentence_about_a_constrained_motion_contradicts_another(row: dict[st
         assert sheet.verdict in ("no", "differs")
     text = " ".join(map(words, (sheet.sentence, *sheet.notes)))
     assert sheet.verdict in ("open", "differs") or "undetermined" not in text
+
+
+def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
+    """The damped oscillator has an L without the time too, which takes ten times as long; of |x| both sides are shown."""
+    damped = result_tasks.glance_of({"equations": "m*x'' + d*x' + k*x = 0", "parameters": "guess"})
+    assert damped is not None
+    (case,) = damped["sheet"].cases
+    assert [formula.letter for formula in case.formulas] == ["L", "H"]
+    assert "contains the time" in words(case.sentence)
+    both = result_tasks.glance_of({"equations": "x'' = -x*abs(x)"})
+    assert both is not None
+    assert len(both["sheet"].cases) == 2
