@@ -110,7 +110,7 @@ def test_no_sentence_about_a_constrained_motion_contradicts_another(row: dict[st
 
 
 def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
-    """The damped oscillator has an L without the time too, which takes ten times as long; of |x| both sides are shown."""
+    """The damped oscillator has an L without the time, too, which takes ten times as long; |x| has two sides."""
     damped = result_tasks.glance_of({"equations": "m*x'' + d*x' + k*x = 0", "parameters": "guess"})
     assert damped is not None
     (case,) = damped["sheet"].cases
