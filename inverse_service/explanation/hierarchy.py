@@ -40,7 +40,7 @@ from inverse_service import bounds, errors
 from inverse_service.decision import deciding
 from inverse_service.expressions import notation
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, matrices, tower
+from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.point import Point, SingularPoint, evaluate
 from inverse_service.mechanics.conditions import (
     Motion,
@@ -176,9 +176,9 @@ class PointwiseConditions:
     prime: int
     rows: Mapping[EquationName, Row]
 
-    def kernel(self, names: Sequence[EquationName]) -> list[Row]:
+    def kernel(self, names: Sequence[EquationName]) -> list[list[int]]:
         """A basis of the g that satisfy the named equations."""
-        return kernel([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
+        return modular.kernel([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
 
 
 def tensors_at(motion: Motion[deciding.LocalScalar], depth: int) -> PointwiseConditions:
@@ -195,15 +195,7 @@ def tensors_at(motion: Motion[deciding.LocalScalar], depth: int) -> PointwiseCon
     return PointwiseConditions(n, prime, rows)
 
 
-def kernel(rows: Sequence[Row], columns: int, prime: int) -> list[Row]:
-    """A basis of the vectors orthogonal to the rows modulo the prime."""
-    if not rows:
-        return [tuple(int(i == j) for j in range(columns)) for i in range(columns)]
-    basis, nullity = nmod_mat(len(rows), columns, [entry for row in rows for entry in row], prime).nullspace()
-    return [tuple(int(basis[i, k]) for i in range(columns)) for k in range(nullity)]
-
-
-def all_singular(basis: Sequence[Row], n: int, prime: int) -> bool:
+def all_singular(basis: Sequence[Sequence[int]], n: int, prime: int) -> bool:
     """Whether det vanishes identically on the span (tested at random combinations)."""
     source = random.Random(f"determinant {prime}")
     pairs = unknowns(n)

@@ -46,7 +46,6 @@ from inverse_service.explanation.hierarchy import (
     eliminate,
     equation_terms,
     hierarchy,
-    kernel,
     local_motion,
     remaining_determinant,
     tensors_at,
@@ -562,10 +561,10 @@ def numbers_at_a_point(
     return None
 
 
-def matrices_left(rows: Iterable[Sequence[Fraction]], size: int) -> list[tuple[int, ...]]:
+def matrices_left(rows: Iterable[Sequence[Fraction]], size: int) -> list[list[int]]:
     """A basis of the symmetric matrices that satisfy the rows, modulo a prime."""
     residues = [tuple(number_value(entry, CHOSEN) for entry in row) for row in rows]
-    return kernel(residues, len(unknowns(size)), CHOSEN)
+    return modular.kernel(residues, len(unknowns(size)), CHOSEN)
 
 
 def leave_singular_only(rows: Iterable[Sequence[Fraction]], size: int) -> bool:

@@ -606,8 +606,7 @@ class Samples:
             return None if any(target) else []
         rows = [[*entries, b] for entries, b in zip(zip(*columns, strict=True), target, strict=True)]
         reduced, rank = nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], self.prime).rref()
-        pivots = [next(k for k in range(len(rows[0])) if int(reduced[i, k])) for i in range(rank)]
-        if len(columns) in pivots:
+        if len(columns) in modular.leading_columns(reduced, rank):
             return None
         if rank < len(columns):
             raise IrrationalRatio("arguments of exponentials, logarithms or angles have irrational ratios")

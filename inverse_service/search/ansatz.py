@@ -112,7 +112,7 @@ def _over_field(matrix: Words, prime: int) -> nmod_mat:
 def random_null_vector(matrix: Words, prime: int, generator: random.Random) -> list[int]:
     """A random element of the kernel of a matrix, (equations, unknowns)."""
     reduced, rank = _over_field(matrix, prime).rref()
-    leading, width = _pivots(reduced, rank), reduced.ncols()
+    leading, width = modular.leading_columns(reduced, rank), reduced.ncols()
     vector = [generator.randrange(prime) for _ in range(width)]
     for pivot in leading:
         vector[pivot] = 0
@@ -124,20 +124,12 @@ def random_null_vector(matrix: Words, prime: int, generator: random.Random) -> l
 
 def pivots(matrix: Words, prime: int) -> list[int]:
     """The columns that are no combinations of earlier ones."""
-    return _pivots(*_over_field(matrix, prime).rref())
-
-
-def _pivots(reduced: nmod_mat, rank: int) -> list[int]:
-    found: list[int] = []
-    for i in range(rank):
-        first = found[-1] + 1 if found else 0
-        found.append(next(k for k in range(first, reduced.ncols()) if int(reduced[i, k])))
-    return found
+    return modular.leading_columns(*_over_field(matrix, prime).rref())
 
 
 def _kernel(matrix: nmod_mat) -> Kernel:
     reduced, rank = matrix.rref()
-    width, leading = matrix.ncols(), _pivots(reduced, rank)
+    width, leading = matrix.ncols(), modular.leading_columns(reduced, rank)
     taken = set(leading)
     free = [k for k in range(width) if k not in taken]
     prime = int(matrix.modulus())

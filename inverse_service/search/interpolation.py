@@ -17,7 +17,6 @@ from fractions import Fraction
 from math import gcd, lcm
 
 import numpy as np
-from flint import nmod_mat
 
 from inverse_service import deadline
 from inverse_service.expressions import tree as ex
@@ -230,21 +229,7 @@ def _fits(
 
 def kernel_of(rows: Numbers) -> list[list[int]]:
     """A basis of the vectors that a matrix modulo the prime takes to 0."""
-    height, width = rows.shape
-    matrix = nmod_mat(height, width, rows.ravel().tolist(), PRIME)
-    echelon, rank = matrix.rref()
-    if rank == width:
-        return []
-    table = [[int(echelon[i, j]) for j in range(width)] for i in range(rank)]
-    pivots = [next(j for j, value in enumerate(row) if value) for row in table]
-    found = []
-    for free in (j for j in range(width) if j not in set(pivots)):
-        vector = [0] * width
-        vector[free] = 1
-        for pivot, row in zip(pivots, table, strict=True):
-            vector[pivot] = -row[free] % PRIME
-        found.append(vector)
-    return found
+    return modular.kernel(rows.tolist(), rows.shape[1], PRIME)
 
 
 def _basis(variable: Generator, degree: int) -> list[Power]:

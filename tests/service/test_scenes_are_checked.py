@@ -100,18 +100,6 @@ def test_a_time_off_the_grid_is_noted() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["adaptive", "variational", "heyoka"])
-def test_a_motion_of_any_size_is_as_accurate(method: str) -> None:
-    if method == "heyoka":
-        pytest.importorskip("heyoka")
-    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
-    start = {"positions": {"x": 1e-30}, "velocities": {"x": 0}}
-    (found,) = simulate(scene(system, [method], initial=start, observe=["energy", "error"]))["methods"]
-    assert found["max_energy_error"] < 1e-12
-    assert found["max_error"] < 1e-32
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ["heyoka", "adaptive", {"method": "stormer-verlet", "order": 8}])
 def test_an_atom_in_seconds_is_as_accurate(method: Any) -> None:
     """Times of 1e-17 s: of a series of order 20 in seconds the coefficients are no numbers any more."""

@@ -30,17 +30,6 @@ def run(lagrangian: str, position: float = 1, **more: Any) -> dict[str, Any]:
     return simulate(document | more)
 
 
-@pytest.mark.parametrize(
-    "lagrangian", ["x'^2/2 + log(x - 5)", "x'^2/2 + atanh(x + 1)", "x'^2/2 - x^2/2 + log(-k)", "log(x - 5)*x' + x'^2/2"]
-)
-def test_no_method_begins_where_the_lagrangian_has_no_value(lagrangian: str) -> None:
-    """Its derivatives have values there."""
-    for method in run(lagrangian, methods=[*METHODS, "exact"])["methods"]:
-        assert method["outcome"] == "off_domain"
-        assert method["stopped"]["quantity"] == "the Lagrangian at the start, t = 0, which has no value"
-        assert method["points"]["columns"]["x"] == [1]
-
-
 def test_nothing_is_measured_where_no_motion_begins() -> None:
     """Neither errors, by the true motion, nor a Lyapunov exponent."""
     result = run("x'^2/2 + log(x - 5)", observe=["error", "lyapunov"], methods=["adaptive"])
@@ -60,12 +49,6 @@ def test_the_member_that_begins_outside_ends_there(method: str) -> None:
     (found,) = run("x'^2/2 + log(x - 5)", 6, ensemble=ensemble, methods=[method])["methods"]
     assert found["outcome"] == "partly"
     assert [(each["member"], each["outcome"], each["step"]) for each in found["ended"]] == [(2, "off_domain", 0)]
-
-
-def test_a_lagrangian_that_the_equations_are_given_without_refuses_no_start() -> None:
-    """x'' = 1/(x - 5) has a motion at x = 1, whatever L is found for it."""
-    system = {"equations": "x'' = 1/(x - 5)"}
-    assert run("", system=system, parameters={}, methods=["runge-kutta"])["methods"][0]["outcome"] == "completed"
 
 
 def test_an_observable_without_a_value_is_noted() -> None:
