@@ -80,6 +80,7 @@ def test_a_forward_answer_claims_no_verdict() -> None:
     assert check({**found, "verdict": "variational"})["verdict"] == "invalid"
 
 
+@pytest.mark.slow
 def test_two_hundred_masses_get_their_equations() -> None:
     names = [f"x{k}" for k in range(1, 201)]
     kinetic = "+".join(f"m*{x}'^2/2" for x in names)

@@ -61,6 +61,7 @@ def test_a_lagrangian_exists_exactly_where_the_conditions_hold(name: str) -> Non
         assert generic or any(map(all, cases)) == exists(values), values
 
 
+@pytest.mark.slow
 def test_the_question_for_which_parameters_is_answered_at_the_command_line() -> None:
     given = document({"x": "-a*x' + b*y", "y": "-c*y' + d*x"}, True)
     code, out, err = calls.command("solve", "-", "--special-cases", given=json.dumps(given))
@@ -117,6 +118,7 @@ def test_a_false_field_of_a_special_case_is_a_contradiction(
     assert check(forged)["verdict"] == "invalid"
 
 
+@pytest.mark.slow
 def test_the_lagrangian_of_a_special_case_is_in_the_text() -> None:
     given = document({"x": "-a*x'*y", "y": "-b*x"}, False, special_cases=True)
     found = solve(given)
