@@ -98,7 +98,8 @@ async def result_response(
         return None, Response(await job_json(job, engine), 202, headers | applied | {"Retry-After": RETRY_AFTER}, JSON)
     if job.status == "successful":
         written = media_type_of(request) if job.kind == "solve" else None
-        headers |= {"ETag": etag(job, written), "Link": f'</results/{job.id}>; rel="canonical"'} | VARY
+        link = f'</results/{job.id}>; rel="canonical"'
+        headers |= {"ETag": etag(job, written), "Cache-Control": REVALIDATE, "Link": link} | VARY
         if written:
             return headers, await written_response(request, job, engine, written, headers | applied)
         return headers, await stored_response(engine, job.id, headers | applied)

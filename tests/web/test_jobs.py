@@ -78,6 +78,7 @@ def test_the_same_question_is_answered_from_the_store_and_no_cache_asks_anew(cli
     first, second = client.post("/v1/solve", json=document), client.post("/v1/solve", json=document)
     assert first.content == second.content
     assert first.headers["etag"] == second.headers["etag"]
+    assert first.headers["cache-control"] == second.headers["cache-control"] == "private, no-cache"
     shuffled = dict(reversed(document.items()))
     assert client.post("/v1/solve", json=shuffled).headers["location"] == first.headers["location"]
     anew = client.post("/v1/solve", json=document, headers={"Cache-Control": "no-cache", "Prefer": "wait=20"})
