@@ -14,7 +14,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from api_schemas.job import Job as JobDocument
 from api_schemas.job import JobList
 from inverse_service import errors
-from inverse_service.service.jobs import event_log, model, tasks
+from inverse_service.service.jobs import model, supervisor, tasks
 from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import KEEP_ALIVE, LOOK_AGAIN, Engine
 from inverse_service.web.known import digest
@@ -162,7 +162,7 @@ async def _stream(engine: Engine, id: str, viewer: model.Viewer, after: int) -> 
                 yield written(event)
                 after = event.number
             if found is None or found.is_final:
-                last = None if found is None else event_log.last_event(found)
+                last = None if found is None else supervisor.last_event(found)
                 if last is not None and last.number > after:
                     yield written(last)
                 return

@@ -16,7 +16,7 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import growing
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
-from inverse_service.service.jobs.event_log import described
+from inverse_service.service.jobs.supervisor import described
 from inverse_service.solving import confirming
 from inverse_service.web.pages.rendering import Visitor
 from inverse_service.web.pages.result_tasks import Look, so_far_task

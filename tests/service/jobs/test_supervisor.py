@@ -16,7 +16,6 @@ import pytest
 from inverse_service.errors import Place
 from inverse_service.service.documents import growing
 from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.event_log import described
 from inverse_service.service.jobs.model import (
     MAX_CRASHES,
     MAX_RESTARTS,
@@ -30,7 +29,7 @@ from inverse_service.service.jobs.model import (
 )
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.supervisor import TICK, Supervisor
+from inverse_service.service.jobs.supervisor import TICK, Supervisor, described
 from inverse_service.service.jobs.tasks import request_of
 from inverse_service.service.jobs.workers import Report, Running
 
