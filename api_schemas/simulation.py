@@ -190,9 +190,6 @@ class PrecisionSetting(Document):
     tolerance: float | None
     error: float | None
     relative_error: float | None
-    velocity_error: float | None
-    energy_error: float | None
-    constraint_error: float | None
     compile_seconds: float | None
     first_seconds: float | None
     best_seconds: float | None
@@ -236,15 +233,6 @@ class TargetPart(Document):
     rows: list[PricePart]
 
 
-class FailedSetting(Document):
-    """A setting that gave no error, and why."""
-
-    label: str
-    step: float | None
-    tolerance: float | None
-    reason: str
-
-
 class LongPart(Document):
     """A method over a hundred times the time: errors of the energy and the constraints, and of the shape."""
 
@@ -270,11 +258,9 @@ class WorkPrecisionResult(Document):
     truth: dict[str, Any]
     targets: list[TargetPart]
     sentences: list[str]
-    conclusion: str
     advice: AdvicePart | None
     methods: list[PrecisionMethod]
     runs: list[dict[str, Any]]
     long: list[LongPart]
-    failed: list[FailedSetting]
     machine: dict[str, Any]
     provenance: dict[str, Any]

@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -43,7 +43,7 @@ class Setting:
     """One method at one step, measured. Times in seconds; `reason` is empty where `error` is a number.
 
     `first` is the first call with compiling; `compile` is the part of it before the run; `best` and `median` are of
-    `repeats` later runs. `further` are errors of velocity, energy (relative) and constraints at the same times.
+    `repeats` later runs.
     `at_floor`: a smaller step than that of the least error. Where `tolerance` is not None the method took steps of its
     own, and `step` is only the distance of the times at which it is seen.
     """
@@ -62,7 +62,6 @@ class Setting:
     newton_iterations: int = 0
     at_floor: bool = False
     tolerance: float | None = None
-    further: Mapping[str, float | None] = field(default_factory=dict)
 
     @property
     def fineness(self) -> tuple[int, float]:
@@ -232,26 +231,10 @@ def _first(scene: data.Scene, blank: Setting, derived: derivation.Derived, truth
     error = float(np.abs(at.positions - truth.positions).max())
     if not np.isfinite(error):
         return replace(blank, reason="the result is not finite", first=first)
-    further = _further(scene, run, truth)
     return replace(
-        blank, error=error, compile=at.compile_seconds, first=first, best=at.run_seconds, further=further,
+        blank, error=error, compile=at.compile_seconds, first=first, best=at.run_seconds,
         force_evaluations=at.force_evaluations, newton_iterations=at.newton_iterations,
     )  # fmt: skip
-
-
-def _further(scene: data.Scene, run: running.MethodRun, truth: data.Truth) -> dict[str, float | None]:
-    """Greatest errors at the CHECKS common times, of what has values there."""
-    velocities = None if run.observed is None else observing.velocities_at_points(run.observed)
-    if velocities is None or run.trajectory is None:
-        return {}
-    errors = energy_errors(scene, run.trajectory.positions, velocities, run.trajectory.times)
-    found = {"velocity_error": observing.greatest(velocities - truth.velocities)}
-    found |= {} if errors is None else {"energy_error": observing.greatest(errors)}
-    if scene.constraints:
-        found["constraint_error"] = observing.point_constraints(scene, run.trajectory.positions, velocities)[
-            "max_constraint_at_points"
-        ]
-    return found
 
 
 def energy_errors(scene: data.Scene, positions: Array, velocities: Array, times: Array) -> Array | None:

@@ -95,7 +95,6 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
         "truth": {"against": measured.truth.against, "uncertainty": measured.truth.uncertainty},
         "targets": _targets(measured, named),
         "sentences": sentences,
-        "conclusion": " ".join(sentences),
         "advice": advice,
         "methods": [
             {
@@ -110,11 +109,6 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
         ],
         "runs": [_run(s, measured.scale) for s in measured.settings],
         "long": [_long(one) for one in measured.long],
-        "failed": [
-            {"label": s.requested.label, "step": s.step, "tolerance": s.tolerance, "reason": s.reason}
-            for s in measured.settings
-            if s.reason
-        ],
         "machine": machine(),
         "provenance": {"program": "inverse-service", "version": __version__},
     }
@@ -154,7 +148,6 @@ def _setting(setting: precision.Setting, scale: float) -> dict[str, Any]:
         "newton_iterations": setting.newton_iterations,
         "at_floor": setting.at_floor,
         "reason": setting.reason,
-        **{f"{name}_error": setting.further.get(f"{name}_error") for name in ("velocity", "energy", "constraint")},
     }
 
 
