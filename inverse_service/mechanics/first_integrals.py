@@ -24,7 +24,7 @@ from flint import nmod_mat
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
-from inverse_service.expressions import collecting, derivative, printing
+from inverse_service.expressions import collecting, collecting_trees, derivative, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, flow, matrices
 from inverse_service.field.point import Variable
@@ -149,7 +149,7 @@ class _Integrals:
             self._propose([FirstIntegral("energy", self._energy(self.lagrangian), "t -> t + s")])
         for name in self.names:
             if not ex.holds(self.lagrangian, ex.Symbol(name)):
-                p = self._short(derivative.differentiate(self.lagrangian, ex.Velocity(name)))
+                p = self._shortest(derivative.differentiate(self.lagrangian, ex.Velocity(name)))
                 self._propose([FirstIntegral(f"momentum of {name}", p, f"{name} -> {name} + s")])
 
     def _energy(self, lagrangian: Expression) -> Expression:
@@ -390,7 +390,13 @@ class _Integrals:
         def length(one: Expression) -> int:
             return len(printing.to_text(one))
 
-        return min((self._short(one, length) for one in dict.fromkeys((tree, self._on_constraints(tree)))), key=length)
+        return min(
+            (
+                self._short(one, length)
+                for one in dict.fromkeys((collecting_trees.merge_powers(tree), self._on_constraints(tree)))
+            ),
+            key=length,
+        )
 
     def _field(self, ansatz: _Ansatz, vector: Sequence[tuple[Expression, int]], i: int) -> Expression:
         """eta_i = dF/dp_i."""
