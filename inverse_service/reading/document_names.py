@@ -18,7 +18,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.reading import names as known_words
 from inverse_service.reading import reader
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, GREEK_NAMES, Names, declared_name, escaped
-from inverse_service.reading.tokens import Token, check_brackets, closing, split_at_commas
+from inverse_service.reading.tokens import Token, after_primes, at, check_brackets, closing, split_at_commas
 
 ParameterValue = str | int | float | None
 
@@ -287,11 +287,11 @@ def _always_called(function: str, text: str, names: Names) -> bool:
     for place, token in enumerate(tokens):
         if token.kind == "name" and names.spelling(token.text) == function:
             after = place + 1
-            while after < len(tokens) and (tokens[after].kind == "prime" or tokens[after].is_operator("^")):
+            while at(tokens, after).kind == "prime" or at(tokens, after).is_operator("^"):
                 after += 1 + (tokens[after].text == "^")
-            if after < len(tokens) and tokens[after].is_operator("["):
+            if at(tokens, after).is_operator("["):
                 after = closing(tokens, after) + 1
-            if after >= len(tokens) or not tokens[after].is_operator("("):
+            if not at(tokens, after).is_operator("("):
                 return False
     return True
 
@@ -512,7 +512,7 @@ def _times(words: Sequence[str]) -> int:
 
 
 def is_primed(line: Sequence[Token], place: int) -> bool:
-    return place + 1 < len(line) and line[place + 1].kind == "prime"
+    return at(line, place + 1).kind == "prime"
 
 
 # Which names are constants and functions where the writer did not say.
@@ -603,7 +603,7 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
             _refuse_operators(line, place, pointer, coordinates, calls, slopes)
             if error := reader.remark(line, place):
                 raise error.at(pointer)
-            followed = place + 1 < len(line) and line[place + 1].is_operator("(")
+            followed = at(line, place + 1).is_operator("(")
             if followed and token.text in _ELLIPTIC and (error := known_words.reason_against(token.text, token.column)):
                 raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
@@ -671,10 +671,8 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
 
 def _takes_argument(line: Sequence[Token], place: int) -> bool:
     """Whether a bracket, a name or a number follows at once: Rcos(x), Rcos x of Rcos and a Greek letter."""
-    after = line[place + 1] if place + 1 < len(line) else None
-    return after is not None and (
-        after.is_operator("(") or (after.kind in ("name", "number") and not after.space_before)
-    )
+    after = at(line, place + 1)
+    return after.is_operator("(") or (after.kind in ("name", "number") and not after.space_before)
 
 
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are two components to most
@@ -683,9 +681,8 @@ _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are two components to most
 def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
     """How many arguments stand in F(x*y), F(x, x') and f(y/x), F undeclared; 0 where it may be a factor."""
     opening = place + 1
-    while opening < len(line) and line[opening].kind == "prime":
-        opening += 1
-    if opening >= len(line) or not line[opening].is_operator("("):
+    opening = after_primes(line, opening)
+    if not at(line, opening).is_operator("("):
         return 0
     end = closing(line, opening)
     inside = line[opening + 1 : end]
@@ -761,8 +758,8 @@ def _refuse_operators(
     """InputError for x^T, Delta x (a difference to most), diff(V, x) of a constant V, and 2j."""
     token = line[place]
     before = [other.text for other in line[max(place - 2, 0) : place]]
-    after = line[place + 1] if place + 1 < len(line) else None
-    if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after and after.is_operator(")"))):
+    after = at(line, place + 1)
+    if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after.is_operator(")"))):
         instead = "a transpose? write components"
         raise refusals.refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
     around = [other.text for other in line[place + 1 : place + 3]]
@@ -784,9 +781,9 @@ def _refuse_operators(
         raise refusals.refusal("m/s could be a unit", token.column, instead).at(pointer)
     if error := _raised_call(line, place, coordinates, calls):
         raise error.at(pointer)
-    if token.text == "d" and after is not None and after.text == "t":
+    if token.text == "d" and after.text == "t":
         raise refusals.refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
-    if token.text == "Delta" and after is not None and after.kind == "name":
+    if token.text == "Delta" and after.kind == "name":
         instead = f"a product? declare the constant Delta and write Delta*{after.text}"
         what = f"Delta {after.text} is a difference or a Laplacian to most; it occurs"
         raise refusals.refusal(what, token.column, instead, (f"Delta*{after.text}",)).at(pointer)
@@ -803,7 +800,7 @@ def _raised_call(
     if start >= len(line) or not line[place + 1].is_operator("^"):
         return None
     opening = (closing(line, start) if line[start].is_operator("(") else start) + 1
-    if opening >= len(line) or not line[opening].is_operator("("):
+    if not at(line, opening).is_operator("("):
         return None
     raised, end = line[start + 1], closing(line, opening)
     if raised.kind == "number" and raised.column > line[start].column:  # brackets of the writer, not of LaTeX
@@ -819,8 +816,8 @@ def _raised_call(
 
 def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | None:
     """The refusal of 1.0d-3 and 2D0 (Fortran), 0.5f (C), 1f0 (Julia), 0o7, whose letters are no factors."""
-    token, before = line[place], line[place - 1] if place else None
-    if before is None or before.kind != "number" or token.space_before:
+    token, before = line[place], at(line, place - 1)
+    if before.kind != "number" or token.space_before:
         return None
     text, after = token.text, [other.text for other in line[place + 1 : place + 3] if not other.space_before]
     power = text in ("d", "D") and len(after) == 2 and after[0] in "+-" and after[1].isdigit()
@@ -861,15 +858,13 @@ def _may_depend_on_time(name: str) -> bool:
 
 def _may_be_called(line: Sequence[Token], place: int) -> bool:
     """Whether f (x - y) stands there: a function rather than a factor, so the writer is asked."""
-    after = line[place + 1 :][:1]
-    return line[place].text in FUNCTION_LETTERS and bool(after) and after[0].is_operator("(")
+    return line[place].text in FUNCTION_LETTERS and at(line, place + 1).is_operator("(")
 
 
 def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
     """The coordinates (and t) in brackets after a name and its primes; nothing where something else stands there."""
-    while place < len(line) and line[place].kind == "prime":
-        place += 1
-    if place >= len(line) or not line[place].is_operator("("):
+    place = after_primes(line, place)
+    if not at(line, place).is_operator("("):
         return ()
     found: list[str] = []
     texts = [token.text for token in line]

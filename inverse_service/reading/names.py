@@ -43,7 +43,12 @@ PIECEWISE = frozenset(("piecewise", "Piecewise"))
 FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE | {STEP}
 
 _KINK = "is not differentiable everywhere"
-_SPECIAL = "is not an elementary function"
+_SPECIAL, _NOT_DONE = "is not an elementary function", "is not carried out here"
+_COMPLEX, _OF_PARTS = (
+    "is not declared and complex numbers are not accepted",
+    "write the equations of real and imaginary part",
+)
+_NO_NUMBER, _ANOTHER = ("is not a number", "write a finite number"), "give a function of your own another name"
 _COMMAND = ("is a command of another program", "write the equations alone")
 _SPECIAL_FUNCTIONS = (
     "erf", "erfc", "besselj", "bessely", "besseli", "besselk", "sn", "cn", "dn", "airyai", "airybi", "LambertW",
@@ -60,24 +65,17 @@ _DEGREES, _RADIANS = ("deg", "degs", "degree", "degrees"), ("rad", "rads", "radi
 # What is wrong with a name, what to write, and where in a document it or another name could be declared.
 Reason = tuple[str, str] | tuple[str, str, str]
 REFUSED: dict[str, Reason] = {
-    "floor": (_KINK, "write the integer for the interval that you study"),
-    "ceil": (_KINK, "write the integer for the interval that you study"),
-    "round": (_KINK, "write the integer for the interval that you study"),
+    **dict.fromkeys(("floor", "ceil", "round"), (_KINK, "write the integer for the interval that you study")),
     "mod": (_KINK, "write the formula of one interval"),
-    "max": (_KINK, "write the larger one for the region that you study"),
-    "min": (_KINK, "write the smaller one for the region that you study"),
-    "Max": (_KINK, "write the larger one for the region that you study"),
-    "Min": (_KINK, "write the smaller one for the region that you study"),
+    **dict.fromkeys(("max", "Max"), (_KINK, "write the larger one for the region that you study")),
+    **dict.fromkeys(("min", "Min"), (_KINK, "write the smaller one for the region that you study")),
     "DiracDelta": ("is not a function", "leave it out and study the motion between the impulses"),
     "atan2": ("has a jump", "write atan(y/x) on the branch that you study"),
     "factorial": (_SPECIAL, "write the number", "functions"),
-    "integrate": ("is not carried out here", "write the integral itself", "functions"),
-    "Integral": ("is not carried out here", "write the integral itself", "functions"),
-    "sum": ("is not carried out here", "write the terms"),
-    "limit": ("is not carried out here", "write its value"),
-    "re": ("belongs to complex numbers", "write the equations of real and imaginary part"),
-    "im": ("belongs to complex numbers", "write the equations of real and imaginary part"),
-    "conjugate": ("belongs to complex numbers", "write the equations of real and imaginary part"),
+    **dict.fromkeys(("integrate", "Integral"), (_NOT_DONE, "write the integral itself", "functions")),
+    "sum": (_NOT_DONE, "write the terms"),
+    "limit": (_NOT_DONE, "write its value"),
+    **dict.fromkeys(("re", "im", "conjugate"), ("belongs to complex numbers", _OF_PARTS)),
 }  # fmt: skip
 # These may be declared as names of one's own; undeclared they are refused with a better reason than "unknown".
 REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
@@ -85,12 +83,8 @@ REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
         name: (_SPECIAL, _HOW_TO_DECLARE % (name, '["n", "u"]' if name.startswith("bessel") else '["u"]'))
         for name in _SPECIAL_FUNCTIONS
     },
-    "i": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
-    "I": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
-    "gamma": (_SPECIAL + " and not a declared name", "give a function of your own another name", "parameters"),
-    "Gamma": (_SPECIAL + " and not a declared name", "give a function of your own another name", "parameters"),
-    "zeta": (_SPECIAL + " and not a declared name", "give a function of your own another name", "parameters"),
-    "j": ("is not declared and complex numbers are not accepted", "write real equations", "parameters"),
+    **dict.fromkeys(("i", "I", "j"), (_COMPLEX, "write real equations", "parameters")),
+    **dict.fromkeys(("gamma", "Gamma", "zeta"), (_SPECIAL + " and not a declared name", _ANOTHER, "parameters")),
     "lg": ("is log10 to some and log2 to others", "write log10(x)", "parameters"),
     **dict.fromkeys(("lb", "ld"), ("is a logarithm to some", "write log2(x)", "parameters")),
     **dict.fromkeys(("PI", "M_PI"), ("is pi to many", "write pi", "parameters")),
@@ -99,18 +93,12 @@ REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
     **dict.fromkeys(("acot", "arccot", "arcctg"), ("has two meanings", "write atan(1/x) or pi/2 - atan(x)")),
     **dict.fromkeys(("asec", "arcsec"), ("is not accepted", "write acos(1/x)")),
     **dict.fromkeys(("acsc", "arccsc"), ("is not accepted", "write asin(1/x)")),
-    "inf": ("is not a number", "write a finite number"),
-    "infinity": ("is not a number", "write a finite number"),
-    "Infinity": ("is not a number", "write a finite number"),
-    "oo": ("is not a number", "write a finite number"),
-    "zoo": ("is not a number", "write a finite number"),
+    **dict.fromkeys(("inf", "infinity", "Infinity", "oo", "zoo", "nan", "NaN"), _NO_NUMBER),
     **dict.fromkeys(("solve", "dsolve", "desolve", "ode2", "Solve", "DSolve", "NDSolve", "NDSolveValue"), _COMMAND),
     **dict.fromkeys(_WORDS, ("is a word", "write the equations alone, separated by ;")),
     **dict.fromkeys(("grad", "div", "curl", "rot", "nabla", "laplacian"), _VECTORS),
     **dict.fromkeys(_DEGREES, ("is a degree to most", "write 30*pi/180 for 30 degrees", "parameters")),
     **dict.fromkeys(_RADIANS, ("is the unit of angles to most", "leave it out", "parameters")),
-    "nan": ("is not a number", "write a finite number"),
-    "NaN": ("is not a number", "write a finite number"),
 }
 # Short names of functions that people also give to coordinates: th for theta.
 MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))

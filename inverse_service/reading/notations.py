@@ -26,6 +26,8 @@ from inverse_service.reading.tokens import (
     TOTAL,
     Token,
     Tokens,
+    after_primes,
+    at,
     closing,
     never_closed,
     split_at_commas,
@@ -120,12 +122,9 @@ def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
 def _holds_orders(tokens: Tokens, place: int) -> bool:
     """Whether [1,0]( begins here, and not Derivative[1][x] or f[2]."""
     end = place + 1
-    while end < len(tokens) and (tokens[end].kind == "number" or tokens[end].is_operator(",")):
+    while at(tokens, end).kind == "number" or at(tokens, end).is_operator(","):
         end += 1
-    after = tokens[end + 1 : end + 2]
-    return (
-        tokens[place - 1].text != "Derivative" and bool(after) and after[0].is_operator("(") and tokens[end].text == "]"
-    )
+    return tokens[place - 1].text != "Derivative" and _opens(tokens, end + 1) and tokens[end].text == "]"
 
 
 def _small(name: str) -> str:
@@ -147,7 +146,7 @@ def _rewritten(tokens: Sequence[Token], names: Names) -> Tokens:
         token = tokens[place]
         if token.is_operator("."):
             place = _after_dot(tokens, place, found, names)
-        elif token.kind == "prime" and place + 1 < len(tokens) and tokens[place + 1].text == "diff":
+        elif token.kind == "prime" and at(tokens, place + 1).text == "diff":
             place += 1  # Maxima's quote
         elif token.is_operator("(") and _is_maple_power(tokens, place):
             place = _derivative_of(tokens, place + 6, int(tokens[place + 4].value), found)
@@ -162,7 +161,7 @@ def _rewritten(tokens: Sequence[Token], names: Names) -> Tokens:
 
 
 def _opens(tokens: Sequence[Token], place: int) -> bool:
-    return place < len(tokens) and tokens[place].is_operator("(")
+    return at(tokens, place).is_operator("(")
 
 
 def _arguments(tokens: Sequence[Token], opening: int) -> tuple[list[Sequence[Token]], int]:
@@ -175,7 +174,7 @@ def _arguments(tokens: Sequence[Token], opening: int) -> tuple[list[Sequence[Tok
 
 def _after_dot(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
     """sp.sin is sin; u.diff(t, 2) is diff(u, t, 2)."""
-    method = tokens[place + 1] if place + 1 < len(tokens) else tokens[place]
+    method = at(tokens, place + 1)
     if found and found[-1].text in _MODULES:
         found.pop()
         return place + 1
@@ -426,8 +425,7 @@ def second_derivatives(tokens: Tokens) -> Iterator[tuple[str, str]]:
     """(y, x) for each d^2y/dx^2, d^2/dx^2 y, d/dx(x dy/dx), d/dx(x y') and y''(x), whatever y and x are."""
     for place in range(len(tokens)):
         after = place + 1
-        while after < len(tokens) and tokens[after].kind == "prime":
-            after += 1
+        after = after_primes(tokens, after)
         order = sum(int(prime.value) for prime in tokens[place + 1 : after])
         called = [token.text for token in tokens[after : after + 3]][::2] in (["(", ")"], ["[", "]"])
         if tokens[place].kind == "name" and order == 2 and called and tokens[after + 1].kind == "name":
@@ -443,8 +441,8 @@ def second_derivatives(tokens: Tokens) -> Iterator[tuple[str, str]]:
                     yield tokens[inside].text, by
         if found is None or found.order != 2 or len({token.text for token in found.variables}) > 1:
             continue
-        name = found.operand[0] if found.operand else tokens[found.after] if found.after < len(tokens) else None
-        if name is not None and name.kind == "name":
+        name = found.operand[0] if found.operand else at(tokens, found.after)
+        if name.kind == "name":
             yield name.text, found.variables[0].text
 
 
@@ -455,8 +453,7 @@ def _derivative(tokens: Tokens, place: int, names: Names, depth: int) -> tuple[T
             return power
         end = closing(tokens, place)
         after = end + 1
-        while after < len(tokens) and tokens[after].kind == "prime":
-            after += 1
+        after = after_primes(tokens, after)
         called = place > 0 and tokens[place - 1].kind in ("name", "prime") and not tokens[place].space_before
         if after > end + 1 and not called:
             order = sum(int(prime.value) for prime in tokens[end + 1 : after])
@@ -466,8 +463,8 @@ def _derivative(tokens: Tokens, place: int, names: Names, depth: int) -> tuple[T
     if quotient is None:
         _refuse_fraction(tokens, place, names)
         return None
-    following = tokens[quotient.after] if quotient.after < len(tokens) else None
-    if following is not None and following.is_operator("^") and not quotient.fraction:
+    following = at(tokens, quotient.after)
+    if following.is_operator("^") and not quotient.fraction:
         return None  # dx/dt^2: of the quotient, or of t?
     if not quotient.operand:
         return _applied(tokens, quotient, place, names, depth)
@@ -500,10 +497,10 @@ def _of_operand(tokens: Tokens, quotient: _Quotient, place: int, names: Names, d
         return [Token("name", name.text, first.column, first.space_before), prime], quotient.after
     if primes:
         return None
-    follows = tokens[quotient.after : quotient.after + 1]
-    if declared and quotient.fraction and follows and follows[0].is_operator("(") and follows[0].value != FRACTION:
+    follows = at(tokens, quotient.after)
+    if declared and quotient.fraction and follows.is_operator("(") and follows.value != FRACTION:
         instead = f"write {name.text}'({variables[0].text}), or * before a factor"
-        raise refusals.refusal("a bracket follows a derivative", follows[0].column, instead)
+        raise refusals.refusal("a bracket follows a derivative", follows.column, instead)
     if declared or (role is None and names.guesses and "t" not in by):
         return _carried_out(operand, variables, first, not quotient.partial), quotient.after
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
@@ -557,21 +554,20 @@ def _differentiated(tokens: Tokens, quotient: _Quotient, names: Names, depth: in
         if end == len(tokens):
             return None
     elif first.kind == "name":
-        while end + 1 < len(tokens) and tokens[end + 1].kind == "prime":
-            end += 1
+        end = after_primes(tokens, end + 1) - 1
     elif not quotient.fraction and first.kind != "number":
         return None
     arguments = 0 if bracket or first.kind != "name" else _length_of_arguments(tokens, end + 1, first, names)
     end += arguments
-    following = tokens[end + 1] if end + 1 < len(tokens) else None
-    ends = following is None or following.kind == "newline" or following.is_operator(*_CLEAR)
-    multiplied = following is not None and (
-        following.is_operator("*", "/") or (_is_fraction(tokens, end + 1) and _quotient(tokens, end + 1, names))
+    following = at(tokens, end + 1)
+    ends = following.kind in ("end", "newline") or following.is_operator(*_CLEAR)
+    multiplied = following.is_operator("*", "/") or (
+        _is_fraction(tokens, end + 1) and _quotient(tokens, end + 1, names)
     )
-    raised = following is not None and following.is_operator("^")
+    raised = following.is_operator("^")
     if raised or not (bracket or (first.kind == "name" and (ends or (arguments and multiplied)))):
         what = f"where the derivative ends is not clear, d/d{variable} stands before a product"
-        column = following.column if following is not None else first.column
+        column = following.column or first.column
         raise refusals.refusal(what, column, f"write what it differentiates in brackets, d/d{variable}(...)")
     inner = with_derivatives(tokens[place + bracket : end + 1 - bracket], names, depth + 1)
     return inner, end + 1
@@ -579,7 +575,7 @@ def _differentiated(tokens: Tokens, quotient: _Quotient, names: Names, depth: in
 
 def _length_of_arguments(tokens: Tokens, place: int, name: Token, names: Names) -> int:
     """How many tokens the arguments of a function, or the (t) of a name, take here."""
-    if place >= len(tokens) or not tokens[place].is_operator("(") or tokens[place].value == FRACTION:
+    if not _opens(tokens, place) or tokens[place].value == FRACTION:
         return 0
     end = closing(tokens, place)
     inside = tokens[place + 1 : end]
@@ -591,7 +587,7 @@ def _length_of_arguments(tokens: Tokens, place: int, name: Token, names: Names) 
 
 
 def _is_fraction(tokens: Sequence[Token], place: int) -> bool:
-    return place < len(tokens) and tokens[place].is_operator("(") and tokens[place].value == FRACTION
+    return at(tokens, place).is_operator("(") and tokens[place].value == FRACTION
 
 
 def _quotient(tokens: Tokens, place: int, names: Names) -> _Quotient | None:
@@ -611,7 +607,7 @@ def _quotient(tokens: Tokens, place: int, names: Names) -> _Quotient | None:
     if above is None:
         return None
     order, partial, operand, slash = above
-    if slash >= len(tokens) or not tokens[slash].is_operator("/"):
+    if not at(tokens, slash).is_operator("/"):
         return None
     below = _below(tokens, slash + 1, order, False)
     return None if below is None else _Quotient(operand, below[0], below[1], partial, False)
@@ -634,14 +630,15 @@ def _above(tokens: Sequence[Token], place: int, names: Names, fraction: bool) ->
     operand: Tokens = []
     if word:
         operand = [Token("name", word, first.column, first.space_before)]
-    elif after < len(tokens) and tokens[after].kind == "name":
+    elif at(tokens, after).kind == "name":
         operand, after = [tokens[after]], after + 1
-    elif after < len(tokens) and tokens[after].is_operator("("):
+    elif at(tokens, after).is_operator("("):
         end = closing(tokens, after)
         return (order, first.text == PARTIAL, list(tokens[after : end + 1]), end + 1) if end < len(tokens) else None
-    while operand and after < len(tokens) and tokens[after].kind == "prime":
-        operand, after = [*operand, tokens[after]], after + 1
-    if operand and after < len(tokens) and tokens[after].is_operator("(") and tokens[after].value != FRACTION:
+    if operand:
+        start, after = after, after_primes(tokens, after)
+        operand += tokens[start:after]
+    if operand and at(tokens, after).is_operator("(") and tokens[after].value != FRACTION:
         end = closing(tokens, after)
         operand, after = [*operand, *tokens[after : end + 1]], end + 1
     return (order, first.text == PARTIAL, operand, after) if order else None
@@ -666,9 +663,9 @@ def _below(tokens: Sequence[Token], place: int, order: int, fraction: bool) -> t
         first = tokens[place]
         if first.is_operator(PARTIAL, TOTAL) or first.text == "d":
             place, digit = place + 1, ""
-            if place >= len(tokens) or tokens[place].kind != "name":
+            name = at(tokens, place)
+            if name.kind != "name":
                 return None
-            name = tokens[place]
         elif first.kind == "name" and (match := _BELOW.fullmatch(first.text)):
             name, digit = Token("name", match[1], first.column), match[2]
         else:

@@ -18,7 +18,7 @@ from inverse_service.expressions import refusals
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import notations, parser
 from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
-from inverse_service.reading.tokens import COMPARED, TOTAL, Kind, Token, refuse_decimal_commas, tokenize
+from inverse_service.reading.tokens import COMPARED, TOTAL, Kind, Token, at, refuse_decimal_commas, tokenize
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -110,12 +110,12 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
     found: list[Token] = []
     place = 0
     while place < len(tokens):
-        token, following = tokens[place], tokens[place + 1] if place + 1 < len(tokens) else None
+        token, following = tokens[place], at(tokens, place + 1)
         name, length = "", 1
         if token.kind == "name" and token.text[:1] == "d" and names.role(token.text) is None:
             name = token.text[1:]
         if (token.text == "d" and not name and names.role("d") is None) or token.is_operator(TOTAL):
-            name, length = (following.text, 2) if following is not None and following.kind == "name" else ("", 1)
+            name, length = (following.text, 2) if following.kind == "name" else ("", 1)
         if name == "t" and found and (found[-1].kind in ("name", "prime", "number") or found[-1].is_operator(")")):
             pass  # x dt is x
         elif name == "t":
@@ -282,8 +282,8 @@ def _with_products(tokens: list[Token], names: Names) -> list[Token]:
         if not parts:
             found.append(token)
             continue
-        following = tokens[place + 1] if place + 1 < len(tokens) else None
-        goes_on = following is not None and (following.kind == "prime" or following.is_operator("^"))
+        following = at(tokens, place + 1)
+        goes_on = following.kind == "prime" or following.is_operator("^")
         column, opened = token.column, 0
         note(token.text, written_product(parts, names))
         for number, part in enumerate(parts):
@@ -409,12 +409,12 @@ def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
     start = end = place
     while start and line[start - 1].kind == "name":
         start -= 1
-    while end < len(line) and line[end].kind == "name":
+    while at(line, end).kind == "name":
         end += 1
     if not start or end == len(line) or not (line[start - 1].is_operator("(") and line[end].is_operator(")")):
         return None
-    before, after = line[start - 2] if start > 1 else None, line[end + 1] if end + 1 < len(line) else None
-    begins = _is_edge(before) and after is not None and after.kind == "name"
+    before, after = at(line, start - 2), at(line, end + 1)
+    begins = _is_edge(before) and after.kind == "name"
     follows = (
         line[start - 1].space_before and _ends_factor(before) and _is_edge(after) and not _is_power(line, start - 1)
     )
@@ -436,13 +436,13 @@ def _is_power(line: Sequence[Token], end: int) -> bool:
     return False
 
 
-def _is_edge(token: Token | None) -> bool:
+def _is_edge(token: Token) -> bool:
     """Whether an equation ends or begins there."""
-    return token is None or token.kind == "newline" or token.is_operator(";", ",")
+    return token.kind in ("end", "newline") or token.is_operator(";", ",")
 
 
-def _ends_factor(token: Token | None) -> bool:
-    if token is None or token.text in FUNCTIONS:
+def _ends_factor(token: Token) -> bool:
+    if token.text in FUNCTIONS:
         return False
     return token.kind in ("name", "number", "prime") or token.is_operator(")")
 

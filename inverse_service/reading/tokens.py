@@ -61,6 +61,21 @@ class Token:
 Tokens = list[Token]
 
 
+_BEYOND = Token("end", "", 0)
+
+
+def at(tokens: Sequence[Token], place: int) -> Token:
+    """The token there; an end mark beyond either end, so that no reader can run past it."""
+    return tokens[place] if 0 <= place < len(tokens) else _BEYOND
+
+
+def after_primes(tokens: Sequence[Token], place: int) -> int:
+    """The place after the primes that begin here."""
+    while at(tokens, place).kind == "prime":
+        place += 1
+    return place
+
+
 def closing(tokens: Sequence[Token], opening: int) -> int:
     """The place of the bracket that closes the one at `opening`; the end where none does."""
     depth = 0
