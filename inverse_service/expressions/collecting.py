@@ -22,13 +22,6 @@ from inverse_service.expressions import tree as ex
 MOST_TERMS = 3_000
 _LARGEST_EXPONENT = 64
 _LARGEST_FACTORED = 10**15
-_UNDONE = {
-    ("sin", "asin"), ("cos", "acos"), ("tan", "atan"), ("sinh", "asinh"), ("cosh", "acosh"), ("tanh", "atanh"),
-    ("asinh", "sinh"), ("atanh", "tanh"),
-}  # fmt: skip
-# f(g(u)) = sqrt(a + b u^2) where g(u) is real.
-_ROOTS = {("cos", "asin"): (1, -1), ("sin", "acos"): (1, -1), ("cosh", "asinh"): (1, 1), ("sinh", "acosh"): (-1, 1)}
-
 Terms = dict[collecting_trees.Monomial, Fraction]
 
 
@@ -228,26 +221,25 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
 
 
 def _function(tree: ex.Apply) -> Terms:
-    inner = tree.argument
-    if isinstance(inner, ex.Apply) and (tree.function, inner.function) in _UNDONE:
-        return _expand(inner.argument)
-    if isinstance(inner, ex.Apply) and (tree.function, inner.function) in _ROOTS:
-        a, b = _ROOTS[tree.function, inner.function]
-        return _expand(ex.square_root(a + b * inner.argument**2))
+    inner, row = tree.argument, functions.FUNCTION.get(tree.function)
+    if isinstance(inner, ex.Apply) and row is not None:
+        if row.undoes == inner.function:
+            return _expand(inner.argument)
+        if row.root is not None and row.root[0] == inner.function:
+            return _expand(ex.square_root(row.root[1] + row.root[2] * inner.argument**2))
     special = _SPECIAL.get(tree.function)
     if special:
         return special(_expand(inner))
-    inner, parity = (
-        _canonical(inner),
-        functions.FUNCTION[tree.function].parity if tree.function in functions.FUNCTION else 0,
-    )
+    inner = _canonical(inner)
+    first = ex.factors_of(inner)[0]
     if (
-        parity
+        row is not None
+        and row.parity
         and isinstance(inner, ex.Product)
-        and isinstance(inner.factors[0], ex.Number)
-        and inner.factors[0].value < 0
+        and isinstance(first, ex.Number)
+        and first.value < 0
     ):
-        return _scaled(_atom(ex.Apply(tree.function, -inner)), Fraction(parity))
+        return _scaled(_atom(ex.Apply(tree.function, -inner)), Fraction(row.parity))
     return _atom(ex.Apply(tree.function, inner))
 
 

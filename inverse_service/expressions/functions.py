@@ -16,7 +16,8 @@ class Function:
     """One function f of one real argument u.
 
     `derivative` is f' as a tree of u. `parity` is 1 where f(-u) = f(u), -1 where f(-u) = -f(u), else 0. `reciprocal`
-    names g with f = 1/g. `holds` says whether f has a real value at a number, and `wanted` which numbers these are.
+    names g with f = 1/g, `undoes` g with f(g(u)) = u wherever g is real, `root` g with f(g(u)) = sqrt(a + b u^2) there,
+    and a, b. `holds` says whether f has a real value at a number, and `wanted` which numbers these are.
     `command` is its LaTeX, `shown` its name in print.
     """
 
@@ -28,6 +29,8 @@ class Function:
     wanted: str = ""
     command: str = ""
     shown: str = ""
+    undoes: str = ""
+    root: tuple[str, int, int] | None = None
 
 
 def _square(u: ex.Expression) -> ex.Expression:
@@ -50,15 +53,15 @@ _NOT_ZERO = (bool, "a number other than 0")
 _ROWS = (
     Function("exp", _other("exp"), command="\\exp"),
     Function("log", lambda u: u**-1, 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),
-    Function("sin", _other("cos"), -1, command="\\sin"),
-    Function("cos", lambda u: -ex.apply("sin", u), 1, command="\\cos"),
-    Function("tan", lambda u: 1 + _square(ex.apply("tan", u)), -1, command="\\tan"),
+    Function("sin", _other("cos"), -1, command="\\sin", undoes="asin", root=("acos", 1, -1)),
+    Function("cos", lambda u: -ex.apply("sin", u), 1, command="\\cos", undoes="acos", root=("asin", 1, -1)),
+    Function("tan", lambda u: 1 + _square(ex.apply("tan", u)), -1, command="\\tan", undoes="atan"),
     Function("cot", lambda u: -(1 + _square(ex.apply("cot", u))), -1, "tan", *_NOT_ZERO, "\\cot"),
     Function("sec", lambda u: ex.apply("sec", u) * ex.apply("tan", u), 1, "cos", command="\\sec"),
     Function("csc", _negative_product("csc", "cot"), -1, "sin", *_NOT_ZERO, "\\csc"),
-    Function("sinh", _other("cosh"), -1, command="\\sinh"),
-    Function("cosh", _other("sinh"), 1, command="\\cosh"),
-    Function("tanh", lambda u: 1 - _square(ex.apply("tanh", u)), -1, command="\\tanh"),
+    Function("sinh", _other("cosh"), -1, command="\\sinh", undoes="asinh", root=("acosh", -1, 1)),
+    Function("cosh", _other("sinh"), 1, command="\\cosh", undoes="acosh", root=("asinh", 1, 1)),
+    Function("tanh", lambda u: 1 - _square(ex.apply("tanh", u)), -1, command="\\tanh", undoes="atanh"),
     Function("coth", lambda u: 1 - _square(ex.apply("coth", u)), -1, "tanh", *_NOT_ZERO, "\\coth"),
     Function("sech", _negative_product("sech", "tanh"), 1, "cosh"),
     Function("csch", _negative_product("csch", "coth"), -1, "sinh", *_NOT_ZERO),
@@ -67,12 +70,12 @@ _ROWS = (
     Function("acos", lambda u: -_inverse_root(1 - _square(u)), 0, "", lambda u: abs(u) <= 1,
              "a number between -1 and 1", "\\arccos", "arccos"),
     Function("atan", lambda u: (1 + _square(u))**-1, -1, command="\\arctan", shown="arctan"),
-    Function("asinh", lambda u: _inverse_root(1 + _square(u)), -1),
+    Function("asinh", lambda u: _inverse_root(1 + _square(u)), -1, undoes="sinh"),
     # Two roots and not that of u^2 - 1, which would be real for u < -1 too, where acosh is not.
     Function("acosh", lambda u: _inverse_root(u - 1) * _inverse_root(u + 1), 0, "",
              lambda u: u >= 1, "a number not less than 1"),
     Function("atanh", lambda u: (1 - _square(u))**-1, -1, "", lambda u: abs(u) < 1,
-             "a number between -1 and 1"),
+             "a number between -1 and 1", undoes="tanh"),
 )  # fmt: skip
 FUNCTION: dict[str, Function] = {row.name: row for row in _ROWS}
 RECIPROCALS: dict[str, str] = {row.name: row.reciprocal for row in _ROWS if row.reciprocal}

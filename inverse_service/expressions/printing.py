@@ -12,7 +12,7 @@ The text is a small part of what `reader.py` reads:
               | "diff(" name "(" name {", " name} "), " name {", " name} ")"
               | name "[" integer {"," integer} "](" formula {", " formula} ")"
 
-`sqrt` is the only function besides `tree.ELEMENTARY` and the declared ones; integers have no sign;
+`sqrt` is the only function besides those of `functions.py` and the declared ones; integers have no sign;
 rational numbers are written as quotients. A'(u) is the derivative of a declared function of one
 argument; for several, diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w),
 with the order of the derivative in each argument. The text reads back to the same value, and the

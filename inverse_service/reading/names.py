@@ -14,7 +14,7 @@ from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.letters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
 from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
-from inverse_service.expressions.tree import ELEMENTARY, Expression, Number, apply, number, square_root
+from inverse_service.expressions.tree import Expression, Number, apply, number, square_root
 
 ALIASES = {
     "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",
@@ -40,7 +40,7 @@ _COMPOSED: dict[str, Callable[[Expression], Expression]] = {
 }
 DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
 PIECEWISE = frozenset(("piecewise", "Piecewise"))
-FUNCTIONS = ELEMENTARY | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE | {STEP}
+FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE | {STEP}
 
 _KINK = "is not differentiable everywhere"
 _SPECIAL, _NOT_DONE = "is not an elementary function", "is not carried out here"

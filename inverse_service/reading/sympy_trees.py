@@ -15,6 +15,7 @@ from sympy.integrals.heurisch import heurisch
 from sympy.simplify.fu import TR8
 
 from inverse_service import errors
+from inverse_service.expressions import functions
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.reading import parser
@@ -116,7 +117,7 @@ def _refused(what: str, instead: str) -> errors.InputError:
 
 def _elementary(expression: Any, leaves: Leaves) -> ex.Expression:
     name = type(expression).__name__
-    if name not in ex.ELEMENTARY or len(expression.args) != 1:
+    if name not in functions.FUNCTION or len(expression.args) != 1:
         raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
     return ex.Apply(name, from_sympy(expression.args[0], leaves))
 

@@ -15,9 +15,9 @@ from mpmath import mp, mpf
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.printing import to_latex, to_mathml, to_text
 from inverse_service.expressions.tree import (
-    ELEMENTARY,
     MINUS_ONE,
     ONE,
     PI,
@@ -67,7 +67,7 @@ def _compound(inner: some.SearchStrategy[Expression]) -> some.SearchStrategy[Exp
         inner.map(lambda part: multiply(MINUS_ONE, part)),
         some.builds(power, inner.filter(lambda part: part != ZERO), some.sampled_from(EXPONENTS)),
         some.builds(power, inner.filter(lambda part: part != ZERO), inner),
-        some.builds(Apply, some.sampled_from(sorted(ELEMENTARY)), inner),
+        some.builds(Apply, some.sampled_from(sorted(FUNCTION)), inner),
         some.builds(lambda u, k: Arbitrary("A", (u,), (k,)), inner, some.integers(0, 3)),
         some.builds(lambda u, w, k: Arbitrary("B", (u, w), (k, 1)), inner, inner, some.integers(0, 2)),
     )
