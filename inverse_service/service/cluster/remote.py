@@ -93,21 +93,24 @@ async def cancel(key: str) -> None:
 def _pool(count: int, memory_limit: int) -> workers.Workers:
     """The pool of this process, of workers with this limit; one with another limit ends."""
     with _lock:
-        if memory_limit not in _pools:
-            for pool in _pools.values():
-                pool.stop()
-            _pools.clear()
-            # Under a nanny this process is daemonic, which multiprocessing takes for one without children.
-            multiprocessing.current_process().daemon = False
-            pool = _pools[memory_limit] = workers.Workers(count, memory_limit)
-            started = threading.Event()
-            # The kernel sends the death signal when the thread ends that started the server: this one never does.
-            threading.Thread(target=_keep, args=(pool, started), name="pool", daemon=True).start()
-            started.wait()
-        return _pools[memory_limit]
+        if memory_limit in _pools:
+            return _pools[memory_limit]
+        for pool in _pools.values():
+            pool.stop()
+        _pools.clear()
+        # Under a nanny this process is daemonic, which multiprocessing takes for one without children.
+        multiprocessing.current_process().daemon = False
+        pool, started = workers.Workers(count, memory_limit), threading.Event()
+        threading.Thread(target=_keep, args=(memory_limit, pool, started), name="pool", daemon=True).start()
+        started.wait()
+        return pool
 
 
-def _keep(pool: workers.Workers, started: threading.Event) -> None:
-    pool.start()
-    started.set()
+def _keep(memory_limit: int, pool: workers.Workers, started: threading.Event) -> None:
+    """Start the pool, and never end: the kernel sends the death signal when the thread does that started the server."""
+    try:
+        pool.start()
+        _pools[memory_limit] = pool
+    finally:  # a pool that could not be started fails its task, and the next one makes another
+        started.set()
     threading.Event().wait()
