@@ -338,7 +338,7 @@ function following() {
     if (told.status === "running" && heading) heading.textContent = "Working on it";
     const progress = told.progress ?? (told.status ? null : told);
     const text = typeof progress === "object" ? (progress?.stage ?? progress?.message) : progress;
-    if (text) say(String(text));
+    if (text && heading) say(String(text)); // a page with a part of the answer says itself what is looked for
   });
   source.addEventListener("error", () => {
     say("The service is not responding. Your request is saved, and this page continues when the service is back.");
