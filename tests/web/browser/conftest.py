@@ -135,7 +135,7 @@ def leave(page: Page) -> None:
 
 def whole(page: Page) -> None:
     """Wait until the page of open work, which shows what is confirmed so far, has become the result."""
-    expect(page.locator("[data-events]")).to_have_count(0, timeout=60_000)
+    expect(page.locator("[data-events]")).to_have_count(0, timeout=120_000)
 
 
 def cleared(page: Page) -> None:

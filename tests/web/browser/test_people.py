@@ -18,7 +18,7 @@ from .test_every_page import is_too_wide, open_all, violations
 
 DAMPED = "m x'' + d x' + k x = 0"
 SLEIGH = {
-    "lagrangian": "m/2*(x'^2+y'^2)+J/2*phi'^2+m*a*phi'*(-x'*sin(phi)+y'*cos(phi))",
+    "lagrangian": "(x'^2+y'^2)/2 + phi'^2 + phi'*(-x'*sin(phi)+y'*cos(phi))",
     "constraints": ["x'*sin(phi)-y'*cos(phi)"],
     "parameters": "guess",
 }
