@@ -20,13 +20,12 @@ from fractions import Fraction
 from functools import reduce
 
 import numpy as np
-from flint import nmod_mat
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
 from inverse_service.expressions import collecting, collecting_trees, derivative, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, flow, matrices
+from inverse_service.field import exact_field, flow, matrices, modular, null_vectors
 from inverse_service.field.point import Variable
 from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics import writing
@@ -226,7 +225,7 @@ class _Integrals:
             return
         first = int(np.argmax(points.good))
         rows = np.array([jet.data[1:, 0, first] for jet in jets])
-        if nmod_mat(len(trees), rows.shape[1], rows.ravel().tolist(), flow.PRIME).rank() < len(trees):
+        if len(null_vectors.pivots(rows.T, flow.PRIME)) < len(trees):
             return
         self.functions.append(tree)
         names = [each.name for each in self.kept]
@@ -313,11 +312,9 @@ class _Integrals:
         powers = {key: reduce(product, (pairs[k] for k in key), one) for key in {key for key, _ in ansatz.terms}}
         values = np.array([one, *(product(powers[key], pairs[forms + k]) for key, k in ansatz.terms)])
         # Terms that are combinations of 1 and of those before them add nothing.
-        with_one = nmod_mat(wanted, len(values), values[:, 0].T.ravel().tolist(), flow.PRIME)
-        own = [place - 1 for place in _pivots(with_one) if place]
-        rates = values[1:, 1][own].T
-        chosen = nmod_mat(wanted, len(own), rates.ravel().tolist(), flow.PRIME)
-        return [[own[k] for k in vector] for vector in _kernel(chosen)]
+        own = [place - 1 for place in null_vectors.pivots(values[:, 0].T, flow.PRIME) if place]
+        vectors = modular.kernel(values[1:, 1][own].T.tolist(), len(own), flow.PRIME)
+        return [[own[k] for k, c in enumerate(vector) if c] for vector in vectors]
 
     # Exact.
 
@@ -431,24 +428,6 @@ class _Integrals:
             ):
                 return f"angular momentum in {listed}"
         return otherwise
-
-
-def _pivots(matrix: nmod_mat) -> list[int]:
-    """The columns that are no combinations of earlier ones."""
-    reduced, rank = matrix.rref()
-    found: list[int] = []
-    for i in range(rank):
-        first = found[-1] + 1 if found else 0
-        found.append(next(k for k in range(first, reduced.ncols()) if int(reduced[i, k])))
-    return found
-
-
-def _kernel(matrix: nmod_mat) -> list[list[int]]:
-    """The places of the entries of each vector of a basis of the kernel, the column that it has to itself last."""
-    reduced, rank = matrix.rref()
-    leading = _pivots(matrix)
-    free = [k for k in range(matrix.ncols()) if k not in set(leading)]
-    return [[*(p for i, p in enumerate(leading[:rank]) if int(reduced[i, k])), k] for k in free]
 
 
 def _cleared(

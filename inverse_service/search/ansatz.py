@@ -9,33 +9,28 @@ Which combinations of terms have a multiplier as Hessian: the ansatz without its
 The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric;
 (H1) holds. Terms linear in the velocities do not enter, so this small problem tells whether a family
 holds a regular Lagrangian before its potentials are searched for.
-
-Rational null vectors of matrices over a prime field: a common factor of all entries does not matter, so matrices may be
-in Montgomery form. Bases are in reduced form: each vector has the last of its columns to itself, with entry 1.
 """
 
 from __future__ import annotations
 
 import itertools
-import random
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import NamedTuple, TypeGuard, TypeVar
 
 import numpy as np
-from flint import nmod_mat
 
-from inverse_service import bounds, deadline
+from inverse_service import bounds
 from inverse_service.deadline import STEP, check
 from inverse_service.decision.deciding import Analysis, variables_of
 from inverse_service.decision.kinds.helmholtz import tensors, written
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
-from inverse_service.field import modular
+from inverse_service.field import modular, null_vectors
 from inverse_service.field.dense_series import SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import TooLarge
@@ -46,153 +41,6 @@ from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Matrix, SamplePoints
 from inverse_service.field.tower import Tower, atoms_in_order, draw_point, to_kernels
 from inverse_service.search.terms import Monomial
-
-# So many equations more than unknowns: a random one holds by accident with the probability 1/P, P the prime.
-SPARE = 12
-
-
-@dataclass(frozen=True, slots=True)
-class Kernel:
-    """A basis modulo the prime, (nullity, width), and the column that each vector has to itself."""
-
-    basis: nmod_mat
-    columns: tuple[int, ...]
-
-    @property
-    def nullity(self) -> int:
-        return len(self.columns)
-
-    def rational_vectors(self) -> list[dict[int, Fraction]]:
-        """Those whose entries are small rationals, as tables of the entries that are not 0."""
-        vectors = [_rational([int(x) for x in row], int(self.basis.modulus())) for row in self.basis.tolist()]
-        return [vector for vector in vectors if vector is not None]
-
-
-def _rational(row: list[int], prime: int) -> dict[int, Fraction] | None:
-    vector: dict[int, Fraction] = {}
-    for k, x in enumerate(row):
-        if x:
-            value = modular.reconstruct(x, prime, bounds.NUMBER)
-            if value is None:
-                return None
-            vector[k] = value
-    return vector
-
-
-def small_solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] | None:
-    """Small rationals e with row[:-1] . e = row[-1], columns that depend on earlier ones left out; None without one."""
-    width = len(rows[0]) - 1
-    reduced, order = nmod_mat(len(rows), width + 1, [a % prime for row in rows for a in row], prime).rref()
-    solution = [Fraction(0)] * width
-    for i in range(order):
-        pivot = next(k for k in range(width + 1) if int(reduced[i, k]))
-        value = modular.reconstruct(int(reduced[i, width]), prime, bounds.RATIO)
-        if pivot == width or value is None:
-            return None
-        solution[pivot] = value
-    return solution
-
-
-def kernel(matrix: Words, prime: int) -> Kernel:
-    """The kernel of a matrix, (equations, unknowns)."""
-    return _kernel(_over_field(matrix, prime))
-
-
-def _check_work(rows: int, columns: int) -> None:
-    """What an elimination costs, in units of the search."""
-    deadline.check(1 + rows * columns // 100 + rows * columns * min(rows, columns) // 10_000)
-
-
-def _over_field(matrix: Words, prime: int) -> nmod_mat:
-    rows, columns = matrix.shape
-    _check_work(rows, columns)
-    return nmod_mat(int(rows), int(columns), matrix.ravel().tolist(), prime)
-
-
-def random_null_vector(matrix: Words, prime: int, generator: random.Random) -> list[int]:
-    """A random element of the kernel of a matrix, (equations, unknowns)."""
-    reduced, rank = _over_field(matrix, prime).rref()
-    leading, width = modular.leading_columns(reduced, rank), reduced.ncols()
-    vector = [generator.randrange(prime) for _ in range(width)]
-    for pivot in leading:
-        vector[pivot] = 0
-    needed = (reduced * nmod_mat(width, 1, vector, prime)).entries()
-    for pivot, value in zip(leading, needed, strict=False):
-        vector[pivot] = -int(value) % prime
-    return vector
-
-
-def pivots(matrix: Words, prime: int) -> list[int]:
-    """The columns that are no combinations of earlier ones."""
-    return modular.leading_columns(*_over_field(matrix, prime).rref())
-
-
-def _kernel(matrix: nmod_mat) -> Kernel:
-    reduced, rank = matrix.rref()
-    width, leading = matrix.ncols(), modular.leading_columns(reduced, rank)
-    taken = set(leading)
-    free = [k for k in range(width) if k not in taken]
-    prime = int(matrix.modulus())
-    basis = [0] * (len(free) * width)
-    for row, unknown in enumerate(free):
-        basis[row * width + unknown] = 1
-        for i, pivot in enumerate(leading):
-            if pivot > unknown:
-                break
-            basis[row * width + pivot] = -int(reduced[i, unknown]) % prime
-    return Kernel(nmod_mat(len(free), width, basis, prime), tuple(free))
-
-
-def restricted(known: Kernel, matrix: Words) -> Kernel:
-    """The vectors of a kernel that further equations annihilate too."""
-    further = _over_field(matrix, int(known.basis.modulus()))
-    inside = _kernel(further * known.basis.transpose())
-    return Kernel(inside.basis * known.basis, tuple(known.columns[k] for k in inside.columns))
-
-
-def settled_kernel(
-    equations: Callable[[int, int], Words], prime: int, first: int, further: Callable[[int], int]
-) -> Kernel:
-    """The kernel of the equations at so many samples that more of them no longer shrink it.
-
-    `equations(begin, end)` gives those of these samples; `first` samples are taken, then `further(nullity)`
-    at a time.
-    """
-    found, taken = kernel(equations(0, first), prime), first
-    while found.nullity:
-        before, end = found.nullity, taken + further(found.nullity)
-        found, taken = restricted(found, equations(taken, end)), end
-        if found.nullity == before:
-            break
-    return found
-
-
-@dataclass(slots=True)
-class SampledRows:
-    """Equations sample by sample, each computed once; `equations(begin, end)` gives `width` rows for each of these."""
-
-    equations: Callable[[int, int], Words]
-    width: int
-    rows: Words | None = None
-
-    def of(self, columns: Sequence[int], begin: int, end: int) -> Words:
-        """The rows of these samples for these unknowns."""
-        taken = 0 if self.rows is None else len(self.rows) // self.width
-        if end > taken:
-            further = self.equations(taken, end)
-            self.rows = further if self.rows is None else np.concatenate([self.rows, further])
-        assert self.rows is not None
-        return self.rows[begin * self.width : end * self.width, columns]
-
-
-def rational_vectors(unknowns: int, rows: SampledRows, prime: int, spare: int) -> list[dict[int, Fraction]]:
-    """The rational null vectors, in the order of their own columns."""
-
-    def samples(unknowns: int) -> int:
-        return (unknowns + spare) // rows.width + 1
-
-    inside = settled_kernel(partial(rows.of, range(unknowns)), prime, samples(unknowns), samples)
-    return sorted(inside.rational_vectors(), key=max)
 
 
 @dataclass(frozen=True, slots=True)
@@ -533,14 +381,14 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
         return euler_lagrange_matrix(table, letters, candidates)
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
-    found = rational_vectors(len(candidates), SampledRows(equations, n), sampler.prime(seed), SPARE)
+    found = null_vectors.rational_vectors(len(candidates), null_vectors.SampledRows(equations, n), sampler.prime(seed))
     kept = _that_hold(sampler, candidates, found, seed + 77_777)
     return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
 
 
 def null_combinations(matrix: Words, candidates: Sequence[Monomial], prime: int) -> list[Combination]:
     """The rational part of the kernel of a matrix, (equations, candidates)."""
-    vectors = kernel(matrix, prime).rational_vectors()
+    vectors = null_vectors.kernel(matrix, prime).rational_vectors()
     return [{candidates[k]: a for k, a in vector.items()} for vector in vectors]
 
 
@@ -574,7 +422,7 @@ def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> 
         return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
-    vectors = rational_vectors(len(terms), SampledRows(equations, n * n), sampler.prime(seed), SPARE)
+    vectors = null_vectors.rational_vectors(len(terms), null_vectors.SampledRows(equations, n * n), sampler.prime(seed))
     return LagrangianSpace(sampler, tuple({terms[k]: a for k, a in vector.items()} for vector in vectors))
 
 
@@ -592,9 +440,9 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
         return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     def samples(unknowns: int) -> int:
-        return (unknowns + SPARE) // n**2 + 1
+        return (unknowns + null_vectors.SPARE) // n**2 + 1
 
-    found = settled_kernel(equations, points.prime, samples(len(terms)), samples)
+    found = null_vectors.settled_kernel(equations, points.prime, samples(len(terms)), samples)
     used = {k for row in found.basis.tolist() for k, x in enumerate(row) if int(x)}
     return [terms[k] for k in sorted(used)]
 
@@ -602,8 +450,8 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
 def _independent(points: SamplePoints, terms: Sequence[Monomial]) -> list[Monomial]:
     """The terms without those that are combinations of earlier ones at these points."""
     letters = letters_of(terms)
-    rows = values_at(points, letters, len(terms) + SPARE)
-    return [terms[k] for k in pivots(products_of_values(rows, letters, terms, points.prime), points.prime)]
+    rows = values_at(points, letters, len(terms) + null_vectors.SPARE)
+    return [terms[k] for k in null_vectors.pivots(products_of_values(rows, letters, terms, points.prime), points.prime)]
 
 
 def helmholtz_matrix(

@@ -26,8 +26,8 @@ from math import inf, lcm
 from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions import tree as ex
+from inverse_service.field import null_vectors, tower
 from inverse_service.field import point as ps
-from inverse_service.field import tower
 from inverse_service.field.point import Expansion, SingularPoint, Variable, evaluate
 from inverse_service.search import ansatz
 from inverse_service.search.material import (
@@ -103,7 +103,7 @@ def _solve(
         rows = [_row(Expansion(point, [variable], 1), letters, primitives, given) for point in points]
     except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return None
-    return ansatz.small_solution(rows, points[0].prime)
+    return null_vectors.small_solution(rows, points[0].prime)
 
 
 def _row(
@@ -170,7 +170,7 @@ def _constants_of_divergence(
     for point, along, (connection, _) in places:
         trace = 2 * sum(connection[i][i] for i in range(material.motion.size))
         rows.append([*along, *(evaluate(tower.to_kernels(c), point) for c in constants), trace % table.prime])
-    return ansatz.small_solution(rows, table.prime)
+    return null_vectors.small_solution(rows, table.prime)
 
 
 HALF = Fraction(1, 2)

@@ -51,7 +51,7 @@ from inverse_service.expressions.tree import (
     square_root,
     walk,
 )
-from inverse_service.field import modular
+from inverse_service.field import modular, null_vectors
 from inverse_service.field import point as ps
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
@@ -59,16 +59,7 @@ from inverse_service.field.modular import Field, compiled, multiply, reconstruct
 from inverse_service.field.point import Expansion, SingularPoint, Variable, variables_in
 from inverse_service.field.sample_points import SamplePoints
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
-from inverse_service.search.ansatz import (
-    SPARE,
-    LetterTable,
-    helmholtz_matrix,
-    letters_of,
-    random_null_vector,
-    sampler_of,
-    table_at,
-    to_montgomery,
-)
+from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.material import Material, antiderivatives, distinct, moving_letters, oriented
 from inverse_service.search.terms import (
@@ -433,7 +424,7 @@ def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) 
     unknowns = material.motion.size + 1 + material.motion.with_time
     sampler, chosen = sampler_of(material.analysis, list(shapes[: bounds.SMALL]))
     points, letters = sampler.at_one_place(seed), letters_of(chosen)
-    count = (len(chosen) * unknowns + SPARE) // material.motion.size**2 + 2
+    count = (len(chosen) * unknowns + null_vectors.SPARE) // material.motion.size**2 + 2
     table = table_at(points, letters, count, with_third=True)
     matrix, hessians = helmholtz_matrix(sampler, table, letters, chosen)
     generator = random.Random(f"velocity shapes {seed}")
@@ -498,7 +489,7 @@ def _random_solution(
     rows[:, :width] = matrix
     in_order = np.ascontiguousarray(hessians)  # for machine code: some chosen along the second axis are not
     _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), in_order, rows, modular.field_of(prime))
-    return random_null_vector(rows, prime, generator)
+    return null_vectors.random_null_vector(rows, prime, generator)
 
 
 @compiled

@@ -46,7 +46,7 @@ import numpy as np
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, evaluation
 from inverse_service.expressions import tree as ex
-from inverse_service.field import real_point
+from inverse_service.field import null_vectors, real_point
 from inverse_service.field.point import SingularPoint, number_value
 from inverse_service.search import ansatz, members, quadratures
 from inverse_service.search.factors import Factors, find_factors
@@ -327,7 +327,7 @@ def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int
 def independent(samples: Samples, terms: Sequence[Monomial]) -> list[Monomial]:
     """The terms without those that are combinations of earlier ones as functions (1 = sin^2 + cos^2)."""
     rows = ansatz.monomial_values(samples.table, list(samples.places), terms)
-    return [terms[k] for k in ansatz.pivots(rows, samples.prime)]
+    return [terms[k] for k in null_vectors.pivots(rows, samples.prime)]
 
 
 def montgomery_values(samples: Samples, terms: Sequence[Monomial]) -> list[list[int]]:
@@ -377,7 +377,7 @@ def _of_degree(
     phis = {e: position_factors(factors, degree * e) for e in exponents}
     candidates = candidate_terms(material, degree)
     every = [*candidates, *(phi for group in phis.values() for phi in group)]
-    samples = sampled(material, every, len(candidates) + ansatz.SPARE, seed)
+    samples = sampled(material, every, len(candidates) + null_vectors.SPARE, seed)
     candidates = independent(samples, candidates)
     values = montgomery_values(samples, candidates)
     rates = [[samples.along(k, key) for key in candidates] for k in range(len(values))]
@@ -579,13 +579,13 @@ def _combined(material: Material, bases: Sequence[ex.Expression], seed: int) -> 
         return
     letters = [p for p in material.position_letters if not isinstance(p, ex.Number)][: bounds.FEW]
     try:
-        samples = sampled(material, [monomial(p) for p in (*bases, *letters)], len(letters) + ansatz.SPARE, seed)
+        samples = sampled(material, [monomial(p) for p in (*bases, *letters)], len(letters) + null_vectors.SPARE, seed)
     except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return
     linear = [base for base in bases if _degree(material, base) == 1]
     choices: list[tuple[ex.Expression, ...]] = [(base,) for base in bases]
     for chosen in [*choices, *itertools.combinations(linear, 2)]:
-        solution = ansatz.small_solution(_exponents(samples, chosen, letters), samples.prime)
+        solution = null_vectors.small_solution(_exponents(samples, chosen, letters), samples.prime)
         if solution is not None:
             used = [(p, e) for p, e in zip([*chosen, *letters], solution, strict=True) if e]
             yield LastMultiplier(
