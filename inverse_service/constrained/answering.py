@@ -132,17 +132,17 @@ def answer_motion(
     stands where the time for that is over.
     """
     told: list[MotionAnswer] = []
-    work = _Work(motion, known, seed, deadline, progress, None if tell is None else _noting(told, tell))
+    work = _Work(motion, known, seed, deadline, progress, None if tell is None else _remember_told(told, tell))
     try:
         with until(deadline):
-            return _both(work, time_dependent, analyze_motion(motion, positive), reduced)
+            return _answer_both_questions(work, time_dependent, analyze_motion(motion, positive), reduced)
     except IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     except OutOfTime:
         return told[-1] if told else MotionAnswer("undetermined", "undetermined", OUT_OF_TIME)
 
 
-def _noting(told: list[MotionAnswer], tell: Callable[[MotionAnswer], None]) -> Callable[[MotionAnswer], None]:
+def _remember_told(told: list[MotionAnswer], tell: Callable[[MotionAnswer], None]) -> Callable[[MotionAnswer], None]:
     def both(answer: MotionAnswer) -> None:
         told.append(answer)
         tell(answer)
@@ -150,32 +150,34 @@ def _noting(told: list[MotionAnswer], tell: Callable[[MotionAnswer], None]) -> C
     return both
 
 
-def _both(work: _Work, time_dependent: bool | None, analyzed: AnalyzedMotion, reduced: Answer | None) -> MotionAnswer:
+def _answer_both_questions(
+    work: _Work, time_dependent: bool | None, analyzed: AnalyzedMotion, reduced: Answer | None
+) -> MotionAnswer:
     motion = work.motion
     both = time_dependent is None and not motion.depends_on_time
     fitting = any(not one.with_time for one in work.known)
     if reduced is not None and not fitting and time_dependent is not True:
-        carried = _of_reduced(work, analyzed, reduced)
+        carried = _carry_reduced_answer(work, analyzed, reduced)
         if carried is not None:
             return carried
     if not both:
         with_time = time_dependent is not False or motion.depends_on_time
-        return _answer(work, analyzed, _decided(work, analyzed, with_time), with_time)
-    plain = _decided(work, analyzed, with_time=False)
+        return _answer_question(work, analyzed, _decide_in_share(work, analyzed, with_time), with_time)
+    plain = _decide_in_share(work, analyzed, with_time=False)
     if plain.exists is False:  # one proof for both questions, where there is no L(t, q, q') either
-        timed = _decided(work, analyzed, with_time=True)
+        timed = _decide_in_share(work, analyzed, with_time=True)
         if (
             timed.exists is False
-            and (other := _answer(work, analyzed, timed, with_time=True)).verdict != "undetermined"
+            and (other := _answer_question(work, analyzed, timed, with_time=True)).verdict != "undetermined"
         ):
             return other
     else:
         timed = None
-    first = _answer(work, analyzed, plain, with_time=False)
+    first = _answer_question(work, analyzed, plain, with_time=False)
     if first.verdict == "variational":
         return first
-    timed = timed or _decided(work, analyzed, with_time=True)
-    other = _answer(work, analyzed, timed, with_time=True)
+    timed = timed or _decide_in_share(work, analyzed, with_time=True)
+    other = _answer_question(work, analyzed, timed, with_time=True)
     if other.verdict == "not_variational":
         return other  # no L(t, q, q'), so no L(q, q')
     return MotionAnswer(
@@ -190,7 +192,7 @@ def _both(work: _Work, time_dependent: bool | None, analyzed: AnalyzedMotion, re
     )
 
 
-def _of_reduced(work: _Work, analyzed: AnalyzedMotion, reduced: Answer) -> MotionAnswer | None:
+def _carry_reduced_answer(work: _Work, analyzed: AnalyzedMotion, reduced: Answer) -> MotionAnswer | None:
     """The yes of the reduced system carried on to the motion, once the checker agrees.
 
     Without a Lagrangian in closed form the certificate is that of the free coordinates alone.
@@ -204,27 +206,27 @@ def _of_reduced(work: _Work, analyzed: AnalyzedMotion, reduced: Answer) -> Motio
         return MotionAnswer("variational", "variational", "", proof, None, "", steps, reduced.exceptions)
     whole = on_whole_motion(work.motion, closed, reduced.lagrangian)
     plain = existence.of_lagrangian(analyzed, whole.expression, False)
-    proven = _confirmed(work, analyzed, plain, [whole.expression])
+    proven = _confirm_certificate(work, analyzed, plain, [whole.expression])
     if proven is None:
         return None
-    found, (certificate, exceptions) = _carried_on(work, whole), proven
+    found, (certificate, exceptions) = _complete_lagrangian(work, whole), proven
     steps += lagrangian_steps(whole.expression, found.jet)
     return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps, exceptions)
 
 
-def _decided(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> Finding:
+def _decide_in_share(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> Finding:
     limit = now() + _SHARE_OF_DECISION * work.left()
     return decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
 
 
-def _answer(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
+def _answer_question(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
     if found.exists is False:
-        return _proven(work, analyzed, found, with_time, "not_variational")
+        return _prove_verdict(work, analyzed, found, with_time, "not_variational")
     if found.exists and work.tell is not None and not any(with_time or not one.with_time for one in work.known):
-        work.tell(_proven(work, analyzed, found, with_time, "variational"))
-    for lagrangian in _lagrangians(work, with_time):
+        work.tell(_prove_verdict(work, analyzed, found, with_time, "variational"))
+    for lagrangian in _propose_lagrangians(work, with_time):
         tree = lagrangian.lagrangian.expression
-        proven = _confirmed(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
+        proven = _confirm_certificate(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
         if proven is not None:
             certificate, exceptions = proven
             steps = (
@@ -236,11 +238,13 @@ def _answer(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bo
             return MotionAnswer("variational", "variational", "", proof, lagrangian, size, steps, exceptions)
     if found.exists is None:
         return MotionAnswer("undetermined", "undetermined", open_reason(found))
-    return _proven(work, analyzed, found, with_time, "variational")
+    return _prove_verdict(work, analyzed, found, with_time, "variational")
 
 
-def _proven(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool, verdict: Verdict) -> MotionAnswer:
-    proven = _confirmed(work, analyzed, existence.of_finding(analyzed, found, with_time))
+def _prove_verdict(
+    work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool, verdict: Verdict
+) -> MotionAnswer:
+    proven = _confirm_certificate(work, analyzed, existence.of_finding(analyzed, found, with_time))
     size = freedom(found, len(work.motion.coordinates), with_time)
     if proven is None:
         reason = f"the solver found {verdict.replace('_', ' ')} at order {found.order}, but {_NOT_CONFIRMED}"
@@ -250,7 +254,7 @@ def _proven(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bo
     return MotionAnswer(verdict, verdict, "", proven[:1], None, size, steps, proven[1])
 
 
-def _confirmed(
+def _confirm_certificate(
     work: _Work, analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
 ) -> tuple[dict[str, Any], tuple[str, ...]] | None:
     """The certificate that the checker finds valid, as it is or about one side of roots, and its exceptions."""
@@ -261,7 +265,7 @@ def _confirmed(
     return (certificate, found.exceptions) if found.verdict == "valid" else None
 
 
-def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
+def _propose_lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
     """Those of associated systems, else of the reduced system, of other closed functions, what an ansatz finds."""
     fitting = [one for one in work.known if with_time or not one.with_time]
     if fitting:
@@ -274,22 +278,22 @@ def _lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
     if work.left() < _LEAST_FOR_ANSATZ:
         return []
     work.progress("any: reduced system")
-    reduced = _of_closed(work, closed_coordinates(work.motion), with_time)
+    reduced = _find_for_closed(work, closed_coordinates(work.motion), with_time)
     if reduced is not None:
-        return [_carried_on(work, reduced)]
+        return [_complete_lagrangian(work, reduced)]
     work.progress("any: functions of position with equations of their own")
     others = closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
-    reduced = _of_closed(work, others, with_time)
+    reduced = _find_for_closed(work, others, with_time)
     if reduced is not None:
-        return [_carried_on(work, reduced)]
+        return [_complete_lagrangian(work, reduced)]
     if work.left() < _LEAST_FOR_ANSATZ:
         return []
     work.progress("any: ansatz along the constraints")
     found = find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
-    return [_carried_on(work, tree) for tree in found[:1]]
+    return [_complete_lagrangian(work, tree) for tree in found[:1]]
 
 
-def _of_closed(work: _Work, closed: Iterable[ClosedFunctions], with_time: bool) -> Lagrangian | None:
+def _find_for_closed(work: _Work, closed: Iterable[ClosedFunctions], with_time: bool) -> Lagrangian | None:
     return lagrangian_of_closed(work.motion, closed, with_time, work.seed, _SHARE_OF_REDUCED * work.left())
 
 
@@ -302,7 +306,7 @@ def _is_steep(lagrangian: Expression) -> bool:
     )
 
 
-def _carried_on(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
+def _complete_lagrangian(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
     """To its own equations, H, and the constraints in phase space."""
     tree, report = lagrangian.expression, None
     system = own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())

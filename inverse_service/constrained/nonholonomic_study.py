@@ -133,7 +133,9 @@ def associated_systems(
     if base.system is None:
         raise errors.InputError(base.explanation, "/associated")
     return tuple(
-        paper_class.with_multiples(base, _vanishing(report.motion, family, place, len(families)), f"family {place + 1}")
+        paper_class.with_multiples(
+            base, _require_vanishing(report.motion, family, place, len(families)), f"family {place + 1}"
+        )
         for place, family in enumerate(families)
     )
 
@@ -145,7 +147,7 @@ def _associated(report: MotionReport, kind: paper_class.Kind) -> paper_class.Ass
         return paper_class.AssociatedSystem(kind, None, f"The {kind} system is too large to be written out: {problem}.")
 
 
-def _vanishing(
+def _require_vanishing(
     motion: constrained_motion.EquationsOfMotion, family: Sequence[ex.Expression], place: int, count: int
 ) -> Sequence[ex.Expression]:
     """The family, each member zero on the constraints; InputError where one is not, or where that is not settled."""
@@ -181,7 +183,7 @@ def study(
     for place, system in enumerate(systems):
         waiting = sum(other.system is not None for other in systems[place:])
         share = (end - now()) / max(waiting, 1)
-        answers.append(_answered(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
+        answers.append(_answer_system(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
     main = _main(answers)
     solution = answers[main].solution
     if solution is not None and options.conditions:
@@ -271,7 +273,7 @@ def _main(answers: Sequence[AssociatedAnswer]) -> int:
     return min(range(len(answers)), key=rank)
 
 
-def _answered(
+def _answer_system(
     report: MotionReport, one: paper_class.AssociatedSystem, options: solutions.SolveOptions, progress: Progress | None
 ) -> AssociatedAnswer:
     if one.system is None:
@@ -280,34 +282,32 @@ def _answered(
         return AssociatedAnswer(one, solving.solve(one.system, options))
     end = now() + options.time_limit
     free = options.time_dependent is not True and not options.ansatz
-    known = _known(report, one, end) if free else ()
+    known = _confirm_known(report, one, end) if free else ()
     if known:
         solution = solution_with(one.system, known, options)
-        return AssociatedAnswer(
-            one, solution, tuple(_report_of_known(report, one, each, options.seed) for each in known)
-        )
+        return AssociatedAnswer(one, solution, tuple(_report_known(report, one, each, options.seed) for each in known))
     asked = replace(options, time_limit=_SHARE_OF_SOLVING * options.time_limit)
-    found = AssociatedAnswer(one, solving.solve(one.system, asked, _named(progress, one.kind)))
+    found = AssociatedAnswer(one, solving.solve(one.system, asked, _name_progress(progress, one.kind)))
     answer = found.answer
     if answer is None or answer.lagrangian is None or now() > end:
         return found
-    made = hamiltonise(_motion(report, one), one.system, answer.lagrangian.expression, options.seed)
+    made = hamiltonise(_motion_on_branch(report, one), one.system, answer.lagrangian.expression, options.seed)
     return replace(found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),))
 
 
-def _known(report: MotionReport, one: paper_class.AssociatedSystem, end: float) -> tuple[Known, ...]:
+def _confirm_known(report: MotionReport, one: paper_class.AssociatedSystem, end: float) -> tuple[Known, ...]:
     """The Lagrangians of the paper's class that the checker confirms for this system."""
     if report.member is None or one.system is None:
         return ()
     here = partial(second_order_system.on_branch, system=one.system)
     proposals = [
-        Known(here(each.lagrangian), _mapped(each.transform, here), tuple(map(here, each.images)), each.label)
+        Known(here(each.lagrangian), _map_transform(each.transform, here), tuple(map(here, each.images)), each.label)
         for each in paper_class.propose_lagrangians(report.member, one.kind)
     ]
     return confirmed(one.system, proposals, end) if proposals else ()
 
 
-def _mapped(found: LegendreTransform, here: Callable[[ex.Expression], ex.Expression]) -> LegendreTransform:
+def _map_transform(found: LegendreTransform, here: Callable[[ex.Expression], ex.Expression]) -> LegendreTransform:
     return replace(
         found,
         lagrangian=here(found.lagrangian),
@@ -317,13 +317,15 @@ def _mapped(found: LegendreTransform, here: Callable[[ex.Expression], ex.Express
     )
 
 
-def _report_of_known(report: MotionReport, one: paper_class.AssociatedSystem, known: Known, seed: int) -> Report:
+def _report_known(report: MotionReport, one: paper_class.AssociatedSystem, known: Known, seed: int) -> Report:
     assert one.system is not None
-    made = hamiltonise(_motion(report, one), one.system, known.lagrangian, seed, known.transform, known.images)
+    made = hamiltonise(
+        _motion_on_branch(report, one), one.system, known.lagrangian, seed, known.transform, known.images
+    )
     return Report(one.kind, known.source, "valid", made)
 
 
-def _motion(report: MotionReport, one: paper_class.AssociatedSystem) -> constrained_motion.EquationsOfMotion:
+def _motion_on_branch(report: MotionReport, one: paper_class.AssociatedSystem) -> constrained_motion.EquationsOfMotion:
     """The motion with its roots as they are on the branch of the associated system."""
     assert one.system is not None
     motion, here = report.motion, partial(second_order_system.on_branch, system=one.system)
@@ -336,5 +338,5 @@ def _motion(report: MotionReport, one: paper_class.AssociatedSystem) -> constrai
     )
 
 
-def _named(progress: Progress | None, kind: str) -> Progress | None:
+def _name_progress(progress: Progress | None, kind: str) -> Progress | None:
     return None if progress is None else lambda stage: progress(f"{kind}: {stage}")
