@@ -38,7 +38,7 @@ def test_what_is_no_scene_is_refused(scene: object) -> None:
         inverse_service.simulate(scene)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("row", rows("motions"), ids=lambda row: row["id"])
+@pytest.mark.parametrize("row", [pytest.param(row, id=row["id"], marks=marks(row)) for row in rows("motions")])
 def test_no_method_completes_a_hard_motion_with_a_wrong_trajectory(row: Row) -> None:
     """To the end without a doubt: within the error that is given, or a tenth of the motion's size."""
     right, final = dict(row.get("right", {})), row["final"]
