@@ -19,30 +19,8 @@ from collections.abc import Sequence
 
 import symengine
 
+from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.llvm_writer import Emitter, LlvmWriter
-from inverse_service.kernels.codegen.program import (
-    CLOCK,
-    GUARDED,
-    NO_CONVERGENCE,
-    NOT_FINITE,
-    SINGULAR,
-    STATUS,
-    STOPPED_AT,
-    STOPPED_VALUE,
-    TOO_MANY,
-    TOO_SHORT,
-    TRIAL,
-    UNOBSERVABLE,
-    WATCHED,
-    Assign,
-    Iterate,
-    Layout,
-    Program,
-    Solve,
-    changing,
-    layout_of,
-    size_name,
-)
 from inverse_service.kernels.codegen.symengine_trees import ALPHA, STEP, WHOLE_STEP, Formula, symbol
 
 
@@ -119,8 +97,8 @@ class Blocks:
         self._solves = self._labels = self._iterated = self._stops = 0
         self.active: str | None = None  # where it does not hold, nothing stops a run and no sign is kept
 
-    def write(self, block: Solve | Iterate) -> None:
-        if isinstance(block, Iterate):
+    def write(self, block: programs.Solve | programs.Iterate) -> None:
+        if isinstance(block, programs.Iterate):
             self._iterate(block)
         elif block.affine:
             self._linear(block)
@@ -133,15 +111,15 @@ class Blocks:
         if w.lanes == 1 and self.active is None:
             self._branch_off(condition, code, value)
             return
-        status = w.read(STATUS)
+        status = w.read(programs.STATUS)
         good, going = w.number(0.0), w.compare("==", status, w.number(0.0))
         new = w.select(condition, good, w.number(float(code)))
         status_now = w.select(going, new, status)
         status_now = status_now if self.active is None else w.select(self.active, status_now, status)
         stops = w.compare("!=", status_now, status)
-        w.write(STATUS, status_now)
-        w.write(STOPPED_AT, w.select(stops, w.read(CLOCK), w.read(STOPPED_AT)))
-        w.write(STOPPED_VALUE, w.select(stops, value, w.read(STOPPED_VALUE)))
+        w.write(programs.STATUS, status_now)
+        w.write(programs.STOPPED_AT, w.select(stops, w.read(programs.CLOCK), w.read(programs.STOPPED_AT)))
+        w.write(programs.STOPPED_VALUE, w.select(stops, value, w.read(programs.STOPPED_VALUE)))
 
     def _branch_off(self, condition: str, code: int, value: str) -> None:
         """One trajectory: a jump that is hardly ever taken costs less than the choice of four values."""
@@ -150,11 +128,11 @@ class Blocks:
         fails, first, onwards = (f"{name}_{self._stops}" for name in ("fails", "first_to_fail", "holds"))
         w.branch(condition, onwards, fails, rare=True)
         w.open(fails)
-        w.branch(w.compare("==", w.read(STATUS), w.number(0.0)), first, onwards)
+        w.branch(w.compare("==", w.read(programs.STATUS), w.number(0.0)), first, onwards)
         w.open(first)
-        w.write(STATUS, w.number(float(code)))
-        w.write(STOPPED_AT, w.read(CLOCK))
-        w.write(STOPPED_VALUE, value)
+        w.write(programs.STATUS, w.number(float(code)))
+        w.write(programs.STOPPED_AT, w.read(programs.CLOCK))
+        w.write(programs.STOPPED_VALUE, value)
         w.jump(onwards)
         w.open(onwards)
 
@@ -187,7 +165,7 @@ class Blocks:
             self.emitter.bind(str(name), value)
         return reduced
 
-    def _linear(self, block: Solve) -> None:
+    def _linear(self, block: programs.Solve) -> None:
         w, e = self.writer, self.emitter
         zero = {symbol(name): symengine.Integer(0) for name in block.unknowns}
         size = len(block.unknowns)
@@ -200,11 +178,11 @@ class Blocks:
         if block.tested:
             self._end_linear(block, solution, determinant)
 
-    def _end_linear(self, block: Solve, solution: Sequence[str], determinant: str) -> None:
+    def _end_linear(self, block: programs.Solve, solution: Sequence[str], determinant: str) -> None:
         w, e = self.writer, self.emitter
         self._count_iteration()
         self._test_determinant(determinant)
-        going = w.compare("==", w.read(STATUS), w.number(0.0))
+        going = w.compare("==", w.read(programs.STATUS), w.number(0.0))
         for name, value in zip(block.unknowns, solution, strict=True):
             rate = w.binary("/", value, e.value(symbol("h")))
             w.write(f"{name}_rate", w.select(going, rate, w.read(f"{name}_rate")))
@@ -215,14 +193,14 @@ class Blocks:
         first = w.read(f"first_{place}")
         good = w.compare(">=", w.binary("*", first, determinant), w.number(0.0))
         good = w.both(good, w.compare("!=", determinant, w.number(0.0)))
-        self.stop_unless(good, SINGULAR + place, determinant)
-        going = w.compare("==", w.read(STATUS), w.number(0.0))
+        self.stop_unless(good, programs.SINGULAR + place, determinant)
+        going = w.compare("==", w.read(programs.STATUS), w.number(0.0))
         begun = w.compare("!=", first, w.number(0.0))
         w.write(f"first_{place}", w.select(begun, first, w.select(going, determinant, first)))
         w.write(f"last_{place}", w.select(going, determinant, w.read(f"last_{place}")))
         self._solves += 1
 
-    def _guard(self, block: Solve, determinant: str) -> None:
+    def _guard(self, block: programs.Solve, determinant: str) -> None:
         """|det - det0| < |det0| with det0 that of h -> 0 (at the new rates)."""
         if block.limit is None:
             return
@@ -233,7 +211,7 @@ class Blocks:
             limit = e.value(block.limit)
         distance = w.absolute(w.binary("-", determinant, limit))
         ratio = w.binary("/", distance, w.absolute(limit))
-        self.stop_unless(w.compare("<", ratio, w.number(1.0)), GUARDED + self._solves, ratio)
+        self.stop_unless(w.compare("<", ratio, w.number(1.0)), programs.GUARDED + self._solves, ratio)
 
     def _count_iteration(self) -> None:
         w = self.writer
@@ -262,14 +240,14 @@ class Blocks:
         count = w.add_counters(w.read_counter(label), "1")
         w.write_counter(label, count)
         self._count_iteration()
-        stopped = w.compare("!=", w.read(STATUS), w.number(0.0))
+        stopped = w.compare("!=", w.read(programs.STATUS), w.number(0.0))
         good = w.compare("==", w.select(stopped, w.number(1.0), settled), w.number(1.0))
         w.branch(w.everywhere(good), f"{label}_done", f"{label}_test")
         w.open(f"{label}_test")
         w.branch(w.compare_counters("<", count, str(most)), label, f"{label}_done")
         w.open(f"{label}_done")
 
-    def _newton(self, block: Solve) -> None:
+    def _newton(self, block: programs.Solve) -> None:
         w, e = self.writer, self.emitter
         size = len(block.unknowns)
         entries = [entry for row in block.jacobian for entry in row]
@@ -286,7 +264,7 @@ class Blocks:
             self._keep_worst(f"{tag}_determinant", determinant)
             self._end_loop(label, settled, MOST_NEWTON_STEPS)
         good = w.compare("==", w.read(f"{label}_settled"), w.number(1.0))
-        self.stop_unless(good, NO_CONVERGENCE + self._solves, w.read(f"{tag}_determinant"))
+        self.stop_unless(good, programs.NO_CONVERGENCE + self._solves, w.read(f"{tag}_determinant"))
         self._guard(block, w.read(f"{tag}_determinant"))
         self._test_determinant(w.read(f"{tag}_determinant"))
         self._keep_rates(block.unknowns)
@@ -298,7 +276,9 @@ class Blocks:
         turned = w.compare("<", w.binary("*", first, met), w.number(0.0))
         w.write(slot, w.select(turned, met, determinant))
 
-    def _apply(self, label: str, block: Solve | Iterate, change: Sequence[str], relative: float) -> str:
+    def _apply(
+        self, label: str, block: programs.Solve | programs.Iterate, change: Sequence[str], relative: float
+    ) -> str:
         """unknown -= change; 1 from where every change is within its tolerance or is noise, else 0.
 
         The round-off of every state variable of the block counts for every unknown: an angle of 1e5 is known to 1e-11
@@ -324,7 +304,7 @@ class Blocks:
         before = w.read(f"{label}_settled")
         return w.select(w.compare("==", before, w.number(1.0)), before, reached)
 
-    def _noise(self, block: Solve | Iterate) -> str:
+    def _noise(self, block: programs.Solve | programs.Iterate) -> str:
         """The round-off of the state variables that the unknowns are added to."""
         w, noise = self.writer, self.writer.number(0.0)
         for scale in dict.fromkeys(scale for scale in block.scales if scale):
@@ -332,7 +312,7 @@ class Blocks:
             noise = w.binary("+", noise, size)
         return noise
 
-    def _bounds(self, block: Solve | Iterate) -> dict[str, str]:
+    def _bounds(self, block: programs.Solve | programs.Iterate) -> dict[str, str]:
         """What counts as small for the unknowns of each letter: NOISE times the greatest so far.
 
         Multipliers m are h times a change of momenta: what is small compared with h p is small, too, as all of them are
@@ -340,7 +320,7 @@ class Blocks:
         """
         w, e, found = self.writer, self.emitter, {}
         for letter in dict.fromkeys(name[0] for name in block.unknowns):
-            greatest = w.read(size_name(self._iterated, letter))
+            greatest = w.read(programs.size_name(self._iterated, letter))
             sizes = [symbol(name) for name in block.unknowns if name[0] == letter]
             if letter == "m":
                 sizes += [symbol("h") * symbol(f"p{scale[1:]}") for scale in block.scales if scale]
@@ -352,17 +332,17 @@ class Blocks:
     def _keep_rates(self, unknowns: Sequence[str]) -> None:
         w, e = self.writer, self.emitter
         step = e.value(symbol("h"))
-        going = w.compare("==", w.read(STATUS), w.number(0.0))
+        going = w.compare("==", w.read(programs.STATUS), w.number(0.0))
         for name in unknowns:
             value = w.read(name)
             e.bind(name, value)
             w.write(f"{name}_rate", w.select(going, w.binary("/", value, step), w.read(f"{name}_rate")))
-            size, kept = w.absolute(value), size_name(self._iterated, name)
+            size, kept = w.absolute(value), programs.size_name(self._iterated, name)
             larger = w.both(going, w.compare(">", size, w.read(kept)))
             w.write(kept, w.select(larger, size, w.read(kept)))
         self._iterated += 1
 
-    def _iterate(self, block: Iterate) -> None:
+    def _iterate(self, block: programs.Iterate) -> None:
         w, e = self.writer, self.emitter
         formulas = self._hoisted(block.formulas, block.unknowns)
         with e.inner():
@@ -374,7 +354,7 @@ class Blocks:
             settled = self._apply(label, block, change, ROUND_OFF)
             self._end_loop(label, settled, MOST_ITERATIONS)
         good = w.compare("==", w.read(f"{label}_settled"), w.number(1.0))
-        self.stop_unless(good, NO_CONVERGENCE + 50, w.number(0.0))
+        self.stop_unless(good, programs.NO_CONVERGENCE + 50, w.number(0.0))
         self._keep_rates(block.unknowns)
 
 
@@ -404,9 +384,9 @@ CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iteratio
 class Kernel:
     """Writes one program with one writer."""
 
-    def __init__(self, program: Program, writer: LlvmWriter) -> None:
+    def __init__(self, program: programs.Program, writer: LlvmWriter) -> None:
         self.program, self.writer = program, writer
-        self.layout: Layout = layout_of(program)
+        self.layout: programs.Layout = programs.layout_of(program)
         self.emitter = Emitter(writer)
         self.blocks = Blocks(writer, self.emitter)
 
@@ -467,7 +447,7 @@ class Kernel:
 
     def _statements(self) -> None:
         for statement in self.program.statements:
-            if isinstance(statement, Assign):
+            if isinstance(statement, programs.Assign):
                 self.emitter.bind(statement.name, self.emitter.value(statement.formula))
             else:
                 self.blocks.write(statement)
@@ -484,7 +464,7 @@ class Kernel:
             limit, zero = w.number(watch.limit), w.number(0.0)
             if watch.kind in ("sign", "rank"):
                 share = watch.limit if watch.kind == "rank" else 0.0
-                self.blocks.keep_sign(f"watch_{place}", value, WATCHED + place, share)
+                self.blocks.keep_sign(f"watch_{place}", value, programs.WATCHED + place, share)
                 continue
             if watch.kind in ("positive", "domain"):
                 good = w.compare(">", value, zero)
@@ -493,19 +473,19 @@ class Kernel:
             else:
                 beyond = w.compare(">", w.absolute(value), limit)
                 good = w.compare("==", w.select(beyond, limit, zero), zero)
-            self.blocks.stop_unless(good, WATCHED + place, value)
+            self.blocks.stop_unless(good, programs.WATCHED + place, value)
 
     def _leave_if_stopped(self, stopped: str, onwards: str) -> None:
         """A single trajectory ends here; lanes go on until all have ended."""
         w = self.writer
-        w.branch(w.everywhere(w.compare("!=", w.read(STATUS), w.number(0.0))), stopped, onwards)
+        w.branch(w.everywhere(w.compare("!=", w.read(programs.STATUS), w.number(0.0))), stopped, onwards)
         w.open(onwards)
 
     def _alive(self, value: str) -> str:
         """The value, 0 in lanes that have stopped."""
         if self.writer.lanes == 1:
             return value
-        going = self.writer.compare("==", self.writer.read(STATUS), self.writer.number(0.0))
+        going = self.writer.compare("==", self.writer.read(programs.STATUS), self.writer.number(0.0))
         return self.writer.select(going, value, self.writer.number(0.0))
 
     def _seen(self) -> list[str]:
@@ -514,7 +494,7 @@ class Kernel:
         values = self.emitter.write([formula for _, formula in self.program.observed]) if self.program.observed else []
         for place, value in enumerate(values):
             finite = w.compare("==", w.binary("*", value, w.number(0.0)), w.number(0.0))
-            self.blocks.stop_unless(finite, UNOBSERVABLE + place, value)
+            self.blocks.stop_unless(finite, programs.UNOBSERVABLE + place, value)
         return values
 
     def _observe(self, values: list[str]) -> None:
@@ -526,7 +506,7 @@ class Kernel:
 
     def _update(self) -> None:
         w, e = self.writer, self.emitter
-        names = changing(self.program)
+        names = programs.changing(self.program)
         moves = self.program.displacement
         values = e.write([*(update for update in self.program.updates if update is not None), *moves])
         for name, value in zip(names, values, strict=False):
@@ -550,7 +530,7 @@ class Kernel:
     def _end_step(self) -> None:
         w = self.writer
         self._test_finite()
-        w.write(CLOCK, w.binary("+", w.read(CLOCK), w.number(1.0)))
+        w.write(programs.CLOCK, w.binary("+", w.read(programs.CLOCK), w.number(1.0)))
         self._leave_if_stopped("stopped_early", "step_is_good")
         w.write_counter("done", w.add_counters(w.read_counter("done"), "1"))
         until = w.add_counters(w.read_counter("until_record"), "-1")
@@ -562,19 +542,19 @@ class Kernel:
 
     def _test_finite(self) -> None:
         w = self.writer
-        names = changing(self.program)
+        names = programs.changing(self.program)
         if not names:
             return
         total = w.number(0.0)
         for name in names:
             total = w.binary("+", total, w.binary("*", w.read(name), w.number(0.0)))
-        self.blocks.stop_unless(w.compare("==", total, w.number(0.0)), NOT_FINITE, total)
+        self.blocks.stop_unless(w.compare("==", total, w.number(0.0)), programs.NOT_FINITE, total)
 
     def _record(self) -> None:
         w = self.writer
         row = w.read_counter("rows")
         first = w.multiply_counters(row, str(len(self.layout.columns)))
-        values = [w.read(name) for name in changing(self.program)]
+        values = [w.read(name) for name in programs.changing(self.program)]
         moved = range(len(self.program.displacement))
         values += [w.binary("/", w.read(f"moved_{k}"), self._whole_step) for k in moved]
         values += [w.read(f"seen_{k}") for k in range(len(self.program.observed))]
@@ -623,23 +603,25 @@ class AdaptiveKernel(Kernel):
         w.open("end_tries")
         self.blocks.active = None
         zero = w.number(0.0)
-        self.blocks.stop_unless(w.compare("==", w.read("left"), zero), TOO_MANY, w.read("length"))
+        self.blocks.stop_unless(w.compare("==", w.read("left"), zero), programs.TOO_MANY, w.read("length"))
         # A motion that ends at this very point of the grid, as x'' = x'^2 at t = 1/x'(0): the time itself is not known
         # to more than the tolerance.
         known = w.binary("*", self.emitter.value(ALPHA), w.absolute(self._whole_step))
-        self.blocks.stop_unless(w.compare(">", w.absolute(w.read(TRIAL)), known), TOO_SHORT, w.read(TRIAL))
+        self.blocks.stop_unless(
+            w.compare(">", w.absolute(w.read(programs.TRIAL)), known), programs.TOO_SHORT, w.read(programs.TRIAL)
+        )
         self._end_step()
 
     def _arrived(self) -> str:
         w = self.writer
-        stopped = w.compare("!=", w.read(STATUS), w.number(0.0))
+        stopped = w.compare("!=", w.read(programs.STATUS), w.number(0.0))
         at_end = w.compare("==", w.read("left"), w.number(0.0))
         one = w.number(1.0)
         return w.compare("==", w.select(stopped, one, w.select(at_end, one, w.number(0.0))), one)
 
     def _try(self) -> None:
         w, e = self.writer, self.emitter
-        left, trial, zero = w.read("left"), w.read(TRIAL), w.number(0.0)
+        left, trial, zero = w.read("left"), w.read(programs.TRIAL), w.number(0.0)
         trial = w.select(w.compare("==", trial, zero), w.binary("*", self._whole_step, w.number(FIRST)), trial)
         ends = w.compare("<=", w.absolute(left), w.binary("*", w.absolute(trial), w.number(1.01)))
         length = w.select(ends, left, trial)
@@ -650,14 +632,14 @@ class AdaptiveKernel(Kernel):
         self._statements()
         assert self.program.error is not None
         error = e.value(self.program.error)
-        going = w.both(w.compare("==", w.read(STATUS), zero), w.compare("!=", left, zero))
+        going = w.both(w.compare("==", w.read(programs.STATUS), zero), w.compare("!=", left, zero))
         accepted = w.both(going, w.compare("<=", error, w.number(1.0)))
         self.blocks.active = accepted
         self._watch()
         seen = self._seen()
         self._observe(seen)
         self._update()
-        accepted = w.both(accepted, w.compare("==", w.read(STATUS), zero))
+        accepted = w.both(accepted, w.compare("==", w.read(programs.STATUS), zero))
         w.write("left", w.select(accepted, w.binary("-", left, length, exact=True), left))
         self._next_trial(error, length, trial, accepted, going)
         self._count()
@@ -673,10 +655,10 @@ class AdaptiveKernel(Kernel):
         new = w.binary("*", length, factor)
         keeps = w.both(accepted, w.compare("<", w.absolute(new), w.absolute(trial)))
         cut = w.both(keeps, w.compare("<", w.absolute(length), w.absolute(trial)))
-        w.write(TRIAL, w.select(going, w.select(cut, trial, new), w.read(TRIAL)))
+        w.write(programs.TRIAL, w.select(going, w.select(cut, trial, new), w.read(programs.TRIAL)))
         shortest = w.binary("*", w.number(SHORTEST), w.absolute(self._whole_step))
         self.blocks.active = going
-        self.blocks.stop_unless(w.compare(">", w.absolute(new), shortest), TOO_SHORT, new)
+        self.blocks.stop_unless(w.compare(">", w.absolute(new), shortest), programs.TOO_SHORT, new)
 
     def _count(self) -> None:
         w = self.writer
