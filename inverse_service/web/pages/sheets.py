@@ -583,6 +583,7 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Ma
 
 # A motion on constraints.
 
+OF_OTHERS = ("Reduced", "Another clock")
 HINTS = {
     "first": "in the independent velocities",
     "second": "in the dependent velocities",
@@ -602,15 +603,17 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     ]
     if not asked:
         asked = _equations(result["system"] or {"equations": {}}, names)
-    shown = next((row for row in table if row.formulas and row.verdict == YES), None) if verdict == YES else None
-    if main and main.formulas:
-        shown = main
+    # Those of the reduced motion and of another clock are about other equations.
+    systems = [row for row in table if row.formulas and row.verdict == YES and row.name not in OF_OTHERS]
+    shown = main if main and main.formulas else systems[0] if systems and verdict == YES else None
     notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
     if motions[0].get("exceptions"):
         notes.insert(0, _general(motions[0]["exceptions"], result, names))
     reason = motions[0].get("reason")
     if verdict == OPEN and reason and not pending:
         notes.insert(0, Markup("{}.").format(_capital(reason).rstrip(".")))
+    if verdict == YES and not shown and not pending:
+        notes.append(Markup("None was found in closed form."))
     if shown and shown is not main:
         notes.append(Markup("L and H are those of the {} associated system.").format(shown.name.lower()))
     besides = [row.name for row in table if verdict == NO and row.verdict == YES]

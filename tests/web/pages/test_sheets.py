@@ -119,3 +119,15 @@ def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
     both = result_tasks.glance_of({"equations": "x'' = -x*abs(x)"})
     assert both is not None
     assert len(both["sheet"].cases) == 2
+
+
+def test_l_and_h_of_another_clock_are_not_shown_as_those_of_the_motion() -> None:
+    result = copy.deepcopy(dict(solve(PARTICLE)))
+    for part in (result["any_associated"], *result["nonholonomic"]["associated"]):
+        part |= {"lagrangian": None, "hamiltonian": None}
+    sheet = sheets.sheet_of(result)
+    assert sheet.verdict == "yes"
+    assert [row.name for row in sheet.table if row.formulas] == ["Reduced", "Another clock"]
+    assert sheet.first is not None
+    assert sheet.first.formulas == ()
+    assert any("closed form" in note for note in sheet.notes)
