@@ -6,7 +6,9 @@ components, \mathbf{r} = (x, y, z), with dots, |r|, r^2, \cdot and \times. A sca
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal
@@ -44,10 +46,11 @@ def _statements(pieces: Tokens) -> list[Tokens]:
     """The pieces between separators that stand in no bracket and no matrix."""
     found: list[Tokens] = [[]]
     depth = 0
+    last = max((place for place, piece in enumerate(pieces) if piece.is_operator("=")), default=0)
     for place, piece in enumerate(pieces):
         depth += piece.is_operator("(", "[", "{") + piece.is_command(BEGIN)
         depth -= piece.is_operator(")", "]", "}") + piece.is_command(END)
-        listed = piece.is_operator(",") and any(after.is_operator("=") for after in pieces[place:])
+        listed = piece.is_operator(",") and place < last
         if depth == 0 and (piece.is_command(ROW) or piece.is_operator(";") or listed):
             found.append([])
         else:
@@ -99,7 +102,9 @@ class _Reader:
     """Reads an equation of matrices and vectors; a value is its rows of cells."""
 
     def __init__(self, statement: Tokens, vectors: dict[str, Tokens]) -> None:
-        self._stream = TokenStream(statement, statement[-1].column)
+        sized = itertools.pairwise([*statement, statement[-1]])  # \left( as (
+        plain = [one for one, after in sized if not (one.is_command("left", "right") and after.is_operator("(", ")"))]
+        self._stream = TokenStream(plain, statement[-1].column)
         self._vectors = vectors
         self._at = statement[0]
 
@@ -142,10 +147,13 @@ class _Reader:
         scalar: Tokens = []
         while self._stream.ahead.kind != "end" and not self._stream.ahead.is_operator(*_SIDES):
             factor = self._factor()
+            if factor is None and value is not None and self._stream.ahead.is_operator("^"):
+                raise self._refused()  # r^2 of a vector
             if factor is None:
                 scalar += self._scalar()
             elif value is None:
-                value, scalar = self._scaled(scalar, factor), []
+                before = scalar[: len(scalar) - bool(scalar and scalar[-1].is_command("cdot"))]
+                value, scalar = self._scaled(before, factor), []
             else:
                 sign = scalar.pop().text if scalar and scalar[-1].is_command("times", "cdot") else ""
                 value, scalar = self._product(self._scaled(scalar, value), factor, sign), []
@@ -185,7 +193,7 @@ class _Reader:
             pairs = [(1, 2), (2, 0), (0, 1)]
             a, b = ([self._bracket(row[0]) for row in side] for side in (left, right))
             return [[[*a[i], times, *b[j], minus, *a[j], times, *b[i]]] for i, j in pairs]
-        if sign == "cdot" and len(left) == len(right) > 1:
+        if sign == "cdot" and len(left) == len(right) > 1 and len(left[0]) == len(right[0]) == 1:
             left = [[row[0] for row in left]]
         if len(left) == len(left[0]) == 1 and len(right) > 1:
             return self._scaled(self._bracket(left[0][0]), right)
@@ -222,16 +230,35 @@ class _Reader:
             value = self._sum()
             stream.close(opening)
             return value
+        if stream.ahead.is_command("frac", "tfrac", "dfrac") and self._holds_vector(1):
+            fraction, opening = stream.take(), stream.take()
+            value = self._sum()
+            stream.close(opening, "}")
+            under = self._scalar()
+            closing = replace(opening, text="}")
+            return [[[fraction, opening, *cell, closing, *under] for cell in row] for row in value]
         dotted = stream.ahead.is_command("dot", "ddot")
         braced = dotted and stream.look(1).is_operator("{")
         name, length = _name(stream.rest(7), dotted + braced)
+        if name == "0":
+            stream.position += length
+            return [[[self._digit("0")]]]
         if name not in self._vectors:
             return None
         dots = [stream.take()] if dotted else []
         stream.position += length + 2 * braced
+        if stream.ahead.is_operator("_"):
+            raise self._refused()  # r_1 is not r
         return [[[*dots, part] if part.kind != "digit" or not dots else [self._digit("0")]]
                 for part in self._vectors[name]]  # fmt: skip
 
-    def _holds_vector(self) -> bool:
-        group = self._stream.group()
+    def _holds_vector(self, distance: int = 0) -> bool:
+        """Whether a vector or a matrix stands in the bracket ahead, or so many pieces on."""
+        group: Tokens = []
+        depth = 0
+        for piece in self._stream.rest()[distance:]:
+            group.append(piece)
+            depth += piece.is_operator("(", "{") - piece.is_operator(")", "}")
+            if depth < 1:
+                break
         return any(_is_vector(group, k, self._vectors) or piece.is_command(BEGIN) for k, piece in enumerate(group))
