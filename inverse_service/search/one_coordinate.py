@@ -2,11 +2,11 @@
 
 L for one coordinate from its multiplier g: K with d2K/dv2 = g, and the part U without velocity.
 
-K for g = P_1^e_1 P_2^e_2, P_j linear or quadratic in v. For Q = a v^2 + b v + c put u = dQ/dv, D = 4ac - b^2, so that
+K for g = P^e, P linear or quadratic in v. For Q = a v^2 + b v + c put u = dQ/dv, D = 4ac - b^2, so that
 u^2 + D = 4aQ. With J_e = int int Q^e,
     J_e = (2a (e+2)(2e+3) J_(e+1) - Q^(e+2)) / ((e+1)(e+2) D)   for e < -1, e != -2,
     J_e = (Q^(e+1) + e (e+1) D J_(e-1)) / (2a (e+1)(2e+1))       for e > -1/2,
-which follow from (Q^m)''; J_(-1), J_(-2) and J_(-1/2) hold arctangents or logarithms.
+which follow from (Q^m)''; J_(-1) and J_(-1/2) hold arctangents or logarithms, J_(-2) is not asked for.
 
 E(K) = f K_vv + v K_vx + K_vt - K_x has dE/dv = Gamma(g) + g df/dv = 0, so it may be taken at any v, and
 L = K + U with dU/dx = E(K) satisfies the Euler-Lagrange equation.
@@ -23,21 +23,15 @@ Lienard's equation with Chiellini's condition has one in any coordinate. With y'
 x'' = a x'^2 + b x' + c becomes y'' = b y' + h b, h = E c / b. Where dh/dy = -alpha b with constant alpha
 (Chiellini 1931), 1/(alpha w^2 + h w + h^2), w = y', is a last multiplier.
 
-Lagrangians for one coordinate from Jacobi's last multipliers (Jacobi 1844; Darboux 1894): phi(x) P_1^e_1 P_2^e_2.
-
-First powers phi P^e of one polynomial (see `darboux`); then the irreducible factors
-P_j of all of them are combined with letters of f, by linear algebra in the exponents:
-    sum_j e_j Gamma(log P_j) = -df/dv.
-The quotient of two multipliers is a first integral I of Gamma, and g I^k is a multiplier again, so
-different solutions e are the functions of first integrals times a multiplier that are in reach.
+Lagrangians for one coordinate from Jacobi's last multipliers (Jacobi 1844; Darboux 1894): powers phi P^e of one
+polynomial, its irreducible factors, and what the factors of f itself suggest.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 
 import mpmath
@@ -126,24 +120,7 @@ def double_integral(weight: ex.Expression, factors: Sequence[Factor], place: Pla
         if e == -1:
             return quadratures.factored(weight / form.a, [place.x]) * _with_arctangent(form, place)
         return weight * _recursion(form, e, place)
-    if set(degrees) == {1} and all(e == -1 for _, e in factors):
-        return weight * _partial_fractions([base for base, _ in factors], parts, place)
-    if degrees == [1, 1]:
-        return weight * _of_two(factors, parts, place)
     raise NotElementary
-
-
-def _partial_fractions(
-    bases: Sequence[ex.Expression], parts: Sequence[Sequence[ex.Expression]], place: Place
-) -> ex.Expression:
-    """int int 1/(P_1 … P_m), the sum of u log u / (a^2 c) over u = P_j = a v + b, c the others at u = 0."""
-    terms = []
-    for j, (b, a) in enumerate(parts):
-        root = -(b / a)
-        others = [part[1] * root + part[0] for k, part in enumerate(parts) if k != j]
-        weight = quadratures.factored(ex.multiply(a**2, *others) ** -1, [place.x])
-        terms.append(weight * _linear(bases[j], Fraction(-1), place.point))
-    return ex.add(*terms)
 
 
 def _linear(u: ex.Expression, e: Fraction, point: real_point.RealTable) -> ex.Expression:
@@ -162,20 +139,6 @@ def _logarithm(u: ex.Expression, point: real_point.RealTable) -> ex.Expression:
     return ex.Apply("log", tree_of({key: value / content for key, value in terms.items()}))
 
 
-def _of_two(factors: Sequence[Factor], parts: Sequence[Sequence[ex.Expression]], place: Place) -> ex.Expression:
-    """(e_1 + 2)(e_2 + 2) W^2 K = -P_1^(e_1 + 2) P_2^(e_2 + 2) for linear factors with e_1 + e_2 = -3.
-
-    W = a_1 b_2 - a_2 b_1 for P_j = a_j v + b_j.
-    """
-    (first, e), (second, h) = factors
-    (b1, a1), (b2, a2) = parts
-    if e + h != -3 or -2 in (e, h):
-        raise NotElementary
-    difference = quadratures.factored(a1 * b2 - a2 * b1, [place.x])
-    product = first ** (e + 2) * second ** (h + 2) * difference**-2
-    return -1 / ((e + 2) * (h + 2)) * product
-
-
 def _quadratic(q: ex.Expression, parts: Sequence[ex.Expression], place: Place) -> _Quadratic:
     c, b, a = parts
     d = quadratures.factored(4 * a * c - b**2, [place.x])
@@ -189,11 +152,9 @@ def _recursion(form: _Quadratic, e: Fraction, place: Place) -> ex.Expression:
     """J_e."""
     if e == -1:
         return _with_arctangent(form, place) / form.a
-    if e == -2:
-        return _of_inverse_square(form, place)
     if e == Fraction(-1, 2):
         return _with_root(form, place)
-    if abs(e) > bounds.POWER or e.denominator > 2:
+    if e == -2 or abs(e) > bounds.POWER or e.denominator > 2:
         raise NotElementary
     if e < -1:
         weight = 2 * (e + 2) * (2 * e + 3)
@@ -219,18 +180,6 @@ def _with_logarithms(form: _Quadratic, place: Place) -> ex.Expression:
     first, second = _logarithm(low, place.point), _logarithm(high, place.point)
     difference = low * first - high * second
     return difference / (2 * root)
-
-
-def _of_inverse_square(form: _Quadratic, place: Place) -> ex.Expression:
-    """J_(-2) = 2u atan(u/D^1/2)/D^3/2, for R^2 = -D > 0 it is u log((u - R)/(u + R))/(D R)."""
-    if real_point.real_sign(form.d, place.point) > 0:
-        root = quadratures.extracted_root(form.d)
-        y = quadratures.shortest(form.u / root, [place.x, place.v])
-        return 2 * y * ex.Apply("atan", y) / form.d
-    root = quadratures.extracted_root(-form.d)
-    low, high = quadratures.expanded(form.u - root), quadratures.expanded(form.u + root)
-    difference = _logarithm(low, place.point) - _logarithm(high, place.point)
-    return form.u * difference / (form.d * root)
 
 
 def _with_root(form: _Quadratic, place: Place) -> ex.Expression:
@@ -340,8 +289,6 @@ _QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
 EXPONENTS = (
     (1, tuple(map(Fraction, _LINEAR))),
     (2, tuple(map(Fraction, _QUADRATIC))),
-    (3, (Fraction(-1),)),
-    (4, (Fraction(-1),)),
 )
 _HIGHEST = max(degree for degree, _ in EXPONENTS)
 
@@ -356,7 +303,7 @@ class DarbouxPower:
 
 
 def darboux_powers(material: Material, factors: Factors, seed: int) -> list[DarbouxPower]:
-    """Multipliers phi P^e, P of degree 1 to 4 in v; empty where none is found.
+    """Multipliers phi P^e, P of degree 1 or 2 in v; empty where none is found.
 
     Where df/dv = 0 they are first integrals, and g = 1 is one: none can spare the integral of f that g = 1 needs.
     """
@@ -515,7 +462,6 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
 
     Those without velocity are only candidates: most of them fulfil no equation.
     """
-    factors = _simplified(material, factors)
     found = dict.fromkeys(LastMultiplier(phi, ()) for phi in position_factors(factors, Fraction(0)) if phi)
     if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
         found[LastMultiplier(EMPTY, ())] = None
@@ -533,24 +479,7 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
             found[_in_factors(material, phi, base, exponent)] = None
         except TooManyTerms:
             continue
-    bases = list(dict.fromkeys(base for multiplier in found for base, _ in multiplier.moving))
-    found.update(dict.fromkeys(_combined(material, bases[: bounds.FEW], seed)))
     return sorted(found, key=lambda multiplier: len(multiplier.moving))
-
-
-def _simplified(material: Material, factors: Factors) -> Factors:
-    """With the argument of the exponential in exp(-int c dx) over one denominator."""
-    x = material.motion.coordinates[0]
-    along = {}
-    for i, phi in factors.along.items():
-        arguments = [e * p.argument for p, e in phi if ex.is_exponential(p)]
-        rest = frozenset(item for item in phi if not ex.is_exponential(item[0]))
-        try:
-            ((key, _),) = terms_of(ex.Apply("exp", quadratures.factored(ex.add(*arguments), [x]))).items()
-            along[i] = times(rest, key) if arguments else phi
-        except TooManyTerms:
-            along[i] = phi
-    return replace(factors, along=along)
 
 
 def _in_factors(material: Material, phi: Monomial, polynomial: ex.Expression, exponent: Fraction) -> LastMultiplier:
@@ -571,45 +500,6 @@ def _letters(base: ex.Expression) -> Monomial:
         ((key, _),) = terms_of(base).items()
         return key
     return monomial(base)
-
-
-def _combined(material: Material, bases: Sequence[ex.Expression], seed: int) -> Iterable[LastMultiplier]:
-    """One base, or two linear ones with e_1 + e_2 = -3, with exponents of letters of f, for df/dv."""
-    if not bases:
-        return
-    letters = [p for p in material.position_letters if not isinstance(p, ex.Number)][: bounds.FEW]
-    try:
-        samples = sampled(material, [monomial(p) for p in (*bases, *letters)], len(letters) + null_vectors.SPARE, seed)
-    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
-        return
-    linear = [base for base in bases if _degree(material, base) == 1]
-    choices: list[tuple[ex.Expression, ...]] = [(base,) for base in bases]
-    for chosen in [*choices, *itertools.combinations(linear, 2)]:
-        solution = null_vectors.small_solution(_exponents(samples, chosen, letters), samples.prime)
-        if solution is not None:
-            used = [(p, e) for p, e in zip([*chosen, *letters], solution, strict=True) if e]
-            yield LastMultiplier(
-                frozenset(item for item in used if item[0] not in chosen),
-                tuple(item for item in used if item[0] in chosen),
-            )
-
-
-def _degree(material: Material, base: ex.Expression) -> int:
-    try:
-        return len(coefficients(base, material.motion.velocities[0])) - 1
-    except NotElementary:
-        return 0
-
-
-def _exponents(samples: Samples, chosen: Sequence[ex.Expression], letters: Sequence[ex.Expression]) -> list[list[int]]:
-    """Rows (Gamma(log p) for each p, -df/dv), and for two factors the one that makes the integral algebraic."""
-    columns = [monomial(p) for p in (*chosen, *letters)]
-    rows = [
-        [*(samples.along(k, key) for key in columns), -slope % samples.prime] for k, slope in enumerate(samples.slopes)
-    ]
-    if len(chosen) == 2:
-        rows.append([1, 1, *(0 for _ in letters), samples.prime - 3])
-    return rows
 
 
 def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expression]]:
