@@ -186,3 +186,12 @@ def test_an_energy_error_of_a_tenth_is_not_shown_without_a_word() -> None:
     assert rough["max_energy_error"] > 0.1 > good["max_energy_error"]
     assert "The energy, a constant" in rough["doubt"]
     assert "The energy" not in good.get("doubt", "")
+
+
+def test_the_page_says_when_a_run_stopped_and_what_to_do() -> None:
+    scene = orbit(0.6, step=0.02, methods=["adaptive"]) | {"system": {"equations": ["x'' = 6*x^2", "y'' = -y"]}}
+    result = simulate(scene | {"initial": {"positions": {"x": 1, "y": 0}, "velocities": {"x": 2, "y": 1}}})
+    html = bytes(simulation_result("http://here", {"id": "1", "kind": "simulate", "status": "successful",
+                                                   "result": result}, "{}").body).decode()  # fmt: skip
+    assert "Stopped at t = " in html
+    assert result["methods"][0]["stopped"]["sentence"].startswith("Stopped at t = ")

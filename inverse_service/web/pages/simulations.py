@@ -158,10 +158,8 @@ def _numbers(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> list[
 
 def _why(method: Mapping[str, Any]) -> str:
     """Why a method stopped or did not begin, or where what it did is not the motion."""
-    if stopped := method.get("stopped"):
-        remedy = stopped.get("remedy") or ""
-        return f"Stopped at step {stopped.get('step')}: {stopped.get('quantity')}. {remedy[:1].upper()}{remedy[1:]}"
-    return method.get("reason") or method.get("doubt") or ""
+    stopped = (method.get("stopped") or {}).get("sentence")
+    return stopped or method.get("reason") or method.get("doubt") or ""
 
 
 def notes_of(result: Mapping[str, Any]) -> list[str]:
