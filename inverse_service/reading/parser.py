@@ -672,7 +672,7 @@ class FormulaParser:
         for place, part in enumerate(group := self._stream.group()):
             depth += part.is_operator("(", "[") - part.is_operator(")", "]")
             sums = sums or (depth == 1 and place > 1 and (part.is_operator("+", "-") or part.kind == "prime"))
-            if part.is_operator(",") or part.text == "t":
+            if part.is_operator(",") or (part.text == "t" != token.text):
                 return False
         closed = len(group) < self._stream.left and depth == 1
         return closed and sums and token.text not in MAY_BE_FUNCTIONS
