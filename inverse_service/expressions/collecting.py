@@ -5,31 +5,37 @@ x^(a+b), (u^r)^s = u^(r s) for r odd or fractional (a root means u >= 0), b^e = 
 exp(u + w) = exp(u) exp(w), f(g(u)) = u for inverse functions where that holds for every u of the
 domain. sqrt(x^2) stays what it is. A power of a sum with an exponent that is no positive whole
 number is an atom, so sums are not cancelled against denominators.
+Monomials of atoms are put back as trees in a fixed order, with powers and exponentials put together.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
+from functools import lru_cache
+from typing import TypeGuard
 
 from flint import fmpz
 
 from inverse_service import deadline
-from inverse_service.expressions import collecting_trees, functions
+from inverse_service.expressions import functions, printing
 from inverse_service.expressions import tree as ex
 
+Monomial = tuple[tuple[ex.Expression, Fraction], ...]
+Term = tuple[Monomial, Fraction]
+Place = tuple[int, str]
 MOST_TERMS = 3_000
 _LARGEST_EXPONENT = 64
 _LARGEST_FACTORED = 10**15
-Terms = dict[collecting_trees.Monomial, Fraction]
+Terms = dict[Monomial, Fraction]
 
 
 class _TooLarge(ArithmeticError):
     """The expansion would have more than MOST_TERMS terms, or a huge number."""
 
 
-def expand(tree: ex.Expression) -> tuple[collecting_trees.Term, ...]:
+def expand(tree: ex.Expression) -> tuple[Term, ...]:
     """The terms of a tree in a fixed order, (monomial, coefficient), a monomial being ((atom, exponent), …).
 
     A tree that cannot be expanded is one opaque atom.
@@ -38,7 +44,7 @@ def expand(tree: ex.Expression) -> tuple[collecting_trees.Term, ...]:
         terms = _expand(tree)
     except _TooLarge:
         terms = {((tree, Fraction(1)),): Fraction(1)}
-    return tuple(sorted(terms.items(), key=lambda item: collecting_trees.order(item[0])))
+    return tuple(sorted(terms.items(), key=lambda item: order(item[0])))
 
 
 def forget_expansions() -> None:
@@ -48,7 +54,7 @@ def forget_expansions() -> None:
 
 def collect(tree: ex.Expression) -> ex.Expression:
     """The tree with like terms collected: terms_tree(expand(tree))."""
-    return collecting_trees.terms_tree(expand(tree))
+    return terms_tree(expand(tree))
 
 
 # The same parts are expanded again and again while one system is worked on; large results are not kept.
@@ -96,7 +102,7 @@ def _canonical(tree: ex.Expression) -> ex.Expression:
 
 
 def _tree(terms: Terms) -> ex.Expression:
-    return collecting_trees.terms_tree(sorted(terms.items(), key=lambda item: collecting_trees.order(item[0])))
+    return terms_tree(sorted(terms.items(), key=lambda item: order(item[0])))
 
 
 def _atom(tree: ex.Expression) -> Terms:
@@ -124,7 +130,7 @@ def _product(parts: Iterable[Terms]) -> Terms:
     return total
 
 
-def _joined(left: collecting_trees.Monomial, right: collecting_trees.Monomial, coefficient: Fraction) -> Terms:
+def _joined(left: Monomial, right: Monomial, coefficient: Fraction) -> Terms:
     table = dict(left)
     for base, exponent in right:
         before = table.get(base)
@@ -146,7 +152,7 @@ def _normal(table: Mapping[ex.Expression, Fraction], coefficient: Fraction) -> T
             rest = exponent - _whole_part(base, exponent)
         if rest:
             kept[base] = rest
-    monomial = tuple(sorted(kept.items(), key=lambda pair: collecting_trees.place(pair[0])))
+    monomial = tuple(sorted(kept.items(), key=lambda pair: place(pair[0])))
     return _product([{monomial: coefficient}, *parts]) if parts else {monomial: coefficient}
 
 
@@ -172,13 +178,13 @@ def _raised(terms: Terms, exponent: Fraction) -> Terms:
     return _product([outside, {((_tree(rest), exponent),): Fraction(1)}])
 
 
-def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, collecting_trees.Monomial, Terms]:
+def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, Terms]:
     """(content, common monomial, rest); the content is positive unless powers of -1 are harmless."""
     content = Fraction(
         math.gcd(*(value.numerator for value in terms.values())),
         math.lcm(*(value.denominator for value in terms.values())),
     )
-    first = min(terms, key=collecting_trees.order)
+    first = min(terms, key=order)
     if with_monomial and terms[first] < 0:
         content = -content
     shared: dict[ex.Expression, Fraction] = {}
@@ -191,7 +197,7 @@ def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, collecting_
     return content, tuple(shared.items()), rest
 
 
-def _raised_monomial(monomial: collecting_trees.Monomial, coefficient: Fraction, exponent: Fraction) -> Terms:
+def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fraction) -> Terms:
     if exponent.denominator == 1:
         if abs(exponent) > _LARGEST_EXPONENT and abs(coefficient) != 1:
             raise _TooLarge
@@ -205,7 +211,7 @@ def _raised_monomial(monomial: collecting_trees.Monomial, coefficient: Fraction,
     factors = [_normal(table, Fraction(1)), _number_power(abs(coefficient), exponent)]
     if bound or coefficient < 0:
         sign = 1 if coefficient > 0 else -1
-        factors.append(_normal({sign * collecting_trees.monomial_tree(tuple(bound)): exponent}, Fraction(1)))
+        factors.append(_normal({sign * monomial_tree(tuple(bound)): exponent}, Fraction(1)))
     return _product(factors)
 
 
@@ -250,7 +256,7 @@ def _exponential(argument: Terms) -> Terms:
             case ((ex.Apply("log", inner), Fraction(numerator=1, denominator=1)),):
                 parts.append(_raised(_expand(inner), value))
             case _:
-                atom = ex.Apply("exp", collecting_trees.monomial_tree(monomial))
+                atom = ex.Apply("exp", monomial_tree(monomial))
                 parts.append({((atom, value),): Fraction(1)})
     return _product(parts)
 
@@ -283,3 +289,172 @@ def _scaled(terms: Terms, factor: Fraction) -> Terms:
 
 
 _SPECIAL: dict[str, Callable[[Terms], Terms]] = {"exp": _exponential, "log": _logarithm}
+
+
+# Monomials as trees.
+
+
+def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
+    """A key that sorts monomials by their atoms: numbers, symbols, functions, velocities."""
+    return tuple((place(base), exponent) for base, exponent in monomial)
+
+
+@lru_cache(maxsize=4096)
+def place(base: ex.Expression) -> Place:
+    """The rank of an atom among atoms; its text settles ties."""
+    ranks = {ex.Number: 0, ex.Symbol: 1, ex.Arbitrary: 2, ex.Velocity: 4}
+    return 0 if base == ex.PI else ranks.get(type(base), 3), printing.to_text(base)
+
+
+def terms_tree(terms: Iterable[Term]) -> ex.Expression:
+    """The sum of coefficient * monomial."""
+    return ex.add(*(value * monomial_tree(monomial) for monomial, value in terms))
+
+
+def monomial_tree(monomial: Monomial) -> ex.Expression:
+    """The product; exponentials become one, exp(k log u) becomes u^k."""
+    exponents: dict[ex.Expression, ex.Expression] = {}
+    argument: list[ex.Expression] = []
+    numbers: dict[Fraction, Fraction] = {}
+    for base, exponent in monomial:
+        if ex.is_exponential(base):
+            _split_exponential(base.argument, exponent, argument, exponents)
+        elif isinstance(base, ex.Number) and base.value > 0 and exponent.denominator != 1:
+            numbers[exponent] = numbers.get(exponent, Fraction(1)) * base.value
+        else:
+            exponents[base] = exponents.get(base, ex.ZERO) + exponent
+    roots = [ex.number(value) ** exponent for exponent, value in numbers.items()]
+    factors = [base**exponent for base, exponent in exponents.items()]
+    total = ex.add(*argument)
+    return ex.multiply(*roots, *factors, *([ex.Apply("exp", total)] if total != ex.ZERO else []))
+
+
+def _split_exponential(
+    argument: ex.Expression, scale: Fraction, plain: list[ex.Expression], exponents: dict[ex.Expression, ex.Expression]
+) -> None:
+    """Add exp(scale * argument) to the plain exponentials, or as a power of u if argument = k log(u)."""
+    factors = ex.factors_of(argument)
+    logs = [factor for factor in factors if isinstance(factor, ex.Apply) and factor.function == "log"]
+    if len(logs) != 1:
+        plain.append(scale * argument)
+        return
+    rest = ex.multiply(ex.number(scale), *(factor for factor in factors if factor is not logs[0]))
+    base = logs[0].argument
+    exponents[base] = exponents.get(base, ex.ZERO) + rest
+
+
+@lru_cache(maxsize=1024)
+def merge_powers(tree: ex.Expression) -> ex.Expression:
+    """Products rewritten so that each base occurs once and there is one exponential; sums stay as they are."""
+    inner = ex.rebuild(tree, merge_powers)
+    match inner:
+        case ex.Product(factors):
+            return monomial_tree_of(_flat(factors))
+        case ex.Power(ex.Apply("exp", argument), ex.Number() as exponent):
+            return ex.Apply("exp", exponent * argument)
+        case _:
+            return inner
+
+
+def _flat(factors: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
+    """The factors, those of a product under an integral power one by one."""
+    for factor in factors:
+        match factor:
+            case ex.Power(ex.Product(inner), ex.Number(value) as exponent) if value.denominator == 1:
+                yield from (part**exponent for part in inner)
+            case _:
+                yield factor
+
+
+def monomial_tree_of(factors: Iterable[ex.Expression]) -> ex.Expression:
+    """The product of the factors with powers of the same base put together."""
+    coefficient: ex.Expression = ex.ONE
+    table: dict[ex.Expression, Fraction] = {}
+    symbolic: dict[ex.Expression, list[ex.Expression]] = {}
+    for factor in factors:
+        match factor:
+            case ex.Number():
+                coefficient = coefficient * factor
+            case ex.Power(ex.Power(base, exponent), ex.Number(value) as times) if value.denominator == 1:
+                symbolic.setdefault(base, []).append(times * exponent)
+            case ex.Power(base, ex.Number(exponent)):
+                table[base] = table.get(base, Fraction(0)) + exponent
+            case ex.Power(base, exponent):
+                symbolic.setdefault(base, []).append(exponent)
+            case _:
+                table[factor] = table.get(factor, Fraction(0)) + 1
+    exponents = {base: ex.add(*found, ex.Number(table.pop(base, Fraction(0)))) for base, found in symbolic.items()}
+    rest = [base**exponent for base, exponent in exponents.items()]
+    return ex.multiply(coefficient, monomial_tree(tuple(table.items())), *rest)
+
+
+def separate_tree(monomial: Monomial) -> ex.Expression:
+    """The product with each atom's power on its own: exp(u)^-1 and not exp(-u)."""
+    return ex.multiply(*(base**exponent for base, exponent in monomial))
+
+
+def minus_inside(tree: ex.Expression) -> ex.Expression:
+    """Each term -(a - 1) c of a sum as (1 - a) c, -c/(a - 1) as c/(1 - a); other numbers than 1 alike."""
+    if isinstance(tree, ex.Sum):
+        return ex.add(*map(minus_inside, tree.terms))
+    match tree:
+        case ex.Product((ex.Number(value), *factors)) if value < 0:
+            for place, factor in enumerate(factors):
+                base, exponent = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
+                if _is_difference(base) and isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
+                    turned = ex.add(*map(ex.negate, base.terms[::-1])) ** exponent
+                    return ex.multiply(ex.number(-value), *factors[:place], turned, *factors[place + 1 :])
+    return tree
+
+
+def roots_upright(tree: ex.Expression) -> ex.Expression:
+    """1/sqrt(-a/(b - c)) as sqrt((c - b)/a): no quotient whose denominator is a sum under a root in a denominator."""
+    tree = ex.rebuild(tree, roots_upright)
+    match tree:
+        case ex.Power(base, ex.Number(e)) if e < 0 and e.denominator > 1:
+            powers = ex.powers_of(base)
+            if any(isinstance(part, ex.Sum) and k == -1 for part, k in powers):
+                negative = any(isinstance(part, ex.Number) and part.value < 0 for part, _ in powers)
+                parts = [part if k == -1 else part**-k for part, k in powers]
+                if negative:
+                    place = next(n for n, (part, k) in enumerate(powers) if isinstance(part, ex.Sum) and k == -1)
+                    parts = [ex.negated(part) if n == place else part for n, part in enumerate(parts)]
+                    parts.append(ex.number(-1))
+                return ex.multiply(*parts) ** -e
+    return tree
+
+
+def numbers_outside(tree: ex.Expression) -> ex.Expression:
+    """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator or minus in a bracket that all of its terms have."""
+    tree = ex.rebuild(tree, numbers_outside)
+    if not isinstance(tree, ex.Product):
+        return tree
+    shares = [_common_denominator(factor) for factor in tree.factors]
+    whole = [
+        ex.add(*(d * term for term in f.terms)) if isinstance(f, ex.Sum) else f
+        for f, d in zip(tree.factors, shares, strict=True)
+    ]
+    return ex.multiply(ex.number(Fraction(1, math.prod(shares))), *whole)
+
+
+def _common_denominator(tree: ex.Expression) -> int:
+    """The denominator of the coefficients of a sum where they all have the same one, else 1; negative as they are."""
+    found = [_coefficient(term) for term in tree.terms] if isinstance(tree, ex.Sum) else [Fraction(1)]
+    sign = -1 if all(value < 0 for value in found) else 1
+    return sign * found[0].denominator if len({value.denominator for value in found}) == 1 else sign
+
+
+def _coefficient(term: ex.Expression) -> Fraction:
+    first = term.factors[0] if isinstance(term, ex.Product) else term
+    return first.value if isinstance(first, ex.Number) else Fraction(1)
+
+
+def _is_difference(tree: ex.Expression) -> TypeGuard[ex.Sum]:
+    """Whether it is a sum of two terms, one with a plus and one with a minus, one of them a number."""
+    terms = tree.terms if isinstance(tree, ex.Sum) else ()
+    signs = {_is_negative(term) for term in terms}
+    return len(terms) == len(signs) == 2 and any(isinstance(term, ex.Number) for term in terms)
+
+
+def _is_negative(term: ex.Expression) -> bool:
+    return _coefficient(term) < 0

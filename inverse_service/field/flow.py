@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service import deadline
-from inverse_service.expressions import collecting, collecting_trees, derivative
+from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions import tree as ex
 from inverse_service.field import tower
 
@@ -425,7 +425,7 @@ class Evaluation:
 
 def _multiples(argument: ex.Expression) -> list[tuple[ex.Expression, Fraction]]:
     """The argument as a sum of multiples of units."""
-    return [(collecting_trees.monomial_tree(unit), value) for unit, value in collecting.expand(argument)]
+    return [(collecting.monomial_tree(unit), value) for unit, value in collecting.expand(argument)]
 
 
 def generator_tree(generator: Generator, units: Units) -> ex.Expression:

@@ -23,7 +23,7 @@ import numpy as np
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
-from inverse_service.expressions import collecting, collecting_trees, derivative, printing
+from inverse_service.expressions import collecting, derivative, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, flow, matrices, modular, null_vectors
 from inverse_service.field.point import Variable
@@ -390,7 +390,7 @@ class _Integrals:
         return min(
             (
                 self._short(one, length)
-                for one in dict.fromkeys((collecting_trees.merge_powers(tree), self._on_constraints(tree)))
+                for one in dict.fromkeys((collecting.merge_powers(tree), self._on_constraints(tree)))
             ),
             key=length,
         )

@@ -14,8 +14,7 @@ from itertools import islice, permutations
 from flint import fmpq, fmpq_mpoly_ctx
 
 from inverse_service.expressions import tree as ex
-from inverse_service.expressions.collecting import expand
-from inverse_service.expressions.collecting_trees import Monomial, Term, terms_tree
+from inverse_service.expressions.collecting import Monomial, Term, expand, terms_tree
 
 Expression = ex.Expression
 Terms = dict[Monomial, Fraction]

@@ -8,7 +8,7 @@ from functools import lru_cache
 from itertools import permutations
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import collecting, collecting_trees, inequalities
+from inverse_service.expressions import collecting, inequalities
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
 
@@ -67,7 +67,7 @@ def _both(table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex
             fits = table[one] == -table[other] and table[one] > 0
             found: ex.Expression = ex.Apply(_QUOTIENTS[above, below], argument)
         case [ex.Sum(left), ex.Sum(right)] if table[one] == table[other] and len(left) * len(right) <= _MOST_PRODUCTS:
-            found = collecting_trees.terms_tree(
+            found = collecting.terms_tree(
                 sorted(collecting.expand(one * other), key=lambda term: -sum(exponent for _, exponent in term[0]))
             )
             is_shorter = isinstance(found, ex.Sum) and len(found.terms) < len(left) + len(right) - 1

@@ -26,7 +26,7 @@ from typing import Any
 from inverse_service import bounds, deadline, errors
 from inverse_service.certificate import checker
 from inverse_service.decision import certify, deciding
-from inverse_service.expressions import collecting_trees, derivative, evaluation
+from inverse_service.expressions import collecting, derivative, evaluation
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_point
 from inverse_service.mechanics import writing
@@ -274,7 +274,7 @@ def _substitutions(
     """(g, w) with slope = g(w(x)) w'(x) for w = x^2 and the functions of x that occur, g in the letter `inner`."""
     functions = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node))
     for w in (x**2, *functions):
-        outer = collecting_trees.merge_powers(slope / derivative.differentiate(w, x))
+        outer = collecting.merge_powers(slope / derivative.differentiate(w, x))
         table: dict[ex.Expression, ex.Expression] = {w: inner}
         if isinstance(w, ex.Power):
             exponents = {

@@ -19,7 +19,7 @@ from functools import partial
 
 from inverse_service import bounds, deadline
 from inverse_service.decision import certify
-from inverse_service.expressions import collecting_trees, derivative
+from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics import writing
@@ -267,7 +267,7 @@ def in_shorter_coordinates(material: Material, seed: int) -> Iterator[Smaller]:
 def _carried_back(
     table: dict[ex.Expression, ex.Expression], found: Sequence[Sequence[ex.Expression]]
 ) -> list[ex.Expression]:
-    return [collecting_trees.merge_powers(_plain_arguments(ex.substitute(tree, table))) for tree in found[0]]
+    return [collecting.merge_powers(_plain_arguments(ex.substitute(tree, table))) for tree in found[0]]
 
 
 def _plain_arguments(tree: ex.Expression) -> ex.Expression:

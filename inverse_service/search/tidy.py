@@ -13,7 +13,7 @@ from itertools import combinations
 from math import comb, prod
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import collecting, collecting_trees
+from inverse_service.expressions import collecting
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import variables_in
@@ -94,9 +94,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         return tree
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter
-    return kinetic_first(
-        collecting_trees.numbers_outside(collecting_trees.minus_inside(_as_written(writing.joined(tree), system)))
-    )
+    return kinetic_first(collecting.numbers_outside(collecting.minus_inside(_as_written(writing.joined(tree), system))))
 
 
 def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:

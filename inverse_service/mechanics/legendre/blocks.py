@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import collecting, collecting_trees
+from inverse_service.expressions import collecting
 from inverse_service.expressions import tree as ex
 from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.legendre import short_forms
@@ -45,11 +45,11 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
     terms = function.terms if isinstance(function, ex.Sum) else (function,)
     plain = [term for term in terms if not short_forms.velocities_in(term, names)]
     moving = collecting.expand(ex.add(*(term for term in terms if short_forms.velocities_in(term, names))))
-    free: list[collecting_trees.Term] = []
-    linear: dict[str, list[collecting_trees.Term]] = {}
-    coupled: list[tuple[set[str], collecting_trees.Term]] = []
+    free: list[collecting.Term] = []
+    linear: dict[str, list[collecting.Term]] = {}
+    coupled: list[tuple[set[str], collecting.Term]] = []
     for monomial, value in moving:
-        found = short_forms.velocities_in(collecting_trees.monomial_tree(monomial), names)
+        found = short_forms.velocities_in(collecting.monomial_tree(monomial), names)
         only = next(iter(found)) if len(found) == 1 else ""
         if not found:
             free.append((monomial, value))
@@ -58,26 +58,26 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
         else:
             coupled.append((found, (monomial, value)))
     groups = connected(names, [found for found, _ in coupled])
-    functions = [collecting_trees.terms_tree(term for found, term in coupled if found <= set(g)) for g in groups]
+    functions = [collecting.terms_tree(term for found, term in coupled if found <= set(g)) for g in groups]
     blocks = tuple(Block(f, g, momenta) for f, g in zip(functions, groups, strict=True))
     return Parts(ex.add(*plain, _short(free)), {name: _short(found) for name, found in linear.items()}, blocks)
 
 
-def without(monomial: collecting_trees.Monomial, names: Collection[str]) -> collecting_trees.Monomial:
+def without(monomial: collecting.Monomial, names: Collection[str]) -> collecting.Monomial:
     """The monomial without its bare velocities of `names`."""
     return tuple((base, e) for base, e in monomial if not (isinstance(base, ex.Velocity) and base.coordinate in names))
 
 
-def degrees(monomial: collecting_trees.Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
+def degrees(monomial: collecting.Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
     """The exponents of the velocities, None where one occurs inside another atom."""
-    if short_forms.velocities_in(collecting_trees.monomial_tree(without(monomial, names)), names):
+    if short_forms.velocities_in(collecting.monomial_tree(without(monomial, names)), names):
         return None
     bare = {base: exponent for base, exponent in monomial if isinstance(base, ex.Velocity)}
     return {base.coordinate: exponent for base, exponent in bare.items() if base.coordinate in names}
 
 
-def _short(terms: list[collecting_trees.Term]) -> ex.Expression:
-    return short_forms.simplified(collecting_trees.terms_tree(terms)) if terms else ex.ZERO
+def _short(terms: list[collecting.Term]) -> ex.Expression:
+    return short_forms.simplified(collecting.terms_tree(terms)) if terms else ex.ZERO
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,9 +125,9 @@ def quadratic_branches(block: Block) -> Iterator[Branch]:
         yield Branch(velocities, multiply_out(ex.HALF, quadratic_form(inverse, momenta)))
 
 
-def form_matrix(terms: Sequence[collecting_trees.Term], names: Sequence[str]) -> Matrix | None:
+def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matrix | None:
     """The symmetric G with terms v^T G v / 2; None where there are others."""
-    table: dict[tuple[str, str], list[collecting_trees.Term]] = {}
+    table: dict[tuple[str, str], list[collecting.Term]] = {}
     for monomial, value in terms:
         found = degrees(monomial, names)
         if found is None or sum(found.values()) != 2 or any(e not in (1, 2) for e in found.values()):
@@ -136,7 +136,7 @@ def form_matrix(terms: Sequence[collecting_trees.Term], names: Sequence[str]) ->
         scale = 2 if pair[0] == pair[1] else 1
         for key in {(pair[0], pair[1]), (pair[1], pair[0])}:
             table.setdefault(key, []).append((without(monomial, names), value * scale))
-    return tuple(tuple(collecting_trees.terms_tree(table.get((i, j), ())) for j in names) for i in names)
+    return tuple(tuple(collecting.terms_tree(table.get((i, j), ())) for j in names) for i in names)
 
 
 def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
@@ -184,7 +184,7 @@ def _tree(
     numerator: implicit_equations.Polynomial,
     denominator: implicit_equations.Polynomial,
 ) -> ex.Expression:
-    return short_forms.trigonometric(collecting_trees.merge_powers(ring.tree(ring.reduced(numerator, denominator))))
+    return short_forms.trigonometric(collecting.merge_powers(ring.tree(ring.reduced(numerator, denominator))))
 
 
 def quadratic_form(inverse: Inverse, momenta: Sequence[ex.Symbol]) -> ex.Expression:
@@ -211,7 +211,7 @@ def _shorter_row(inverse: Inverse, row: int, momenta: Sequence[ex.Symbol]) -> ex
 
 
 def over(numerator: ex.Expression, denominator: ex.Expression) -> ex.Expression:
-    return numerator if denominator == ex.ONE else collecting_trees.merge_powers(numerator / denominator)
+    return numerator if denominator == ex.ONE else collecting.merge_powers(numerator / denominator)
 
 
 def multiply_out(factor: ex.Expression, tree: ex.Expression) -> ex.Expression:

@@ -18,7 +18,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service import bounds
-from inverse_service.expressions import collecting, collecting_trees, derivative
+from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions import tree as ex
 from inverse_service.mechanics.legendre import blocks, sampling, short_forms
 
@@ -159,7 +159,7 @@ def _common_step(exponents: Sequence[Fraction]) -> Fraction:
 def laurent_polynomial(tree: ex.Expression, leaf: ex.Velocity) -> Laurent | None:
     """The tree in powers of one generator; None where the leaf occurs in another way."""
     generators: set[ex.Expression] = set()
-    table: dict[Fraction, list[collecting_trees.Term]] = {}
+    table: dict[Fraction, list[collecting.Term]] = {}
     for monomial, value in collecting.expand(tree):
         moving = [(base, e) for base, e in monomial if short_forms.velocities_in(base, [leaf.coordinate])]
         rest = tuple(pair for pair in monomial if pair not in moving)
@@ -169,7 +169,7 @@ def laurent_polynomial(tree: ex.Expression, leaf: ex.Velocity) -> Laurent | None
         table.setdefault(moving[0][1] if moving else Fraction(0), []).append((rest, value))
     if len(generators) != 1:
         return None
-    coefficients = {e: collecting_trees.terms_tree(terms) for e, terms in table.items()}
+    coefficients = {e: collecting.terms_tree(terms) for e, terms in table.items()}
     return Laurent(generators.pop(), coefficients)
 
 
@@ -178,9 +178,7 @@ def _is_generator(base: ex.Expression, leaf: ex.Velocity) -> bool:
         case ex.Apply("exp", argument):
             terms = collecting.expand(argument)
             return (
-                len(terms) == 1
-                and collecting_trees.monomial_tree(terms[0][0]) == argument
-                and _is_linear(terms[0][0], leaf)
+                len(terms) == 1 and collecting.monomial_tree(terms[0][0]) == argument and _is_linear(terms[0][0], leaf)
             )
         case ex.Apply("log" | "atan" | "asinh" | "atanh"):
             return occurrences(base, leaf) == 1
@@ -188,10 +186,10 @@ def _is_generator(base: ex.Expression, leaf: ex.Velocity) -> bool:
             return base == leaf
 
 
-def _is_linear(monomial: collecting_trees.Monomial, leaf: ex.Velocity) -> bool:
+def _is_linear(monomial: collecting.Monomial, leaf: ex.Velocity) -> bool:
     rest = tuple(pair for pair in monomial if pair != (leaf, Fraction(1)))
     return len(rest) < len(monomial) and not short_forms.velocities_in(
-        collecting_trees.monomial_tree(rest), [leaf.coordinate]
+        collecting.monomial_tree(rest), [leaf.coordinate]
     )
 
 
@@ -414,7 +412,7 @@ def _without_root(tree: ex.Expression, rate: ex.Velocity) -> ex.Expression:
     plain: list[ex.Expression] = []
     rooted: dict[ex.Expression, list[ex.Expression]] = {}
     for term in collecting.expand(tree):
-        factor = collecting_trees.terms_tree([term])
+        factor = collecting.terms_tree([term])
         roots = [node for node in ex.walk(factor) if _is_root(node) and occurrences(node, rate)]
         (rooted.setdefault(roots[0], []) if roots else plain).append(factor / roots[0] if roots else factor)
     if len(rooted) != 1:

@@ -36,7 +36,7 @@ from fractions import Fraction
 from itertools import combinations, product
 
 from inverse_service import bounds
-from inverse_service.expressions import collecting, collecting_trees, derivative
+from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions import tree as ex
 from inverse_service.mechanics import quadratic_forms
 from inverse_service.mechanics.legendre import blocks, one_velocity, short_forms
@@ -92,7 +92,7 @@ def _forms(block: blocks.Block) -> tuple[Form, ...]:
     return tuple(found) if len(found) <= len(block.names) else ()
 
 
-def _forms_of(monomial: collecting_trees.Monomial, names: Sequence[str]) -> list[Form] | None:
+def _forms_of(monomial: collecting.Monomial, names: Sequence[str]) -> list[Form] | None:
     """The linear forms in the atoms of a term, bare velocities not counted; None where one is not linear."""
     exponent: dict[str, ex.Expression] = {}
     forms: list[Form | None] = []
@@ -117,20 +117,18 @@ def _monic(coefficients: Mapping[str, ex.Expression] | None, names: Sequence[str
     return tuple(short_forms.simplified(coefficients.get(name, ex.ZERO) / first) for name in names)
 
 
-def linear_coefficients(
-    terms: Iterable[collecting_trees.Term], names: Sequence[str]
-) -> Mapping[str, ex.Expression] | None:
+def linear_coefficients(terms: Iterable[collecting.Term], names: Sequence[str]) -> Mapping[str, ex.Expression] | None:
     """The coefficients of the velocities in terms that are linear in them (free terms allowed), else None."""
     found: dict[str, ex.Expression] = {}
     for monomial, value in terms:
-        inside = short_forms.velocities_in(collecting_trees.monomial_tree(monomial), names)
+        inside = short_forms.velocities_in(collecting.monomial_tree(monomial), names)
         if not inside:
             continue
         name = next(iter(inside))
         rest = tuple(pair for pair in monomial if pair != (ex.Velocity(name), Fraction(1)))
-        if len(rest) != len(monomial) - 1 or short_forms.velocities_in(collecting_trees.monomial_tree(rest), names):
+        if len(rest) != len(monomial) - 1 or short_forms.velocities_in(collecting.monomial_tree(rest), names):
             return None
-        term = value * (collecting_trees.monomial_tree(rest) if rest else ex.ONE)
+        term = value * (collecting.monomial_tree(rest) if rest else ex.ONE)
         found[name] = found.get(name, ex.ZERO) + term
     return found
 
@@ -174,13 +172,13 @@ def _choices(block: blocks.Block) -> Iterator[tuple[str, ...]]:
                 yield chosen
 
 
-def _degree(monomial: collecting_trees.Monomial, names: Sequence[str]) -> Fraction:
+def _degree(monomial: collecting.Monomial, names: Sequence[str]) -> Fraction:
     found = blocks.degrees(monomial, names) or {}
     return sum(found.values(), Fraction(0))
 
 
 def _routh_parts(block: blocks.Block, ignored: Sequence[str]) -> _RouthParts | None:
-    groups: tuple[list[collecting_trees.Term], list[collecting_trees.Term], list[collecting_trees.Term]] = ([], [], [])
+    groups: tuple[list[collecting.Term], list[collecting.Term], list[collecting.Term]] = ([], [], [])
     for monomial, value in collecting.expand(block.function):
         groups[int(_degree(monomial, ignored))].append((monomial, value))
     rest, linear, quadratic = groups
@@ -189,7 +187,7 @@ def _routh_parts(block: blocks.Block, ignored: Sequence[str]) -> _RouthParts | N
     slopes = linear_coefficients(linear, ignored)
     if inverse is None or slopes is None:
         return None
-    return _RouthParts(collecting_trees.terms_tree(rest), tuple(slopes.get(name, ex.ZERO) for name in ignored), inverse)
+    return _RouthParts(collecting.terms_tree(rest), tuple(slopes.get(name, ex.ZERO) for name in ignored), inverse)
 
 
 # A space is in no name that a user can declare.
@@ -233,7 +231,7 @@ def _candidates(block: blocks.Block) -> Iterator[ex.Expression]:
                 seen.add(base)
                 yield base
     if second and len(second) < len(terms):
-        yield collecting_trees.terms_tree(second)
+        yield collecting.terms_tree(second)
 
 
 def _recognized(block: blocks.Block, form: ex.Expression) -> _Radial | None:
@@ -256,8 +254,8 @@ def _recognized(block: blocks.Block, form: ex.Expression) -> _Radial | None:
 
 def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[blocks.Matrix, list[ex.Expression]] | None:
     """(G, b) of c + b v + v^T G v/2."""
-    quadratic: list[collecting_trees.Term] = []
-    linear: list[collecting_trees.Term] = []
+    quadratic: list[collecting.Term] = []
+    linear: list[collecting.Term] = []
     for monomial, value in collecting.expand(form):
         found = blocks.degrees(monomial, names)
         if found is None or sum(found.values()) not in (0, 1, 2):
@@ -305,13 +303,13 @@ def _root_parts(function: ex.Expression) -> tuple[ex.Expression, ex.Expression, 
     monomial, value = terms[0]
     roots = [base for base, exponent in monomial if exponent == ex.HALF.value and _holds_s(base)]
     rest = tuple(pair for pair in monomial if pair[0] not in roots)
-    if len(roots) != 1 or _holds_s(collecting_trees.monomial_tree(rest)):
+    if len(roots) != 1 or _holds_s(collecting.monomial_tree(rest)):
         return None
     slope = derivative.differentiate(roots[0], _S)
     start = ex.substitute(roots[0], {_S: ex.ZERO})
     if _holds_s(slope) or start == ex.ZERO:
         return None
-    return value * collecting_trees.monomial_tree(rest), start, short_forms.simplified(slope)
+    return value * collecting.monomial_tree(rest), start, short_forms.simplified(slope)
 
 
 def _holds_s(tree: ex.Expression) -> bool:
@@ -390,21 +388,19 @@ def _ratio_parts(block: blocks.Block, pivot: str) -> tuple[ex.Expression, ex.Exp
     rate = ex.Velocity(pivot)
     others = [name for name in block.names if name != pivot]
     table: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): rate * ex.Velocity(name) for name in others}
-    alone: list[collecting_trees.Term] = []
-    homogeneous: list[collecting_trees.Term] = []
+    alone: list[collecting.Term] = []
+    homogeneous: list[collecting.Term] = []
     for monomial, value in collecting.expand(ex.substitute(block.function, table)):
         rest = blocks.without(monomial, [pivot])
-        if not short_forms.velocities_in(collecting_trees.monomial_tree(monomial), others):
+        if not short_forms.velocities_in(collecting.monomial_tree(monomial), others):
             alone.append((monomial, value))
-        elif (rate, Fraction(1)) in monomial and not short_forms.velocities_in(
-            collecting_trees.monomial_tree(rest), [pivot]
-        ):
+        elif (rate, Fraction(1)) in monomial and not short_forms.velocities_in(collecting.monomial_tree(rest), [pivot]):
             homogeneous.append((rest, value))
         else:
             return None
     if not alone or not homogeneous:
         return None
-    return collecting_trees.terms_tree(alone), collecting_trees.terms_tree(homogeneous)
+    return collecting.terms_tree(alone), collecting.terms_tree(homogeneous)
 
 
 def _with_ratios(block: blocks.Block, pivot: str, inner: blocks.Branch, outer: blocks.Branch) -> blocks.Branch:

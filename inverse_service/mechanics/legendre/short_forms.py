@@ -8,7 +8,7 @@ from functools import lru_cache
 from math import isqrt
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, collecting_trees
+from inverse_service.expressions import collecting
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import implicit_equations, writing
@@ -24,7 +24,7 @@ def velocities_in(tree: ex.Expression, names: Collection[str]) -> set[str]:
 
 def separated(tree: ex.Expression) -> ex.Expression:
     """The tree expanded, exponentials as powers of atoms so that quotients of them cancel."""
-    return ex.add(*(value * collecting_trees.separate_tree(monomial) for monomial, value in collecting.expand(tree)))
+    return ex.add(*(value * collecting.separate_tree(monomial) for monomial, value in collecting.expand(tree)))
 
 
 @lru_cache(maxsize=512)
@@ -35,7 +35,7 @@ def quotient(tree: ex.Expression) -> ex.Expression:
         return tree
     try:
         ring = implicit_equations.OpaqueRing([plain])
-        return collecting_trees.merge_powers(ring.tree(ring.fraction(plain)))
+        return collecting.merge_powers(ring.tree(ring.fraction(plain)))
     except (ZeroDivisionError, errors.LimitError):
         return tree
 
@@ -48,7 +48,7 @@ def shortest(forms: Sequence[ex.Expression]) -> ex.Expression:
 @lru_cache(maxsize=512)
 def simplified(tree: ex.Expression) -> ex.Expression:
     """The shortest of: the tree as it is, collected, as one quotient; with sin^2 = 1 - cos^2 where both occur."""
-    collected, merged = collecting.collect(tree), collecting_trees.merge_powers(tree)
+    collected, merged = collecting.collect(tree), collecting.merge_powers(tree)
     forms = [collected, merged]
     if _is_monomial(collected):  # as momenta and energies of many masses are
         return shortest(forms)

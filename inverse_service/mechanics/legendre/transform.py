@@ -12,7 +12,7 @@ from functools import partial
 from itertools import islice, product
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, collecting_trees, printing
+from inverse_service.expressions import collecting, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import real_point
 from inverse_service.mechanics import euler_lagrange, quadratic_forms, writing
@@ -223,17 +223,17 @@ def _closed(
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
     energies = [
-        collecting_trees.minus_inside(short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)))
+        collecting.minus_inside(short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)))
         for found in chosen
     ]
     plain = ex.add(*energies, ex.negated(parts.free))
     short = short_forms.inside(short_forms.shortest([plain, collecting.collect(plain)]))
-    whole = collecting_trees.roots_upright(writing.joined(short_forms.without_cancelling(short)))
+    whole = collecting.roots_upright(writing.joined(short_forms.without_cancelling(short)))
     return replace(
         implicit,
         hamiltonian=quadratic_forms.shortest_form(whole, implicit.symbols),
         velocities=tuple(
-            writing.joined(collecting_trees.merge_powers(velocity)) for velocity in blocks.resolved(chained, names)
+            writing.joined(collecting.merge_powers(velocity)) for velocity in blocks.resolved(chained, names)
         ),
         implicit=False,
         chained=chained,
@@ -425,7 +425,7 @@ def _image(constraint: ex.Expression, place: _PhaseSpace) -> ex.Expression:
             return ex.ZERO
         if exponent > 0 and not _is_harmless(factor, place):
             kept.append(collecting.collect(factor))
-    return collecting_trees.merge_powers(ex.substitute(ex.multiply(*kept), place.last))
+    return collecting.merge_powers(ex.substitute(ex.multiply(*kept), place.last))
 
 
 def _is_harmless(factor: ex.Expression, place: _PhaseSpace) -> bool:
@@ -442,4 +442,4 @@ def _key(factor: ex.Expression) -> ex.Expression:
     terms = collecting.expand(factor)
     if not terms:
         return ex.ZERO
-    return collecting_trees.terms_tree([(monomial, value / terms[0][1]) for monomial, value in terms])
+    return collecting.terms_tree([(monomial, value / terms[0][1]) for monomial, value in terms])
