@@ -171,7 +171,7 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
         names = replace(system.names, functions={**system.names.functions, **integrals})
         formulas.append(reader.read_formula(certificate["lagrangian"], names))
     known = certificate.get("roots", [])
-    first = [*_circular_roots(formulas, table), *_inverse_roots(formulas, table)]
+    first = [*_circular_roots(formulas, table), *_inverse_roots(formulas, table), *_nested_roots(formulas, table)]
     for roots in (first, [*first, *_signs(analysis)]):
         if roots:
             yield certificate | {"roots": [*known, *roots]}
@@ -203,10 +203,50 @@ def _inverse_roots(formulas: Sequence[ex.Expression], table: real_point.RealTabl
             case _:
                 continue
         with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
-            root = ex.square_root(collecting.collect(under))
-            values = (value for side, value in reduction.root_ways(root) if real_point.are_positive(side, table))
-            found += [{"root": printing.to_text(root), "is": printing.to_text(value)} for value in values]
+            if (value := _root_here(under, table)) is not None:
+                root = ex.square_root(collecting.collect(under))
+                found.append({"root": printing.to_text(root), "is": printing.to_text(value)})
     return found
+
+
+def _nested_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
+    """sqrt(a + b r) = sqrt((a + d)/2) +- sqrt((a - d)/2) for r = sqrt(v), d^2 = a^2 - b^2 v, on the side of the point.
+
+    Where b is 0 once r^2 is v it is the root of the square a.
+    """
+    found, letter = list[dict[str, str]](), ex.Symbol("_r")
+    for node in ex.distinct_nodes(formulas) if table is not None else ():
+        under = node.base if isinstance(node, ex.Power) and node.exponent == ex.HALF else ex.ZERO
+        inner = [one for one in ex.distinct_nodes([under]) if isinstance(one, ex.Power) and tower.is_even_root(one)]
+        if len(inner) != 1 or inner[0].exponent != ex.HALF:
+            continue
+        terms = collecting.expand(ex.substitute(under, {inner[0]: letter}))
+        powers = [dict(monomial).get(letter, Fraction(0)) for monomial, _ in terms]
+        if any(power.denominator > 1 or power < 0 for power in powers):
+            continue
+        v, parts = inner[0].base, list[ex.Expression]([ex.ZERO, ex.ZERO])
+        for power, (monomial, coefficient) in zip(powers, terms, strict=True):
+            rest = [atom ** ex.number(exponent) for atom, exponent in monomial if atom != letter]
+            parts[int(power % 2)] += ex.multiply(ex.number(coefficient), v ** ex.number(power // 2), *rest)
+        a, b = map(collecting.collect, parts)
+        value: ex.Expression | None
+        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+            value = _root_here(a if b == ex.ZERO else a**2 - b**2 * v, table or {})
+            if value is not None and b != ex.ZERO:
+                first, second = (ex.square_root(collecting.collect((a + d) / 2)) for d in (value, -value))
+                value = first + second if real_point.are_positive([b], table or {}) else first - second
+            if value is not None and not any(letter in ex.walk(part) for part in (a, b)):
+                root = ex.square_root(under)
+                found.append({"root": printing.to_text(root), "is": printing.to_text(collecting.collect(value))})
+    return found
+
+
+def _root_here(square: ex.Expression, table: real_point.RealTable) -> ex.Expression | None:
+    """The positive root of a square without a root sign, on the side of the point; None where it is no square."""
+    root = ex.square_root(collecting.collect(square))
+    if isinstance(root, ex.Number):
+        return root
+    return next((value for side, value in reduction.root_ways(root) if real_point.are_positive(side, table)), None)
 
 
 def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
