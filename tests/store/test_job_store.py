@@ -364,7 +364,8 @@ def test_listeners_hear_of_every_change(store: JobStore) -> None:
     (job,) = store.claim("o", 1)
     store.add_events([("a", Event(1, "status"))])
     store.finish("a", job.attempt, b"{}", USAGE)
-    assert heard[-4:] == [("a", "accepted"), ("a", "running"), ("a", "event"), ("a", "successful")]
+    own = [what for id, what in heard if id]  # without "something changed", of a front end that begins to listen
+    assert own == ["accepted", "running", "event", "successful"]
 
 
 def test_what_is_stored_is_there_after_closing(stores: Stores) -> None:
