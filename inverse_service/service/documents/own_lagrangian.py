@@ -134,7 +134,10 @@ class _Judging:
             where = certify.where_of(proof.cell, system.names)
             statement = canonical.of_certificate(certificate, proof)
             found = self.cell(system, near, "valid", proof.reasons)
-            found |= {"domain": statement["domain"], "statement": statement, "sides": where.sides}
+            # What was proven is L as it is written on this side, without a root or an inverse function.
+            written = found["domain"] if lagrangian != self.lagrangian and not statement["domain"] else []
+            domain = [*statement["domain"], *written]
+            found |= {"domain": domain, "statement": statement | {"domain": domain}, "sides": where.sides}
             if where.one_side:
                 found |= self.elsewhere(system, lagrangian, certificate, limit)
             return found, where.sides
