@@ -55,6 +55,7 @@ def test_a_wrong_sign_is_shown_with_the_equations_that_l_has() -> None:
         ("x'' = x", "x'^2/2 + x*abs(x)/2", ["x > 0"], ["x < 0"]),
         ("x'' = abs(a)*x", "x'^2/2 + a*x^2/2", ["a > 0"], ["a < 0"]),
         ("x'' = asin(sin(x))", "x'^2/2 + x^2/2", ["x > -pi/2", "x < pi/2"], ["x > pi/2"]),
+        ("x'' = -x", "(x'^2 - x^2)/2 + x^3*(atan(tan(x)) - x)", ["x > -pi/2", "x < pi/2"], ["x > pi/2"]),
         ("x'' = abs(x)*y' - y^2; y'' = -abs(x)*x' - 2*x*y", "(x'^2 + y'^2 + x^2*y')/2 - x*y^2", ["x > 0"], ["x < 0"]),
     ],
 )
