@@ -135,8 +135,8 @@ class _Judging:
             statement = canonical.of_certificate(certificate, proof)
             found = self.cell(system, near, "valid", proof.reasons)
             # What was proven is L as it is written on this side, without a root or an inverse function.
-            written = found["domain"] if lagrangian != self.lagrangian and not statement["domain"] else []
-            domain = [*statement["domain"], *written]
+            written = found["domain"] if lagrangian != self.lagrangian else []
+            domain = list(dict.fromkeys([*written, *statement["domain"]]))
             found |= {"domain": domain, "statement": statement | {"domain": domain}, "sides": where.sides}
             if where.one_side:
                 found |= self.elsewhere(system, lagrangian, certificate, limit)
