@@ -299,6 +299,8 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
     chosen, *others = known
     lagrangian = protocol.describe(analysis, chosen.lagrangian, chosen.source)
     where = certify.where_proved(analysis, chosen.lagrangian, _LONGEST_CHECK)
+    claim = certify.of_lagrangian(analysis, chosen.lagrangian, with_time=False)
+    certificate, proof = certify.proved(analysis, claim, _LONGEST_CHECK)
     hamiltonian = solutions.Hamiltonian.of(chosen.transform, chosen.images)
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (
@@ -315,8 +317,9 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
         other_lagrangians=tuple(protocol.describe(analysis, other.lagrangian, other.source) for other in others),
         hamiltonian=hamiltonian,
         space=decision.space if decided else None,
-        certificate=certify.of_lagrangian(analysis, chosen.lagrangian, with_time=False),
+        certificate=certificate,
         checked="valid",
+        exceptions=proof.exceptions,
         explanation=steps,
         positive=where.positive,
         nonzero=where.nonzero,

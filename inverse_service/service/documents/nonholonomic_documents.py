@@ -174,11 +174,11 @@ def _statement(answer: answering.MotionAnswer) -> list[wording.Piece]:
         kind = "" if answer.lagrangian is None else answer.lagrangian.kind
         by = f"the {kind} associated system" if kind not in ("", "own") else "an associated system"
         time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
-        return [f"This motion can be given a solutions.Hamiltonian, by {by}{time}", *_where(answer), "."]
+        return [f"This motion can be given a Hamiltonian, by {by}{time}", *_where(answer), "."]
     if answer.verdict == answer.verdict_with_time == "not_variational":
-        return ["This motion cannot be given a solutions.Hamiltonian, by any associated system", *_where(answer), "."]
+        return ["This motion cannot be given a Hamiltonian, by any associated system", *_where(answer), "."]
     if answer.verdict == "not_variational":
-        no = "This motion cannot be given a solutions.Hamiltonian by any `L(q, q')`"
+        no = "This motion cannot be given a Hamiltonian by any `L(q, q')`"
         return [f"{no}; with a Lagrangian that depends on time it is open."]
     return [checking.OPEN_MOTION]
 
@@ -666,7 +666,7 @@ def _share(schema: schemas.NonholonomicDocument) -> float:
 
 
 def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solution:
-    """The solution, its solutions.Hamiltonian with the constraints in phase space."""
+    """The solution, its Hamiltonian with the constraints in phase space."""
     solution = main.solution
     assert solution is not None
     autonomous, with_time = _imaged(main, solution.autonomous), _imaged(main, solution.with_time)
