@@ -152,6 +152,14 @@ def test_what_is_there_instead_is_believed_of_nobody(kind: str) -> None:
     assert check(result | {"instead": instead})["verdict"] != "valid"
 
 
+def test_the_kind_of_what_is_there_instead_is_one_of_four() -> None:
+    result = json.loads(json.dumps(dict(solve("x'' = -g*x*y; y'' = -x'^2"))))
+    assert result["instead"]["kind"] == "parameters"
+    assert check(result)["verdict"] == "valid"
+    for kind in ("time1", "reduced", "rayleigh"):
+        assert check(result | {"instead": result["instead"] | {"kind": kind}})["verdict"] != "valid", kind
+
+
 def test_another_associated_system_is_not_the_one_that_was_asked_about() -> None:
     result = result_of("knife edge")
     assert result["verdict"] == "variational"

@@ -492,6 +492,9 @@ class Examination:
                 self.unsettled("/instead: no certificate proves it.")
             self.claim("/instead/kind")
             return
+        if kind not in ("parameters", "reduced"):
+            self.contradict("/instead/kind", str(kind), "It is none of time, rayleigh, parameters, reduced.")
+            return
         found = derived.compared_instead(document, self.result, self.end - now())
         self.about_another("/instead", part, found)
 
