@@ -84,7 +84,7 @@ def _short(terms: list[collecting.Term]) -> ex.Expression:
 class Branch:
     """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v, p) is positive.
 
-    A velocity may contain the ex.Velocity of another name of the block whose own formula contains none;
+    A velocity may contain the velocity of another name of the block whose own formula contains none;
     `resolved` puts that formula in.
     """
 

@@ -112,8 +112,17 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
 
 
 def in_general(parameters: Sequence[str], exceptions: Sequence[str]) -> str:
-    """For which parameters a verdict was proven: "for general c1, c2, k (not decided here: c1 = c2, k = 0)"."""
-    return f"for general {', '.join(parameters)} (not decided here: {', '.join(exceptions)})"
+    """For which parameters a verdict was proven: "for general c1, c2, k (not decided here: c1 = c2, k = 0)".
+
+    "for general g" alone where the exceptions could not be found.
+    """
+    left_out = f" (not decided here: {', '.join(exceptions)})" if are_found(exceptions) else ""
+    return f"for general {', '.join(parameters)}{left_out}"
+
+
+def are_found(exceptions: Sequence[str]) -> bool:
+    """Whether one of them is an equation; the checker says "single values of g" for those it could not find."""
+    return any("=" in one for one in exceptions)
 
 
 def where(one: Mapping[str, Any]) -> str:

@@ -16,7 +16,7 @@ from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions import printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import canonical, text_page
 from inverse_service.web.pages import forms, rendering, typesetting
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
@@ -530,7 +530,8 @@ def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names)
     address = forms.question_address({**given, "special_cases": True}) if isinstance(given, dict) else ""
     decide = Markup(' <a href="{}">Decide them</a>.').format(address) if address else Markup("")
     parameters = ", ".join(system["parameters"])
-    return Markup("For general {} (not decided here: {}).{}").format(parameters, listed, decide)
+    left_out = Markup(" (not decided here: {})").format(listed) if canonical.are_found(exceptions) else ""
+    return Markup("For general {}{}.{}").format(parameters, left_out, decide)
 
 
 def _equation_or_words(text: str, names: Names) -> Markup:
