@@ -141,3 +141,12 @@ def test_a_hamiltonian_by_roots_that_are_too_many_is_compared_at_points_and_told
     result = json.loads(solved("quartic"))
     assert result["hamiltonian"]["text"] == QUARTIC
     assert "/hamiltonian" in check(result)["not_checked"]
+
+
+def test_the_statement_writes_the_equations_in_latex_as_the_result_does() -> None:
+    result = dict(
+        solve({"equations": {"phi": "-sin(phi)*theta_1'", "theta_1": "0"}, "time_dependent_lagrangian": False})
+    )
+    written = check(result)["statement"]["latex"]
+    assert all(equation in written for equation in result["system"]["latex"].values())
+    assert "\\ddot{phi}" not in written

@@ -143,7 +143,7 @@ def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     equations = [
         f"{printing.to_latex(reader.read_formula(text, names))} = 0"
         if unsolved
-        else f"\\ddot{{{name}}} = {_written(text, names)}"
+        else f"{printing.name_latex(name, 'ddot')} = {_written(text, names)}"
         for name, text in system["equations"].items()
     ]
     return ", \\; ".join([*equations, *one["domain_latex"]])
