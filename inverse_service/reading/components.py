@@ -8,24 +8,23 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal
-from inverse_service.reading.tokens import Token, Tokens, TokenStream
+from inverse_service.reading.tokens import Token, Tokens, TokenStream, closing, split_at_commas
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 ROW, CELL, BEGIN, END = "\\", "&", "begin matrix", "end matrix"
-_BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
-_SIDES = ("+", "-", "=", ",", ";", ")", "]", "}", "|")
+BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
+_SIDES = ("+", "-", "=", ",", ";", ")", "]", "}")
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
 def by_components(pieces: Tokens) -> Tokens:
     """The pieces with each equation of matrices or vectors as those of its rows; InputError where shapes differ."""
-    if not any(piece.is_command(BEGIN, *_BOLD) for piece in pieces):
+    if not any(piece.is_command(BEGIN, *BOLD) for piece in pieces):
         return pieces
-    statements, vectors = _statements(pieces), dict[str, Tokens]()
+    statements, vectors = _statements(pieces), dict[str, list[Tokens]]()
     for statement in tuple(statements):
         if given := _given(statement):
             vectors[given[0]] = given[1]
@@ -40,6 +39,11 @@ def by_components(pieces: Tokens) -> Tokens:
         for row in rows:
             found += ([Token("command", ROW, row[0].column)] if found and row else []) + row
     return found
+
+
+def holds_vector(text: str) -> bool:
+    """Whether a vector may stand in a text."""
+    return any(f"\\{command}" in text for command in BOLD)
 
 
 def _statements(pieces: Tokens) -> list[Tokens]:
@@ -61,27 +65,29 @@ def _statements(pieces: Tokens) -> list[Tokens]:
 def _name(pieces: Sequence[Token], place: int) -> tuple[str, int]:
     r"""The r of \mathbf{r} or \vec r there, and how many pieces it takes; nothing elsewhere."""
     after = [piece.text for piece in pieces[place + 1 : place + 4]]
-    if not pieces[place].is_command(*_BOLD) or not after:
+    if not pieces[place].is_command(*BOLD) or not after:
         return "", 0
     braced = after[0] == "{" and after[2:] == ["}"]
     return (after[1], 4) if braced else (after[0], 2) if after[0] != "{" else ("", 0)
 
 
-def _is_vector(pieces: Sequence[Token], place: int, vectors: dict[str, Tokens]) -> bool:
+def _is_vector(pieces: Sequence[Token], place: int, vectors: dict[str, list[Tokens]]) -> bool:
     return _name(pieces, place)[0] in vectors
 
 
-def _given(statement: Tokens) -> tuple[str, Tokens] | None:
-    r"""The name and the components in \mathbf{r} = (x, y, z), each one name or number."""
+def _given(statement: Tokens) -> tuple[str, list[Tokens]] | None:
+    r"""The name and the components in \mathbf{r} = (x, y, z), none of which holds a vector."""
     name, length = _name(statement, 0)
     rest = [piece for piece in statement[length:] if not piece.is_command("left", "right")]
-    listed = len(rest) > 4 and [rest[0].text, rest[1].text, rest[-1].text] == ["=", "(", ")"]
-    parts, commas = rest[2:-1:2], rest[3:-1:2]
-    plain = all(part.kind in ("letter", "digit", "command") for part in parts)
-    return (name, parts) if name and listed and plain and all(comma.is_operator(",") for comma in commas) else None
+    listed = (
+        len(rest) > 4 and rest[0].is_operator("=") and rest[1].is_operator("(") and closing(rest, 1) == len(rest) - 1
+    )
+    parts = split_at_commas(rest[2:-1]) if listed and name else []
+    plain = len(parts) > 1 and all(parts) and not any(piece.is_command(*BOLD) for piece in rest)
+    return (name, parts) if plain else None
 
 
-def _with_length(name: str, parts: Tokens, statement: Tokens) -> Tokens:
+def _with_length(name: str, parts: list[Tokens], statement: Tokens) -> Tokens:
     """The statement with (x^2 + y^2)^(1/2) for an r that stands next to the vector r and has no bold print."""
     found: Tokens = []
     for place, piece in enumerate(statement):
@@ -90,23 +96,38 @@ def _with_length(name: str, parts: Tokens, statement: Tokens) -> Tokens:
         if piece.kind != "letter" or piece.text != name or bold or before[-1:] == ["_"] or before == ["_", "{"]:
             found.append(piece)
             continue
-        at = piece.column
-        plus, power, two = Token("operator", "+", at), Token("operator", "^", at), Token("digit", "2", at)
-        squares = [one for part in parts for one in (plus, part, power, two)][1:]
-        opened = [Token("operator", "(", at, True), Token("command", "sqrt", at), Token("operator", "{", at)]
-        found += [*opened, *squares, Token("operator", "}", at), Token("operator", ")", at)]
+
+        def sign(text: str, column: int = piece.column) -> Token:
+            return Token("operator", text, column, True)
+
+        squares = [one for part in parts for one in (sign("+"), *_bracketed(part), sign("^"), _digit("2", piece))][1:]
+        found += [sign("("), Token("command", "sqrt", piece.column), sign("{"), *squares, sign("}"), sign(")")]
     return found
+
+
+def _digit(text: str, at: Token) -> Token:
+    return Token("digit", text, at.column)
+
+
+def _bracketed(cell: Tokens) -> Tokens:
+    """The cell as a factor."""
+    if len(cell) == 1 or all(piece.is_command("dot", "ddot") for piece in cell[:-1]):
+        return cell
+    return [Token("operator", "(", cell[0].column, True), *cell, Token("operator", ")", cell[-1].column, True)]
 
 
 class _Reader:
     """Reads an equation of matrices and vectors; a value is its rows of cells."""
 
-    def __init__(self, statement: Tokens, vectors: dict[str, Tokens]) -> None:
+    def __init__(self, statement: Tokens, vectors: dict[str, list[Tokens]]) -> None:
         sized = itertools.pairwise([*statement, statement[-1]])  # \left( as (
-        plain = [one for one, after in sized if not (one.is_command("left", "right") and after.is_operator("(", ")"))]
+        plain = [
+            one for one, after in sized if not (one.is_command("left", "right") and after.is_operator("(", ")", "|"))
+        ]
         self._stream = TokenStream(plain, statement[-1].column)
         self._vectors = vectors
         self._at = statement[0]
+        self._barred = False
 
     def equations(self) -> list[Tokens]:
         """One for each row, a 0 alone being zero in each."""
@@ -115,7 +136,9 @@ class _Reader:
             sides.append(self._sum())
         if self._stream.ahead.kind != "end" or len(sides) > 2:
             raise self._refused()
-        left, right = sides if len(sides) == 2 else (sides[0], [[[self._digit("0")]]])
+        if len(sides) == 1 and len(sides[0]) == len(sides[0][0]) == 1:
+            return sides[0][0]  # a formula
+        left, right = sides if len(sides) == 2 else (sides[0], [[[_digit("0", self._at)]]])
         zero = [[piece.text for piece in cell] for row in right for cell in row] == [["0"]]
         right = [right[0]] * len(left) if zero else right
         if len(left) != len(right) or {len(row) for row in (*left, *right)} != {1}:
@@ -127,14 +150,11 @@ class _Reader:
         instead = "write sums and products that fit, or an equation for each component"
         return refusal("the rows and columns of vectors or matrices do not fit", self._at.column, instead)
 
-    def _digit(self, text: str) -> Token:
-        return Token("digit", text, self._at.column)
-
     def _sum(self) -> Value:
         total: Value | None = None
         while total is None or self._stream.ahead.is_operator("+", "-"):
             sign = self._stream.take_operator("+", "-")
-            value = [[[sign, *self._bracket(cell)] if sign else cell for cell in row] for row in self._term()]
+            value = [[[sign, *_bracketed(cell)] if sign else cell for cell in row] for row in self._term()]
             if total is not None and [len(row) for row in value] != [len(row) for row in total]:
                 raise self._refused()
             total = value if total is None else [
@@ -145,10 +165,11 @@ class _Reader:
     def _term(self) -> Value:
         value: Value | None = None
         scalar: Tokens = []
-        while self._stream.ahead.kind != "end" and not self._stream.ahead.is_operator(*_SIDES):
+        ends = (*_SIDES, "|") if self._barred else _SIDES
+        while self._stream.ahead.kind != "end" and not self._stream.ahead.is_operator(*ends):
             factor = self._factor()
-            if factor is None and value is not None and self._stream.ahead.is_operator("^"):
-                raise self._refused()  # r^2 of a vector
+            if factor is not None and self._stream.ahead.is_operator("^"):
+                factor = self._power(factor)
             if factor is None:
                 scalar += self._scalar()
             elif value is None:
@@ -161,7 +182,16 @@ class _Reader:
             raise self._refused()
         if value is None:
             return [[scalar]]
-        return [[self._bracket(cell) + scalar for cell in row] for row in value] if scalar else value
+        return [[_bracketed(cell) + scalar for cell in row] for row in value] if scalar else value
+
+    def _power(self, base: Value) -> Value:
+        """A power of a scalar, and v . v where v^2 stands; InputError for other powers of vectors."""
+        power = [self._stream.take(), *self._scalar()]
+        if len(base) == len(base[0]) == 1:
+            return [[[*_bracketed(base[0][0]), *power]]]
+        if [piece.text for piece in power if piece.text not in ("^", "{", "}")] != ["2"]:
+            raise self._refused()
+        return self._product(base, base, "cdot")
 
     def _scalar(self) -> Tokens:
         """The next piece, and all that is in the bracket that it opens."""
@@ -172,31 +202,23 @@ class _Reader:
             depth += found[-1].is_operator("(", "[", "{") - found[-1].is_operator(")", "]", "}")
         return found
 
-    def _bracket(self, cell: Tokens) -> Tokens:
-        """The cell as a factor."""
-        if len(cell) == 1 or all(piece.is_command("dot", "ddot") for piece in cell[:-1]):
-            return cell
-        return [self._sign("("), *cell, self._sign(")")]
-
     def _sign(self, text: str) -> Token:
         return Token("operator", text, self._at.column, True)
 
     def _scaled(self, scalar: Tokens, value: Value) -> Value:
-        return (
-            [[[*scalar, self._sign("*"), *self._bracket(cell)] for cell in row] for row in value] if scalar else value
-        )
+        return [[[*scalar, self._sign("*"), *_bracketed(cell)] for cell in row] for row in value] if scalar else value
 
     def _product(self, left: Value, right: Value, sign: str) -> Value:
         """Rows times columns; the scalar product with \\cdot, the vector product with \\times."""
         minus, times = map(self._sign, "-*")
         if sign == "times" and len(left) == len(right) == 3:
             pairs = [(1, 2), (2, 0), (0, 1)]
-            a, b = ([self._bracket(row[0]) for row in side] for side in (left, right))
+            a, b = ([_bracketed(row[0]) for row in side] for side in (left, right))
             return [[[*a[i], times, *b[j], minus, *a[j], times, *b[i]]] for i, j in pairs]
         if sign == "cdot" and len(left) == len(right) > 1 and len(left[0]) == len(right[0]) == 1:
             left = [[row[0] for row in left]]
         if len(left) == len(left[0]) == 1 and len(right) > 1:
-            return self._scaled(self._bracket(left[0][0]), right)
+            return self._scaled(_bracketed(left[0][0]), right)
         if len(left[0]) != len(right):
             raise self._refused()
         return [[self._scalar_product(row, column) for column in zip(*right, strict=True)] for row in left]
@@ -204,7 +226,7 @@ class _Reader:
     def _scalar_product(self, left: Sequence[Tokens], right: Sequence[Tokens]) -> Tokens:
         plus, times = map(self._sign, "+*")
         pairs = zip(left, right, strict=True)
-        return [piece for a, b in pairs for piece in (plus, *self._bracket(a), times, *self._bracket(b))]
+        return [piece for a, b in pairs for piece in (plus, *_bracketed(a), times, *_bracketed(b))]
 
     def _factor(self) -> Value | None:
         """A matrix, a vector with its dots, a bracket that holds one; None where another piece comes next."""
@@ -225,40 +247,67 @@ class _Reader:
             if len({len(row) for row in found}) != 1:
                 raise self._refused()
             return found
+        if stream.ahead.is_operator("|") and self._holds_vector():
+            opening, self._barred = stream.take(), True
+            value = self._sum()
+            stream.close(opening, "|")
+            self._barred = False
+            (square,) = self._product(value, value, "cdot")[0]
+            return [[[Token("command", "sqrt", opening.column), self._sign("{"), *square, self._sign("}")]]]
         if stream.ahead.is_operator("(") and self._holds_vector():
             opening = stream.take()
             value = self._sum()
             stream.close(opening)
             return value
         if stream.ahead.is_command("frac", "tfrac", "dfrac") and self._holds_vector(1):
-            fraction, opening = stream.take(), stream.take()
-            value = self._sum()
-            stream.close(opening, "}")
-            under = self._scalar()
-            closing = replace(opening, text="}")
-            return [[[fraction, opening, *cell, closing, *under] for cell in row] for row in value]
+            fraction, (above, below) = stream.take(), (self._braced(), self._braced())
+            if len(below) != 1 or len(below[0]) != 1:
+                raise self._refused()
+            opened, closed = self._sign("{"), self._sign("}")
+            under = [opened, *below[0][0], closed]
+            return [[[fraction, opened, *cell, closed, *under] for cell in row] for row in above]
         dotted = stream.ahead.is_command("dot", "ddot")
         braced = dotted and stream.look(1).is_operator("{")
         name, length = _name(stream.rest(7), dotted + braced)
         if name == "0":
             stream.position += length
-            return [[[self._digit("0")]]]
+            return [[[_digit("0", self._at)]]]
         if name not in self._vectors:
             return None
-        dots = [stream.take()] if dotted else []
+        order = 1 + stream.take().is_command("ddot") if dotted else 0
         stream.position += length + 2 * braced
         if stream.ahead.is_operator("_"):
             raise self._refused()  # r_1 is not r
-        return [[[*dots, part] if part.kind != "digit" or not dots else [self._digit("0")]]
-                for part in self._vectors[name]]  # fmt: skip
+        return [[self._moving(part, order)] for part in self._vectors[name]]
 
-    def _holds_vector(self, distance: int = 0) -> bool:
-        """Whether a vector or a matrix stands in the bracket ahead, or so many pieces on."""
-        group: Tokens = []
-        depth = 0
-        for piece in self._stream.rest()[distance:]:
-            group.append(piece)
+    def _moving(self, part: Tokens, order: int) -> Tokens:
+        """The component with so many time derivatives; InputError for one that is a formula."""
+        if not order:
+            return part
+        if len(part) > 1 and any(piece.kind != "digit" for piece in part):
+            raise self._refused()
+        return (
+            [_digit("0", self._at)]
+            if part[0].kind == "digit"
+            else [Token("command", "d" * order + "ot", self._at.column), *part]
+        )
+
+    def _braced(self) -> Value:
+        """A group in braces, or the one piece that stands for it."""
+        if not (opening := self._stream.take_operator("{")):
+            return [[[self._stream.take()]]]
+        value = self._sum()
+        self._stream.close(opening, "}")
+        return value
+
+    def _holds_vector(self, groups: int = 0) -> bool:
+        """Whether a vector or a matrix stands in the bracket ahead, or in the groups after the piece ahead."""
+        pieces, depth, end = self._stream.rest()[bool(groups) :], 0, 0
+        left = groups + 1
+        for end, piece in enumerate(pieces):
             depth += piece.is_operator("(", "{") - piece.is_operator(")", "}")
-            if depth < 1:
+            left -= depth < 1 and not (pieces[0].text == "|" and (end == 0 or piece.text != "|"))
+            if not left:
                 break
+        group = pieces[: end + 1]
         return any(_is_vector(group, k, self._vectors) or piece.is_command(BEGIN) for k, piece in enumerate(group))

@@ -21,6 +21,10 @@ from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, wr
 from inverse_service.reading.tokens import COMPARED, TOTAL, Kind, Token, at, refuse_decimal_commas, tokenize
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
+_TO = r"subject\s+to|s\.\s?t\."
+_WORDS = rf"(?:(?:{_TO}|with|under)\s+(?:the\s+)?constraints?|{_TO}|constraints?(?=\s*:))"
+# What stands between a Lagrangian and its constraints, in LaTeX in the font of words.
+_SUBJECT_TO = re.compile(rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|\b{_WORDS}\s*:?")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
 
@@ -90,6 +94,7 @@ def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.E
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens alone, before any name is looked up."""
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
+    formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula)
     names = names or Names()
     if is_latex(formula):
         from inverse_service.reading import latex

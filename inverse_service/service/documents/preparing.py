@@ -13,7 +13,7 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.expressions import letters, printing
-from inverse_service.reading import document_names, notations, reader
+from inverse_service.reading import components, document_names, notations, reader
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -124,6 +124,10 @@ _ENERGY = re.compile(
     r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
     r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*=(?!=)"
 )
+# The components of a vector, \mathbf{r} = (x, y, z)
+_VECTOR = re.compile(
+    rf"\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)\s*=\s*(?:\\left\s*)?\([^()=]*\)"
+)
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 _FORM = re.compile(r"(?<![A-Za-z\\])d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in dz = y dx
 _DEFINED = re.compile(r"\s*\\?([A-Za-z]\w*(?:_\{\w+\})?)(\([^()]*\))?\s*")
@@ -136,6 +140,9 @@ def _with_lagrangian(plain: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
         return plain
     lines = [line for text in texts for line in _lines(_LETTER_L.sub(lambda match: "L".ljust(len(match[0])), text))]
+    vectors = "".join(f", {found[0]}" for text in texts for found in _VECTOR.finditer(text))
+    lines = [_WRAPPER_ENDS.sub("", _VECTOR.sub(lambda match: " " * len(match[0]), line)) for line in lines]
+    lines = [line for line in lines if line.strip()]
     energies: dict[str, tuple[re.Match[str], str]] = {}
     others: list[str] = []
     for line in lines:
@@ -166,6 +173,9 @@ def _with_lagrangian(plain: dict[str, Any]) -> dict[str, Any]:
                 lagrangian = lagrangian.replace(f"{defined[1]}{defined[2]}", defined[1].ljust(len(left.strip())))
         else:
             constraints.append(line.strip())
+    lagrangian, *constraints = (
+        f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
+    )
     found = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
     if where:
         found["where"] = {**plain.get("where", {}), **where}
@@ -294,6 +304,8 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     moving = {*document_names.moving_names(tokens, 1)}
     words = {token.text for token in tokens if token.kind == "name"}
     names = Names((), ("x", *moving))
+    if any([part.text for part in tokens[k : k + 2]] == ["x", "="] for k in range(len(tokens))):
+        return ""  # x = l sin(theta) is a definition
     occurs = any(word == "x" or "x" in only_split(word, names) for word in words)
     timed = any(token.text == "t" for text in texts for token in reader.undifferentiated(text))
     alone = len(moving) == 1 and not moving & {"x", "X", "z"} and not timed
