@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,15 +21,18 @@ MODULES = sorted(path.relative_to(ROOT) for path in (ROOT / "inverse_service").r
 SCHEMAS = sorted(path.relative_to(ROOT) for path in (ROOT / "api_schemas").rglob("*.py"))
 
 
-def imported(source: str, package: str) -> Iterator[str]:
+@cache
+def imported(source: str, package: str) -> list[str]:
     """Full names of all modules that a source imports, lazily or not."""
+    found: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
             module = ".".join([*base, *([node.module] if node.module else [])])
-            yield from (f"{module}.{alias.name}" for alias in node.names)
+            found += [f"{module}.{alias.name}" for alias in node.names]
+    return found
 
 
 def room(module: str) -> str | None:

@@ -92,7 +92,7 @@ def run_page(page: Path, folder: Path, address: str, with_slow: bool) -> list[st
     prepare(page, folder)
     script = "set -euo pipefail\n" + "".join(command(block, folder, address) for block, _ in chosen)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    environment = {**os.environ, "PATH": path, "INVERSE_SERVICE_CACHE": str(folder / "cache")}
+    environment = {**os.environ, "PATH": path}
     done = subprocess.run(
         ["bash", "-c", script], cwd=folder, capture_output=True, text=True, timeout=600, env=environment
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 from typing import Any
 
 import pytest
@@ -18,19 +19,22 @@ def heisenberg(pairs: int) -> dict[str, Any]:
     return {"coordinates": [*free, "z"], "lagrangian": f"({energy})/2", "constraints": [f"z'{rate}"]}
 
 
+@functools.cache
+def solved(pairs: int) -> inverse_service.Result:
+    return inverse_service.solve(heisenberg(pairs) | {"associated": "any"}, time_limit=60)
+
+
 @pytest.mark.parametrize("pairs", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_particle_of_any_dimension_can_be_given_a_hamiltonian(pairs: int) -> None:
-    result = inverse_service.solve(heisenberg(pairs) | {"associated": "any"}, time_limit=60)
+    result = solved(pairs)
     answer = result["any_associated"]
     assert (answer["verdict"], answer["checked"]) == ("variational", "valid")
     assert inverse_service.check(result)["verdict"] == "valid"
 
 
 def test_a_certificate_of_another_reduced_system_is_refused() -> None:
-    result = dict(inverse_service.solve(heisenberg(2) | {"associated": "any"}, time_limit=60))
-    free = {"equations": dict.fromkeys(["x1", "x2", "y1", "y2"], "0")}
-    forged = copy.deepcopy(result)
-    straight = inverse_service.solve(free)
+    forged = copy.deepcopy(dict(solved(1)))
+    straight = inverse_service.solve({"equations": {"x1": "0", "y1": "0"}})
     forged["any_associated"] |= {"certificate": straight["certificate"], "lagrangian": straight["lagrangian"]}
     assert inverse_service.check(forged)["verdict"] == "invalid"
 

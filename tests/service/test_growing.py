@@ -24,11 +24,7 @@ from inverse_service.web.pages.result_tasks import Look, so_far_task
 DAMPED = {"equations": "x'' = -x - x'/10", "time_dependent_lagrangian": False}
 NONE = {"equations": {"x": "y", "y": "-x*x'"}}  # no Lagrangian of either kind
 CASES = {"equations": {"x": "-sqrt(x^2)"}}
-KNIFE_EDGE = {
-    "coordinates": ["x", "y", "th"],
-    "lagrangian": "(x'^2 + y'^2 + th'^2)/2 - x",
-    "constraints": ["y'*cos(th) = x'*sin(th)"],
-}
+PARTICLE = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' = y*x'"]}
 MOTION = {"coordinates": ["x", "y", "z"], "motion": {"x": "0", "y": "0"}, "constraints": ["z' = y*x'"]}
 BOTH = {"equations": "x'' = -x - x'/10"}
 ALL = {
@@ -36,7 +32,7 @@ ALL = {
     "both questions": BOTH,
     "none": NONE,
     "branches": CASES,
-    "knife edge": KNIFE_EDGE,
+    "particle": PARTICLE,
     "motion": MOTION,
 }
 
@@ -119,7 +115,7 @@ def test_first_that_a_lagrangian_exists_is_told_and_then_which() -> None:
 
 
 def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_lagrangian() -> None:
-    parts = [part for message in told_once(KNIFE_EDGE)[0] for part in message["parts"]]
+    parts = [part for message in told_once(PARTICLE)[0] for part in message["parts"]]
     assert parts.index("motion") < parts.index("existence") < parts.index("any_associated")
 
 
@@ -153,7 +149,7 @@ def test_a_caller_of_python_hears_of_each_part() -> None:
 
 @pytest.mark.parametrize("place", [0, 3])
 def test_cut_off_anywhere_the_result_is_what_was_finished(place: int) -> None:
-    messages, result = told_once(KNIFE_EDGE)
+    messages, result = told_once(PARTICLE)
     so_far = states(messages)[min(place, len(messages) - 2)]
     cut = growing.cut_off(so_far, "The time limit of 1 s was reached.", {"motion": 0.5}, 1.0)
     assert {entry["reason"] for entry in cut["incomplete"]} <= {"The time limit of 1 s was reached."}

@@ -79,7 +79,7 @@ def test_a_damped_oscillator_keeps_what_the_solver_found() -> None:
 
 
 def test_bodies_are_columns_and_a_moving_picture(tmp_path: Path) -> None:
-    scene = PENDULUM | {"points": {"bob": ["l*sin(a)", "-l*cos(a)"]}, "parameters": {"l": 2}, "time": 2}
+    scene = PENDULUM | {"points": {"bob": ["l*sin(a)", "-l*cos(a)"]}, "parameters": {"l": 2}, "time": 0.4}
     result = simulate(scene | {"observe": ["trajectory"]})
     assert result["bodies"] == {"bob": ["bob_x", "bob_y"]}
     columns = result["methods"][0]["points"]["columns"]
