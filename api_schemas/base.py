@@ -83,7 +83,8 @@ class ParseAnswer(Document):
 class ProvenStatement(Document):
     """What the checker proved, in its own words; parts that were not proven are left out.
 
-    `domain` and `near` say where: `near` is a point of the set. With several cells the main fields are about the first.
+    `domain` and `near` say where: `near` is a point of the set. `lagrangian_domain` is where L is one, if that is less.
+    With several cells the main fields are about the first.
     """
 
     system: dict[str, Any]
@@ -92,6 +93,7 @@ class ProvenStatement(Document):
     domain: list[str] = Field(default_factory=list)
     near: dict[str, str] = Field(default_factory=dict)
     lagrangian: str | None = None
+    lagrangian_domain: list[str] | None = None
     hamiltonian: str | None = None
     momenta: dict[str, str] | None = None
     exceptions: list[str] | None = None

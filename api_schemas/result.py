@@ -274,10 +274,11 @@ class IncompletePart(base.Document):
 class ResultDocument(OtherAnswer):
     """Everything found out about one system; the main fields answer `question`.
 
-    They hold, generically, where the inequalities of `domain` hold; `near` is a point there. Where other relations hold
-    elsewhere, `branches` has the answers for all cells, that of the main fields first, and `not_answered` the cells
-    without one; `verdict` is `differs` where the cells have different verdicts. `exceptions`: special values of the
-    parameters that are not decided here.
+    They hold, generically, where the inequalities of `domain` hold, L where those of `lagrangian.domain` do; `near` is
+    a point of both. One coordinate has a Lagrangian near every point at which f is analytic and, for L(q, q'), q' and
+    q'' are not both 0. Where other relations hold elsewhere, `branches` has the answers for all cells, that of the main
+    fields first, and `not_answered` the cells without one; `verdict` is `differs` where the cells have different
+    verdicts. `exceptions`: special values of the parameters that are not decided here.
     `guessed` are names that the document did not declare and asked to be taken as constants (or functions),
     `readings` ({"text": "kx", "as": "k*x"}) what was read otherwise than typed, `ignored` keys
     that are not of documents.

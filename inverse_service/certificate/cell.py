@@ -561,14 +561,20 @@ def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters
                 ) from None
 
 
-def cell_of(question: Question) -> Cell:
-    """The cell of a claim that was found right."""
-    hints = list[Need]()
+def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
+    """Where the verdict of a claim that was found right holds, and where its formulas do.
+
+    Both are the same, unless a theorem about f alone gives the verdict: then it holds wherever f is analytic. Of this
+    set the sides are kept on which the relations between the formulas hold: beyond them others do.
+    """
+    hints, forces = list[Need](), list[Need]()
 
     def read(ring: Letters) -> None:
         hints.clear()
-        for value in values_in([question.read_all(ring), question.read(ring)]):
-            ring.needs |= dict.fromkeys(ring.needs_of(value))
+        forces.clear()
+        collect_needs(ring, question.read_all(ring))
+        forces.extend(ring.needs)
+        collect_needs(ring, question.read(ring))
         ring.entries = iter(())
         pairs = () if question.rational else question.conditions
         positive = [ring.add([Reader(ring, one).value for one in pair], [1, -1]) for pair in pairs]
@@ -578,10 +584,21 @@ def cell_of(question: Question) -> Cell:
 
     ring = letters_of(question, read)
     cut = signed(question, ring, ring.needs if question.partly else ring.cut)
-    kept = strongest(ring, [*hints, *cut, *ring.needs])
     sides = strongest(ring, [*hints, *cut])
-    one_side = bool(cut) and not all(is_affine(ring, need.polynomial) for need in kept if need.kind == ">")
-    return Cell(written(ring, kept), written(ring, sides), one_side, ring.unknown)
+
+    def cell(needs: Iterable[Need]) -> Cell:
+        kept = strongest(ring, [*hints, *cut, *needs])
+        one_side = bool(cut) and not all(is_affine(ring, need.polynomial) for need in kept if need.kind == ">")
+        return Cell(written(ring, kept), written(ring, sides), one_side, ring.unknown)
+
+    formulas = cell(ring.needs)
+    return (cell(forces) if by_theorem else formulas), formulas
+
+
+def collect_needs(ring: Letters, found: Any) -> None:
+    """Add what the values in nested lists need."""
+    for value in values_in(found):
+        ring.needs |= dict.fromkeys(ring.needs_of(value))
 
 
 def values_in(found: Any) -> Iterator[Quotient]:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from .cell import Cell, cell_of
+from .cell import Cell, cells_of
 from .constraints import Along, Motion
 from .exceptions import exceptions_of
 from .formulas import CERTIFICATE, OLD, OLD_FORMAT, Ended, check_shape, require
@@ -31,9 +31,12 @@ class CheckResult:
 
     verdict: Literal["valid", "incomplete", "invalid"]
     reasons: tuple[str, ...] = ()
-    # Of a certificate that is valid: where its claim holds, and the parameters for which it is not proven.
+    # Of a certificate that is valid: where its claim holds, where its formulas do, the parameters for which it is not
+    # proven, and whether the theorem on one coordinate proves it beyond the formulas.
     cell: Cell | None = None
+    formulas: Cell | None = None
     exceptions: tuple[str, ...] = ()
+    by_theorem: bool = False
 
 
 def judged(work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None) -> CheckResult:
@@ -107,10 +110,21 @@ def certified(document: Any, tools: Tools) -> CheckResult:
         "nonexistence": asked.nonexistence,
     }
     sentence = checks[kind](document)
-    cell = cell_of(asked)
-    by_theorem = len(asked.coordinates) == 1 and about is Question  # every equation has a Lagrangian
+    one = len(asked.coordinates) == 1 and about is Question
+    cell, formulas = cells_of(asked, one and not asked.unsolved)
+    by_theorem = one and (kind == "existence" or cell != formulas)
     # A definite Hessian is proven at the point `near`, for the values of the parameters there.
-    generic = None if by_theorem or about is Definite else asked.generic
+    generic = None if one or about is Definite else asked.generic
     exceptions = exceptions_of(asked, generic, time.thread_time() - began)
     meant = f" Only Lagrangians of a kind are meant: {among}." if among is not None else ""
-    return CheckResult("valid", (sentence + meant,), cell, exceptions)
+    return CheckResult("valid", (sentence + meant,), cell, formulas, exceptions, by_theorem)
+
+
+def near_points(name: str, timed: bool) -> str:
+    """Where an equation of one coordinate has a regular Lagrangian (Sonin 1886, Darboux 1894).
+
+    Its Hessian g solves Gamma(g) + g df/dv = 0 with Gamma = v d/dx + f d/dv, and d/dt besides where L may contain t. A
+    linear equation along Gamma has a solution with g = 1 near each point at which Gamma is not 0, and g gives L.
+    """
+    moving = "" if timed else f" and {name}', {name}'' are not both 0"
+    return f"near every point at which f is analytic{moving}"

@@ -159,7 +159,7 @@ def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_li
     if proof.verdict != "valid":
         return Where((*analysis.system.positive, *real_point.own_requirements([lagrangian])))
     names = analysis.system.names
-    return where_of(proof.cell, replace(names, functions={**names.functions, **integrals}))
+    return where_of(proof.formulas, replace(names, functions={**names.functions, **integrals}))
 
 
 def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:

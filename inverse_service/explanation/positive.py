@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from inverse_service import bounds
+from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import Answer, Hamiltonian, Lagrangian, SolutionSpace, Step
@@ -205,11 +206,13 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
     )
 
 
-def of_one_coordinate() -> Step:
+def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
     """The theorem of N. Sonin (1886) and G. Darboux (1894, Lecons III, art. 604)."""
+    question = "L(t, q, q')" if with_time else "L(q, q')"
+    form = "`L` is one in closed form" if is_found else "no closed form of one was found"
     return said(
-        "Every equation x'' = f(t, x, x') of one coordinate has a regular Lagrangian (Sonin 1886, Darboux 1894); no "
-        "closed form of one was found."
+        f"Every equation of one coordinate has a regular Lagrangian {question} {checker.near_points(name, with_time)} "
+        f"(Sonin 1886, Darboux 1894); {form}."
     )
 
 

@@ -273,6 +273,9 @@ def _placed(
         if answer is None or not answer.explanation:
             return answer
         steps = branch_steps(system, answer.positive, answer.nonzero)
+        known, found = {*answer.positive, *answer.nonzero}, answer.lagrangian
+        if len(system.coordinates) == 1 and found and not known.issuperset((*found.positive, *found.nonzero)):
+            steps += (of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),)
         return replace(answer, explanation=(*steps, *answer.explanation))
 
     autonomous = placed(answers[0])
@@ -389,7 +392,9 @@ def _by_existence(work: confirming.Work, decision: deciding.Decision) -> Answer:
     series = series_steps(work.analysis, decision, work.options.series_order)
     steps, known = (not_found(decision.space), *series), existence_steps(decision)
     if len(work.analysis.system.coordinates) == 1:
-        steps, known = (of_one_coordinate(),), (not_found(decision.space), *series)
+        name = work.analysis.system.coordinates[0]
+        steps = (of_one_coordinate(name, decision.with_time, is_found=False),)
+        known = (not_found(decision.space), *series)
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from inverse_service.certificate.cell import Cell
-from inverse_service.certificate.checker import CheckResult
+from inverse_service.certificate.checker import CheckResult, near_points
 from inverse_service.decision import certify
 from inverse_service.expressions import inequalities, notation, printing
 from inverse_service.reading import reader
@@ -53,6 +53,9 @@ def cell(
         "verdict": verdict,
         "domain": texts,
         "domain_latex": latex,
+        "lagrangian_domain": domain_of(proof.formulas, names)[0] if lagrangian and proof.by_theorem else None,
+        "by_theorem": proof.by_theorem,
+        "timed": certificate["question"] == "time_dependent",
         "one_side": bool(proven and proven.one_side),
         "sides": [] if proven is None else list(proven.sides),
         "near": dict(certificate.get("near") or {}),
@@ -91,7 +94,8 @@ def of_cells(
 
 def _statement(system: Mapping[str, Any], one: Mapping[str, Any]) -> dict[str, Any]:
     shown = {key: system.get(key) or [] for key in ("coordinates", "equations", "parameters", "functions")}
-    keys = ("question", "verdict", "domain", "near", "lagrangian", "hamiltonian", "momenta", "exceptions")
+    keys = ("question", "verdict", "domain", "near", "lagrangian", "lagrangian_domain", "hamiltonian", "momenta",
+            "exceptions")  # fmt: skip
     kept = {key: one[key] for key in keys}
     found = {"system": shown} | kept | {"text": _words(system, one), "latex": _latex(system, one)}
     return {key: value for key, value in found.items() if value is not None}
@@ -103,8 +107,11 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     kind = f" of the kind {one['among']}" if one["among"] is not None else ""
     says = _SAYS[one["verdict"]].format(one["question"]) + kind
     general = f" {in_general(system['parameters'], one['exceptions'])}" if one["exceptions"] else ""
-    parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}{general}."]
-    parts += [f"L = {one['lagrangian']}."] if one["lagrangian"] else []
+    near = near_points(system["coordinates"][0], one["timed"]) if one["by_theorem"] else ""
+    near = f"{',' * bool(one['domain'])} {near}" if near else ""
+    parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}{near}{general}."]
+    there = f" where {', '.join(one['lagrangian_domain'])}" if one["lagrangian_domain"] else ""
+    parts += [f"L = {one['lagrangian']}{there}."] if one["lagrangian"] else []
     if one["hamiltonian"]:
         momenta = ", ".join(f"{name} = {text}" for name, text in one["momenta"].items())
         parts.append(f"H = {one['hamiltonian']}, with {momenta}.")

@@ -377,20 +377,23 @@ class Examination:
             self.claim(f"{at}/latex")
 
     def domains(self, shown: Shown, certificate: dict[str, Any], proof: CheckResult) -> None:
-        """Each stated domain has all members of the cell that was proven."""
+        """Each stated domain has all members of the cell that was proven: of the verdict, or of L."""
         at, part = shown.at, shown.part
         near = certificate.get("near") or {}
         if part.get("near"):
             self.agree(f"{at}/near", part["near"] == near, part["near"], "The certificate is about another point.")
         shape = part.get("lagrangian") if isinstance(part.get("lagrangian"), dict) else {}
-        holders = [(f"{at}/domain", part.get("domain")), (f"{at}/lagrangian/domain", (shape or {}).get("domain"))]
-        listed = [(place, stated) for place, stated in holders if stated is not None]
+        holders = [
+            (f"{at}/domain", part.get("domain"), proof.cell),
+            (f"{at}/lagrangian/domain", (shape or {}).get("domain"), proof.formulas),
+        ]
+        listed = [(place, stated, cell) for place, stated, cell in holders if stated is not None]
         if not listed:
-            listed = [(f"{at}/domain", shown.around or [])]
-        for place, stated in listed:
+            listed = [(f"{at}/domain", shown.around or [], proof.cell)]
+        for place, stated, cell in listed:
             # What is said about a kind of Lagrangians holds where the answer around it does.
             whole = [*stated, *(one for one in shown.around or [] if one not in stated)]
-            missing, beyond = comparison.lacking(certificate, whole, proof, self.end - now())
+            missing, beyond = comparison.lacking(certificate, whole, cell, self.end - now())
             if missing:
                 self.unsettled(f"{place or '/domain'} lacks {', '.join(missing)}.")
                 continue

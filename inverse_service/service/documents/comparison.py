@@ -186,16 +186,16 @@ _SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
 
 
 def lacking(
-    certificate: Mapping[str, Any], stated: Sequence[str], proof: checker.CheckResult, limit: float
+    certificate: Mapping[str, Any], stated: Sequence[str], proven: cell.Cell | None, limit: float
 ) -> tuple[list[str], set[int]]:
     """The members of the proven cell that do not follow from a stated domain; stated ones that were not proven."""
-    if proof.cell is None:
+    if proven is None:
         return [], {*range(len(stated))}
     tools = checks.Tools(random.Random(), thread_time() + max(1.0, limit))
     question = checks.Question(tools, certificate["system"], True, dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
     try:
-        missing, beyond = cell.lacking(question, stated, proof.cell)
+        missing, beyond = cell.lacking(question, stated, proven)
     except formulas.Ended as end:
         return ([*end.args[1:]], set()) if end.args[0] == "invalid" else ([], {*range(len(stated))})
     return missing, {*beyond}

@@ -130,9 +130,11 @@ class _Judging:
         claim = certify.of_lagrangian(analysis, lagrangian, with_time)
         certificate, proof = certify.proved(analysis, claim, limit)
         near = certificate.get("near", {})
-        if proof.verdict == "valid" and proof.cell is not None:
-            where = certify.where_of(proof.cell, system.names)
-            statement = canonical.of_certificate(certificate, proof)
+        if proof.verdict == "valid" and proof.formulas is not None:
+            where = certify.where_of(proof.formulas, system.names)
+            # The question is where L has these equations, not where there is some L.
+            own = replace(proof, cell=proof.formulas, by_theorem=False)
+            statement = canonical.of_certificate(certificate, own)
             found = self.cell(system, near, "valid", proof.reasons)
             # What was proven is L as it is written on this side, without a root or an inverse function.
             written = found["domain"] if lagrangian != self.lagrangian else []

@@ -283,10 +283,11 @@ def _case(
     answers[0]["asked"] = answers[0]["timed"] == text_page.asks_for_time(result)
     verdict, (shown, *others) = _verdict_of_branch(branch, result), answers
     notes: list[Markup] = []
-    domain = (*(shown.get("domain") or ()), *((shown.get("lagrangian") or {}).get("domain") or ()))
-    where = _listed(dict.fromkeys(domain), names)
-    if where:
-        notes.append(Markup("Where {}.").format(where))
+    domain, formula = shown.get("domain") or [], (shown.get("lagrangian") or {}).get("domain") or []
+    if domain:
+        notes.append(Markup("Where {}.").format(_listed(domain, names)))
+    if not {*domain}.issuperset(formula):
+        notes.append(Markup("This formula holds where {}.").format(_listed(formula, names)))
     if shown.get("reason") and verdict == OPEN and not pending:
         notes.append(Markup("{}.").format(shown["reason"][:1].upper() + shown["reason"][1:].rstrip(".")))
     if shown.get("exceptions") and result.get("system"):

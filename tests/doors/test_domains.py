@@ -1,0 +1,76 @@
+"""Where a verdict holds and where the formula of its Lagrangian does: in the result, the statement, text, and page."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import pytest
+
+import inverse_service
+from inverse_service.service.documents.text_page import text_page
+from inverse_service.web.pages import sheets
+
+OSCILLATOR = {"equations": {"x": "-x - c*x'"}, "parameters": ["c"], "time_dependent_lagrangian": False}
+
+
+@pytest.fixture(scope="module")
+def damped() -> dict[str, Any]:
+    return json.loads(inverse_service.solve(OSCILLATOR).to_json())
+
+
+def test_the_damped_oscillator_has_a_lagrangian_for_all_c(damped: dict[str, Any]) -> None:
+    assert damped["domain"] == []
+    assert {"x != 0", "c^2 < 4"} <= {*damped["lagrangian"]["domain"]}
+    said = inverse_service.check(damped)
+    assert (said["verdict"], said["statement"]["domain"]) == ("valid", [])
+    assert {*said["statement"]["lagrangian_domain"]} == {"x != 0", "c^2 < 4"}
+    assert "not both 0" in said["statement"]["text"]  # at rest in 0 it has none
+
+
+def test_text_and_page_say_which_of_both_the_conditions_belong_to(damped: dict[str, Any]) -> None:
+    lines = text_page(damped, explain=False).splitlines()
+    (headline,) = (line for line in lines if line.startswith("Variational"))
+    assert "c^2" not in headline
+    assert "      where c^2 < 4" in lines
+    (case,) = sheets.sheet_of(damped).cases
+    (note,) = (note for note in case.notes if "<math" in note)
+    assert note.startswith("This formula holds where")
+
+
+@pytest.mark.parametrize("missing", ["x != 0", "c^2 < 4"])
+def test_a_formula_needs_its_own_domain(damped: dict[str, Any], missing: str) -> None:
+    forged = copy.deepcopy(damped)
+    forged["lagrangian"]["domain"].remove(missing)
+    assert inverse_service.check(forged)["verdict"] == "incomplete"
+
+
+@pytest.mark.parametrize(
+    ("force", "domain"),
+    [
+        ("sqrt(x)*x'", ["x > 0"]),
+        ("x'*log(x)/k", ["k != 0", "x > 0"]),
+        ("-x'^3/(x - 1)", ["x - 1 != 0"]),
+        ("-x - (x^2 - 1)*x'", []),
+        ("-x'/t - x^5", ["t != 0"]),
+    ],
+)
+def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(force: str, domain: list[str]) -> None:
+    result = inverse_service.solve({"equations": {"x": force}, "parameters": ["k"] if "k" in force else []})
+    assert result["domain"] == domain
+    forged = json.loads(result.to_json()) | {"domain": []}
+    assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
+
+
+def test_sides_on_which_f_is_another_formula_are_cells_of_their_own() -> None:
+    result = inverse_service.solve({"equations": {"x": "abs(x) - x'"}})
+    assert [branch["domain"] for branch in result["branches"]] == [["x > 0"], ["x < 0"]]
+    assert inverse_service.check(result)["verdict"] == "valid"
+
+
+def test_several_coordinates_have_the_domain_of_the_proof() -> None:
+    result = inverse_service.solve({"equations": {"x": "-x - c*x'", "y": "-y"}, "parameters": ["c"]})
+    said = inverse_service.check(result)
+    assert result["domain"] == said["statement"]["domain"]
+    assert "lagrangian_domain" not in said["statement"]
