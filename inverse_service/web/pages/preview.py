@@ -13,6 +13,7 @@ from inverse_service.expressions import derivative, letters
 from inverse_service.expressions import tree as trees
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
+from inverse_service.web.pages import rendering
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene_data import Scene
@@ -78,17 +79,18 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
         count = part * few * (min(steps, MOST_PRICED) // few)
         scene = {"step": str(step / part), "steps": count, "record_every": part * few, "methods": [chosen]}
         method = simulate({**document, **scene, "observe": ["trajectory"]})["methods"][0]
+        name = rendering.method_name(method["label"])
         if method["outcome"] != "completed":
-            return {"reason": f"{method['label']}: {method['outcome'].replace('_', ' ')}"}
+            return {"reason": f"{name}: {method['outcome'].replace('_', ' ')}"}
         columns = method["points"]["columns"]
         ends.append([columns[name] for name in _positions(columns)])
         if part == 1:
-            seconds, until, label = method["seconds"]["run"] * steps / count, columns["t"][-1], method["label"]
+            seconds, until = method["seconds"]["run"] * steps / count, columns["t"][-1]
     coarse, fine = (_distance(*pair) for pair in itertools.pairwise(ends))
     order = min(12.0, max(1.0, math.log2(coarse / fine))) if coarse and fine else 1.0
     error = coarse / (1 - 2**-order)
     return {
-        "method": label,
+        "method": name,
         "step": float(step),
         "order": order,
         "error": error,

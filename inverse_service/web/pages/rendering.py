@@ -239,6 +239,7 @@ def environment() -> Environment:
     )
     found.filters["short_number"] = short_number
     found.filters["duration"] = duration
+    found.filters["method_name"] = method_name
     found.filters["code_marks"] = code_marks
     found.filters["capitalized"] = lambda text: text[:1].upper() + text[1:]
     found.filters["progress_text"] = progress_text
@@ -253,20 +254,40 @@ def code_marks(text: str) -> Markup:
     return Markup("").join(parts)
 
 
-def short_number(value: Any) -> str:
-    """Three digits, powers of ten where they are shorter; a dash for what is no number."""
+def short_number(value: Any, digits: int = 3) -> str:
+    """So many digits, powers of ten where they are shorter; a dash for what is no number."""
     if not isinstance(value, int | float):
         return "\u2013"
-    return f"{value or 0:.3g}".replace("e-0", "e-").replace("e+0", "e")  # -0.0 is 0
+    rounded = float(f"{value or 0:.{digits}g}")  # -0.0 is 0
+    return f"{rounded:g}".replace("e-0", "e-").replace("e+0", "e")
 
 
 def duration(seconds: Any) -> str:
-    """Seconds, or ms and microseconds where they are small."""
+    """Two digits of seconds, or of ms and microseconds where they are small: no time that is measured has more."""
     if not isinstance(seconds, int | float):
         return "\u2013"
-    if seconds < 1e-3:
-        return f"{seconds * 1e6:.3g} \u00b5s"
-    return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"
+    for factor, unit in ((1e6, "\u00b5s"), (1e3, "ms")):
+        if seconds * factor < 999.5:
+            return f"{short_number(seconds * factor, 2)} {unit}"
+    return f"{short_number(seconds, 2)} s"
+
+
+NAMES_OF_METHODS = {
+    "runge-kutta": "Runge\u2013Kutta", "stormer-verlet": "St\u00f6rmer\u2013Verlet", "heyoka": "Taylor (heyoka)",
+    "variational": "Variational", "nonholonomic": "Nonholonomic", "modified": "Modified", "adaptive": "Adaptive",
+    "stiff": "Stiff", "reference": "Reference", "exact": "Exact",
+}  # fmt: skip
+LABEL = re.compile(rf"({'|'.join(NAMES_OF_METHODS)})(?:-(\d[\d._]*))?(?:-order(\d+))?((?:-[a-z]+)*)")
+
+
+def method_name(label: str) -> str:
+    """A method in words: "Variational 4" for variational-0.5-order4; a label of the scene's own as it is."""
+    found = LABEL.fullmatch(label)
+    if found is None:
+        return label
+    method, alpha, order, more = found.groups()
+    words = NAMES_OF_METHODS[method] + (f" {order}" if order else "") + more.replace("-", ", ")
+    return words if alpha in (None, "0.5") else f"{words}, \u03b1 = {alpha.replace('_', '/')}"
 
 
 def can_simulate() -> bool:

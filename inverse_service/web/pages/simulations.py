@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import io
+import itertools
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
@@ -18,7 +20,7 @@ from inverse_service.reading.names import Names
 from inverse_service.service.documents.text_page import notes_of_formulas
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.preview import angles_of_texts
-from inverse_service.web.pages.rendering import duration, page, short_number
+from inverse_service.web.pages.rendering import duration, method_name, page, short_number
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
@@ -66,80 +68,218 @@ def start_of(result: Mapping[str, Any]) -> dict[str, float]:
 class Price:
     """What an error costs by a method: the time, the ratio to the best, the step; a dash where it is not reached."""
 
-    time: str
-    how: str
+    time: str = "\u2013"
+    ratio: str = "not reached"
+    setting: str = ""
     is_best: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A method as it was measured, from coarse to fine settings: steps, or the `tolerance`s of one that chooses them.
+
+    The first `failed` settings were too coarse: they have no error.
+    """
+
+    label: str
+    order: int | None
+    setting: str
+    at: list[float]
+    errors: list[float]
+    seconds: list[float]
+    failed: int
+    reason: str  # why nothing was measured; empty where something was
+
+    @property
+    def name(self) -> str:
+        """The method in words."""
+        return method_name(self.label)
 
 
 def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
     """The page of a job of kind "work-precision": the picture, two sentences, the prices."""
     result = job["result"]
-    ranked = methods_of(result)
+    curves = curves_of(result)
+    measured = [curve for curve in curves if curve.errors]
+    missing: dict[str, list[str]] = {}
+    for curve in curves:
+        if not curve.errors:
+            missing.setdefault(curve.reason, []).append(curve.name)
     return page(
         "precision.html",
         active="/simulate",
         job=job,
         result=result,
-        figures=figure_names(result),
-        methods=ranked,
-        prices=[
-            (short_number(target["error"]), prices_of(target, [one["label"] for one in ranked]))
-            for target in result["targets"]
-        ],
-        missing=[(method["label"], reason) for method in result["methods"] if (reason := _why_missing(method))],
+        curves=measured,
+        plots=[plot_of(measured, *size) for size in ((640, 400), (350, 320))] if measured else [],
+        played=[{**asdict(curve), "name": curve.name} for curve in measured],
+        sentences=price_sentences(result),
+        errors=[power(target["error"]) for target in result["targets"]],
+        prices=[[price_of(target, curve) for target in result["targets"]] for curve in measured],
+        missing=[(", ".join(names), reason) for reason, names in missing.items()],
+        method_of={curve.label: curve.name for curve in curves},
         scene=document,
     )
 
 
-def methods_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """{label, order} of the methods that reach an error, those that reach most first, of these the fastest."""
+def curves_of(result: Mapping[str, Any]) -> list[Curve]:
+    """All methods, those that reach most errors first, of these the fastest at the smallest."""
     ranks: dict[str, tuple[int, float]] = {}
-    orders: dict[str, Any] = {}
     for target in result["targets"]:
         for row in target["rows"]:
-            reached = ranks.get(row["method"], (0, 0.0))[0]
-            if row["seconds"] is not None:
-                ranks[row["method"]] = (reached - 1, row["seconds"])
-                orders[row["method"]] = row["order"]
-    return [{"label": label, "order": orders[label]} for label in sorted(ranks, key=ranks.__getitem__)]
+            reached, seconds = ranks.get(row["method"], (0, math.inf))
+            ranks[row["method"]] = (reached, seconds) if row["seconds"] is None else (reached - 1, row["seconds"])
+    methods = sorted(result["methods"], key=lambda method: ranks.get(method["label"], (0, math.inf)))
+    return [_curve(method) for method in methods]
 
 
-def prices_of(target: Mapping[str, Any], labels: list[str]) -> list[Price]:
-    """The row of the table for an error."""
-    rows = {row["method"]: row for row in target["rows"] if row["seconds"] is not None}
-    best = min((row["seconds"] for row in rows.values()), default=None)
-    found = []
-    for label in labels:
-        row = rows.get(label)
-        if row is None:
-            found.append(Price("\u2013", "not reached"))
-            continue
-        setting = f"step {short_number(row['step'])}" if row["step"] else f"tolerance {short_number(row['tolerance'])}"
-        is_best = row["seconds"] == best
-        ratio = "best" if is_best else f"{short_number(row['ratio'])} \u00d7"
-        at_most = "\u2264 " if row["at_most"] else ""  # its coarsest setting is better than the error asked for
-        found.append(Price(f"{at_most}{duration(row['seconds'])}", f"{ratio}, {setting}", is_best))
+def _curve(method: Mapping[str, Any]) -> Curve:
+    settings = [s for s in method["settings"] if not s["at_floor"]]
+    good = [s for s in settings if s["error"] and s["best_seconds"]]
+    setting = "step" if settings and settings[0]["tolerance"] is None else "tolerance"
+    coarse = settings[: settings.index(good[0])] if good else []
+    reason = "" if good else next((s["reason"].rstrip(".") for s in settings if s["reason"]), "it was not measured")
+    return Curve(
+        method["label"],
+        method["order"],
+        setting,
+        [s[setting] for s in (*coarse, *good)],
+        [s["relative_error"] for s in good],
+        [s["best_seconds"] for s in good],
+        len(coarse),
+        reason,
+    )
+
+
+def price_of(target: Mapping[str, Any], curve: Curve) -> Price:
+    """What the error of a target costs by a method."""
+    row = next((row for row in target["rows"] if row["method"] == curve.label and row["seconds"] is not None), None)
+    if row is None:
+        return Price()
+    best = min(row["seconds"] for row in target["rows"] if row["seconds"] is not None)
+    is_best = row["seconds"] == best
+    at_most = "\u2264 " if row["at_most"] else ""  # its coarsest setting is better than the error asked for
+    setting = f"{curve.setting} {short_number(row[curve.setting], 2)}"
+    ratio = "best" if is_best else f"{short_number(row['ratio'], 2)} \u00d7"
+    return Price(f"{at_most}{duration(row['seconds'])}", ratio, setting, is_best)
+
+
+def power(error: float) -> str:
+    """A power of ten: 1e-3."""
+    return f"{error:.0e}".replace("e-0", "e-").replace("e+00", "")
+
+
+def price_sentences(result: Mapping[str, Any]) -> list[str]:
+    """Which method is the fastest for which error, and what three more digits take with the best and the worst."""
+    fastest: dict[str, list[str]] = {}
+    known = []  # of each error: the seconds of the methods that reach it and not more, the fastest first
+    for target in result["targets"]:
+        rows = [row for row in target["rows"] if row["seconds"] is not None]
+        known.append({row["method"]: row["seconds"] for row in rows if not row["at_most"]})
+        # What is better at its coarsest setting might be faster still.
+        first = [*rows[:1], *(row for row in rows[1:] if row["at_most"])][:2]
+        if first:
+            names = " or ".join(method_name(row["method"]) for row in first)
+            fastest.setdefault(names, []).append(power(target["error"]))
+    if not fastest:
+        return ["No method reached a relative error of 1e-3. Take smaller steps."]
+    cases = [f"{', '.join(errors)}: {names}" for names, errors in fastest.items()]
+    found = [f"The fastest for an error of {'; for '.join(cases)}."]
+    targets = zip(itertools.pairwise(result["targets"]), itertools.pairwise(known), strict=True)
+    for (coarse, fine), (before, after) in targets:
+        factors = {name: after[name] / before[name] for name in after if name in before}
+        if coarse["error"] < 1e-3 and len(factors) > 1:
+            best, worst = next(iter(factors)), max(factors, key=factors.__getitem__)
+            each = [(short_number(factors[name], 2), method_name(name)) for name in dict.fromkeys((best, worst))]
+            sentence = " and ".join(f"{times} times as long with {name}" for times, name in each)
+            errors = f"from {power(coarse['error'])} to {power(fine['error'])}"
+            found.append(f"Three more digits, {errors}, take {sentence}.")
+            break
     return found
+
+
+CHARACTER, LINE = 6.6, 15.0  # of a label of a curve
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """Time over error as lines of a picture: ticks (place, text), and of each curve its path and its label."""
+
+    width: int
+    height: int
+    left: float
+    right: float
+    bottom: float
+    errors: list[tuple[float, str]]
+    times: list[tuple[float, str]]
+    paths: list[str]
+    labels: list[tuple[float, float, str]]
+    leaders: list[str]
+
+
+def plot_of(curves: Sequence[Curve], width: int, height: int) -> Plot:
+    """The curves in a picture of this size, smaller errors to the right, with their names at their ends."""
+    margin = CHARACTER * max(len(curve.name) for curve in curves) + 12
+    left, right, top, bottom = 50.0, width - margin, 22.0, height - 46.0
+    errors = [math.log10(error) for curve in curves for error in curve.errors]
+    times = [math.log10(seconds) for curve in curves for seconds in curve.seconds]
+    high, low = max(errors), min(min(errors), max(errors) - 1)
+    floor, ceiling = math.floor(min(times)), math.ceil(max(times))
+
+    def at(error: float, seconds: float) -> tuple[float, float]:
+        x = left + (right - left) * (high - math.log10(error)) / (high - low)
+        return round(x, 1), round(bottom - (bottom - top) * (math.log10(seconds) - floor) / (ceiling - floor), 1)
+
+    every = 3 if high - low > 4 else 1
+    lines = [[at(*pair) for pair in zip(curve.errors, curve.seconds, strict=True)] for curve in curves]
+    labels, leaders = _labels([line[-1] for line in lines], [curve.name for curve in curves], right, top)
+    return Plot(
+        width,
+        height,
+        left,
+        right,
+        bottom,
+        [(at(10.0**k, 1.0)[0], power(10.0**k)) for k in range(0, math.floor(low), -1)
+         if low <= k <= high and k % every == 0],
+        [(at(1.0, 10.0**k)[1], duration(10.0**k)) for k in range(floor, ceiling + 1)],
+        ["M" + "L".join(f"{x} {y}" for x, y in line) for line in lines],
+        labels,
+        leaders,
+    )  # fmt: skip
+
+
+def _labels(
+    ends: Sequence[tuple[float, float]], names: Sequence[str], right: float, top: float
+) -> tuple[list[tuple[float, float, str]], list[str]]:
+    """The names next to the ends of the curves, or in the margin where an end is near it, moved off each other."""
+    taken: list[tuple[float, float, float]] = []
+    placed: dict[int, tuple[float, float, str]] = {}
+    leaders = [""] * len(ends)
+    for k in sorted(range(len(ends)), key=lambda k: ends[k][1]):
+        x, y = ends[k]
+        length = CHARACTER * len(names[k])
+        start = right + 8 if x + length / 2 > right - 60 else x + 8
+        shifts = sorted((LINE / 3 * n for n in range(-60, 61)), key=abs)
+        shift = next(
+            shift for shift in shifts
+            if y + shift >= top
+            and all(abs(y + shift - b) >= LINE or start > a + reach or start + length < a for a, b, reach in taken)
+        )  # fmt: skip
+        taken.append((start, y + shift, length))
+        placed[k] = (start, round(y + shift, 1), names[k])
+        if shift or start - x > 20:
+            leaders[k] = f"M{x + 2} {y}L{start - 3} {round(y + shift, 1)}"
+    return [placed[k] for k in range(len(ends))], leaders
 
 
 def prices_csv(result: Mapping[str, Any]) -> str:
     """The prices as CSV: one line for an error and a method."""
-    keys = ("method", "order", "step", "tolerance", "seconds", "ratio", "evaluations")
-    lines = [",".join(("error", *keys))]
-    for target in result["targets"]:
-        for row in target["rows"]:
-            lines.append(
-                ",".join("" if value is None else str(value) for value in (target["error"], *map(row.get, keys)))
-            )
-    return "\n".join(lines) + "\n"
-
-
-def _why_missing(method: Mapping[str, Any]) -> str:
-    """Why no setting of a method could be measured; nothing where one was."""
-    settings = method["settings"]
-    if any(setting["error"] is not None for setting in settings):
-        return ""
-    return next((setting["reason"].rstrip(".") for setting in settings if setting.get("reason")), "it was not measured")
+    stream = io.StringIO()
+    keys = ("error", "method", "order", "step", "tolerance", "seconds", "ratio", "evaluations")
+    table = csv.DictWriter(stream, keys, extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    table.writerows(row | {"error": target["error"]} for target in result["targets"] for row in target["rows"])
+    return stream.getvalue()
 
 
 def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -169,7 +309,7 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
         own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
         for text in (*(f"{text[:1].upper()}{text[1:]}".replace(FIELD, "") for text in own), *notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
-    return [*result["notes"], *(f"{', '.join(labels)}: {note}" for note, labels in found.items())]
+    return [*result["notes"], *(f"{', '.join(map(method_name, labels))}: {note}" for note, labels in found.items())]
 
 
 def free_lagrangians(result: Mapping[str, Any]) -> list[tuple[Markup, str, str]]:
@@ -322,9 +462,6 @@ def _figure(name: str, title: str, result: Mapping[str, Any]) -> dict[str, Any]:
 
 def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, Any]]:
     methods = result["methods"]
-    if name == "work-precision":
-        precise = [_precision_line(k, method) for k, method in enumerate(methods)]
-        return [_view(title, "steady time in s", "relative error", precise, log_x=True, log_y=True)]
     if name == "path":
         pair = result["circle_coordinates"]
         return [_plane_view(title, result, pair, equal=tuple(pair) == ("x", "y"))]
@@ -355,7 +492,7 @@ def _kept_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     both = []
     for line, method in zip(drifts, kept, strict=True):
         columns: Mapping[str, Any] = columns_of(method)
-        name = method["label"]
+        name = method_name(method["label"])
         energies = columns.get("mechanical_energy") or [None]
         if energies[0]:
             mechanical = [None if e is None else e / energies[0] for e in energies]
@@ -471,19 +608,13 @@ def _line(k: int, method: Mapping[str, Any], x: Sequence[Any] | None, y: Sequenc
     every = max(1, math.ceil(len(x or ()) / MOST_POINTS))
     is_true = method["method"] in TRUE
     return {
-        "label": method["label"],
+        "label": method_name(method["label"]),
         "place": k,
         "color": "ink" if is_true else COLORS[k % len(COLORS)],
         "dash": "solid" if is_true else DASHES[k % len(DASHES)],
         "x": [_short(value) for value in (x or ())[::every]] if y else [],
         "y": [_short(value) for value in (y or ())[::every]],
     }
-
-
-def _precision_line(k: int, method: Mapping[str, Any]) -> dict[str, Any]:
-    good = [s for s in method["settings"] if s["error"] and s["best_seconds"] and not s["at_floor"]]
-    x, y = [s["best_seconds"] for s in good], [s["relative_error"] for s in good]
-    return {**_line(k, {"label": method["label"], "method": method["method"]}, x, y), "markers": True}
 
 
 def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:

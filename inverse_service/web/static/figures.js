@@ -12,12 +12,12 @@ const IDLE = "Drag to zoom, double-click to go back.";
 
 // Lines that coincide are all seen: each is broader than the next above it, and one through the dashes of another.
 const breadth = (k, count) => 1.6 + 2.4 * Math.min(3, count - 1 - k);
-// From below: the true motion as a broad pale band, then the methods; curves of errors have one width.
-function layers(lines, isError = false) {
+// From below: the true motion as a broad pale band, then the methods.
+function layers(lines) {
   const count = lines.filter((line) => line.color !== "ink").length;
   let k = 0;
   const dressed = lines.map((line, place) => ({ ...line, place, color: inked(line.color), dash: DASHES[line.dash],
-    ...(isError ? { width: 2 } : line.color === "ink" && count ? { width: breadth(0, count) + 5, alpha: 0.3 } : { width: breadth(line.color === "ink" ? 0 : k++, count || 1) }) }));
+    ...(line.color === "ink" && count ? { width: breadth(0, count) + 5, alpha: 0.3 } : { width: breadth(line.color === "ink" ? 0 : k++, count || 1) }) }));
   return dressed.sort((a, b) => b.width - a.width);
 }
 
@@ -61,10 +61,10 @@ function axis(label, size, isLogarithmic) {
     filter: (chart, splits) => splits, values: (chart, splits) => splits.map(text), ...(isLogarithmic ? { splits: decades } : {}) };
 }
 
-function chart(place, { lines, x, y, dots = false, log_x = false, log_y = false, equal = false }, told) {
+function chart(place, { lines, x, y, dots = false, log_y = false, equal = false }, told) {
   const width = Math.max(240, place.clientWidth);
   const height = Math.round(width * SHAPE);
-  const ranges = { x: range(lines.map((line) => line.x), log_x), y: range(lines.map((line) => line.y), log_y) };
+  const ranges = { x: range(lines.map((line) => line.x), false), y: range(lines.map((line) => line.y), log_y) };
   if (equal) {
     const sizes = { x: width - LEFT - RIGHT, y: height - BOTTOM - TOP };
     const unit = Math.max(...["x", "y"].map((key) => (ranges[key][1] - ranges[key][0]) / sizes[key]));
@@ -77,10 +77,10 @@ function chart(place, { lines, x, y, dots = false, log_x = false, log_y = false,
   const short = (value) => String(Number(value.toPrecision(4))).replace("-", "\u2212");
   return new uPlot({
     mode: 2, width, height, pxAlign: false, padding: [TOP, RIGHT, 0, 0], legend: { show: false },
-    scales: { x: scale("x", log_x), y: scale("y", log_y) },
-    axes: [axis(x, BOTTOM, log_x), axis(y, LEFT, log_y)],
+    scales: { x: scale("x", false), y: scale("y", log_y) },
+    axes: [axis(x, BOTTOM, false), axis(y, LEFT, log_y)],
     series: [null, ...lines.map((line) => ({ stroke: line.color, fill: dots ? line.color : null, width: dots ? 0 : line.width, dash: line.dash, alpha: line.alpha ?? 1, paths: path(dots),
-      points: { show: line.markers ?? false, size: 6, fill: line.color, paths: (chart, k) => ({ ...path(true)(chart, k), flags: 0 }) }, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }] }))],
+      points: { show: false }, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }] }))],
     cursor: { drag: { x: true, y: true, uni: 20 }, points: { show: false }, dataIdx: () => null },
     hooks: { setCursor: [(u) => (told.textContent = u.cursor.left < 0 ? IDLE : `${x} = ${short(u.posToVal(u.cursor.left, "x"))}, ${y} = ${short(u.posToVal(u.cursor.top, "y"))}`)] },
   }, [null, ...lines.map((line) => [line.x, line.y])], place);
@@ -132,7 +132,7 @@ class Figure {
   draw() {
     const view = this.views[Number(this.choice.value) || 0];
     if (!view || !this.place.clientWidth) return;
-    const lines = layers(view.lines, view.lines.some((line) => line.markers));
+    const lines = layers(view.lines);
     this.width = this.place.clientWidth;
     this.chart?.destroy();
     this.chart = chart(this.place, { ...view, lines }, this.told);
@@ -152,3 +152,81 @@ async function draw(place) {
 }
 
 for (const place of document.querySelectorAll("[data-figures]")) draw(place);
+
+// What an error costs: the slider moves a ring along the curve of a method, from its coarse settings to its fine ones.
+const rounded = (number, digits) => Number(number.toPrecision(digits));
+const seconds = (s) => { const [size, unit] = s < 9.995e-4 ? [1e6, "\u00b5s"] : s < 0.9995 ? [1e3, "ms"] : [1, "s"]; return `${rounded(s * size, 2)} ${unit}`; };
+const small = (number) => (number < 0.01 ? rounded(number, 1).toExponential() : String(rounded(number, 1)));
+const between = (values, at) => values[Math.floor(at)] ** (1 - (at % 1)) * (values[Math.ceil(at)] ** (at % 1));
+
+class Prices {
+  constructor(place) {
+    this.curves = JSON.parse(place.dataset.prices);
+    this.place = place;
+    this.slider = place.querySelector("[type=range]");
+    this.part = (name) => place.querySelector(`[data-${name}]`);
+    this.pick(this.fastest(1e-6).k, 1e-6);
+    this.slider.addEventListener("input", () => this.show());
+    for (const radio of place.querySelectorAll("[name=curve]")) radio.addEventListener("change", () => this.pick(Number(radio.value), this.error));
+    document.addEventListener("click", ({ target }) => {
+      const chosen = target.closest("[data-curve]");
+      if (chosen) this.pick(Number(chosen.dataset.curve), this.error);
+    });
+  }
+
+  // Where on a curve an error is reached, as a place among its measured settings; null where it is not.
+  reached({ errors }, error) {
+    if (errors[0] <= error) return 0;
+    const k = errors.findIndex((one) => one <= error);
+    return k < 0 ? null : k - 1 + Math.log(errors[k - 1] / error) / Math.log(errors[k - 1] / errors[k]);
+  }
+
+  // Another method at the same error.
+  pick(k, error) {
+    this.curve = this.curves[k];
+    const { failed, errors } = this.curve;
+    for (const row of document.querySelectorAll("[data-curve]")) row.classList.toggle("on", Number(row.dataset.curve) === k);
+    this.place.querySelector(`[name=curve][value="${k}"]`).checked = true;
+    this.slider.max = failed + errors.length - 1;
+    this.slider.value = failed + (this.reached(this.curve, error) ?? errors.length - 1);
+    this.show();
+  }
+
+  show() {
+    const { name, setting, at, errors, seconds: times, failed } = this.curve;
+    const place = Number(this.slider.value);
+    const [measured, value] = [place - failed, rounded(between(at, place), 2)];
+    const isRight = measured >= 0;
+    this.error = isRight ? between(errors, measured) : this.error;
+    this.part("setting").textContent = setting;
+    this.part("at").textContent = value;
+    const start = `${setting[0].toUpperCase()}${setting.slice(1)} ${value}`;
+    const time = isRight && between(times, measured);
+    this.slider.setAttribute("aria-valuetext", `${name}, ${setting} ${value}`);
+    this.part("told").textContent = isRight ? `${start}: error about ${small(this.error)}, ${seconds(time)}.` : `${start}: too coarse, the run loses the motion.`;
+    this.part("faster").textContent = isRight ? this.faster(time) : "";
+    for (const picture of this.place.querySelectorAll("svg")) this.ring(picture, measured);
+  }
+
+  // The method that has an error in the least time.
+  fastest(error) {
+    const known = this.curves.map((curve, k) => { const at = this.reached(curve, error); return { k, name: curve.name, time: at === null ? Infinity : between(curve.seconds, at) }; });
+    return known.reduce((best, one) => (one.time < best.time ? one : best));
+  }
+
+  faster(time) {
+    const best = this.fastest(this.error * 1.000001);
+    return best.time > 0.9 * time ? "No method measured here is faster at this error." : `${best.name} has this error in ${seconds(best.time)}: ${rounded(time / best.time, 2)} times faster.`;
+  }
+
+  ring(picture, measured) {
+    const ring = picture.querySelector(".ring");
+    ring.toggleAttribute("hidden", measured < 0);
+    if (measured < 0) return;
+    const points = picture.querySelector("g.on path").getAttribute("d").slice(1).split("L").map((pair) => pair.split(" ").map(Number));
+    const [a, b] = [points[Math.floor(measured)], points[Math.ceil(measured)]];
+    ["cx", "cy"].forEach((key, k) => ring.setAttribute(key, a[k] + (b[k] - a[k]) * (measured % 1)));
+  }
+}
+
+for (const place of document.querySelectorAll("[data-prices]")) new Prices(place);
