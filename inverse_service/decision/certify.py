@@ -24,8 +24,7 @@ from inverse_service.reading.names import Names
 
 if TYPE_CHECKING:
     from inverse_service.decision.kinds.helmholtz import LagrangianKind
-    from inverse_service.linear_pde.involution import Finding
-    from inverse_service.linear_pde.involution import Symbol as SymbolOfSystem
+    from inverse_service.linear_pde import involution
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 FORMAT = "inverse-service/certificate/2"
@@ -339,7 +338,7 @@ def of_decision(
     return head | data | _series(analysis, decision, series_order or data["order"], seed)
 
 
-def involution_data(found: deciding.Decision | Finding, symbol: SymbolOfSystem) -> dict[str, Any]:
+def involution_data(found: deciding.Decision | involution.Finding, symbol: involution.Symbol) -> dict[str, Any]:
     """What a yes without L rests on; the dimension stopped falling between order - 1 and order."""
     return {
         "order": found.order - 1,

@@ -25,30 +25,18 @@ from math import comb, isqrt
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from inverse_service import bounds, deadline, errors
+from inverse_service.decision import solutions
 from inverse_service.decision.kinds import helmholtz
-from inverse_service.decision.solutions import SolutionSpace, Verdict
 from inverse_service.expressions import printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import modular, reduction
 from inverse_service.field import point as ps
 from inverse_service.field.echelon import Echelon
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.field.point import Expansion, Point, Series, SeriesRing, SingularPoint, Variable, evaluate
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
+from inverse_service.linear_pde import equations as pde
 from inverse_service.linear_pde import involution
-from inverse_service.linear_pde.equations import (
-    NO_DERIVATIVE,
-    Equations,
-    LocalEquations,
-    Prolongation,
-    Term,
-    Unknowns,
-    advance,
-    start,
-    term_table,
-    unknown_names,
-)
 from inverse_service.mechanics import conditions, second_order_system
 
 if TYPE_CHECKING:
@@ -59,7 +47,11 @@ if TYPE_CHECKING:
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
 RowName = tuple[str, int, int, tuple[int, ...]]
 
-_VERDICTS: Mapping[bool | None, Verdict] = {True: "variational", False: "not_variational", None: "undetermined"}
+_VERDICTS: Mapping[bool | None, solutions.Verdict] = {
+    True: "variational",
+    False: "not_variational",
+    None: "undetermined",
+}
 
 
 Progress = Callable[[str], None]
@@ -91,14 +83,16 @@ class Analysis:
     towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
     proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
 
-    def series(self, point: Point, with_time: bool, order: int) -> tuple[SeriesRing, list[Series], list[Series]]:
+    def series(
+        self, point: ps.Point, with_time: bool, order: int
+    ) -> tuple[ps.SeriesRing, list[ps.Series], list[ps.Series]]:
         """The ring of series in (t?, q, v) about the point, and v and f in it; SingularPoint where f has none."""
-        expansion = Expansion(point, moving_variables(self.system, with_time), order)
+        expansion = ps.Expansion(point, moving_variables(self.system, with_time), order)
         velocities = [expansion.expand(ex.Velocity(name)) for name in self.system.coordinates]
         return expansion.ring, velocities, [expansion.expand(f) for f in self.accelerations]
 
 
-def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[Variable, ...]:
+def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[ps.Variable, ...]:
     """t, q, v and the parameters, and accelerations that are letters."""
     return (
         ex.TIME,
@@ -109,7 +103,7 @@ def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[Variabl
     )
 
 
-def moving_variables(system: second_order_system.SecondOrderSystem, with_time: bool) -> tuple[Variable, ...]:
+def moving_variables(system: second_order_system.SecondOrderSystem, with_time: bool) -> tuple[ps.Variable, ...]:
     """(t?, q, v)."""
     return variables_of(system)[not with_time : 1 + 2 * len(system.coordinates)]
 
@@ -151,10 +145,10 @@ def is_irrational(node: ex.Expression) -> bool:
 class LocalScalar:
     """A truncated series; sums and products are known to the lower of the two orders."""
 
-    ring: SeriesRing
-    series: Series
+    ring: ps.SeriesRing
+    series: ps.Series
 
-    def _common(self, other: LocalScalar) -> tuple[Series, Series]:
+    def _common(self, other: LocalScalar) -> tuple[ps.Series, ps.Series]:
         length = min(len(self.series), len(other.series))
         return self.series[:length], other.series[:length]
 
@@ -183,13 +177,13 @@ class LocalScalar:
         return ps.value_at_point(self.series)
 
 
-def field_of(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> tuple[Series, ...]:
+def field_of(ring: ps.SeriesRing, velocities: list[ps.Series], forces: list[ps.Series]) -> tuple[ps.Series, ...]:
     """X = (1?, v, f)."""
     return (*[ring.constant(1)] * (ring.size - 2 * len(forces)), *velocities, *forces)
 
 
 def motion_of_series(
-    ring: SeriesRing, velocities: list[Series], forces: list[Series]
+    ring: ps.SeriesRing, velocities: list[ps.Series], forces: list[ps.Series]
 ) -> conditions.Motion[LocalScalar]:
     """The motion from the series of v and f in the displacements (t?, q, v); t is the one before q, if any."""
     n = len(forces)
@@ -213,17 +207,17 @@ def motion_of_series(
 class LocalSystem:
     """Series of X, N and Phi about the point."""
 
-    ring: SeriesRing
-    field: tuple[Series, ...]
-    connection: tuple[tuple[Series, ...], ...]
-    endomorphism: tuple[tuple[Series, ...], ...]
+    ring: ps.SeriesRing
+    field: tuple[ps.Series, ...]
+    connection: tuple[tuple[ps.Series, ...], ...]
+    endomorphism: tuple[tuple[ps.Series, ...], ...]
 
     @property
     def dimension(self) -> int:
         return len(self.connection)
 
 
-def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series]) -> LocalSystem:
+def local_system(ring: ps.SeriesRing, velocities: list[ps.Series], forces: list[ps.Series]) -> LocalSystem:
     """X, N, Phi from the series of v and f of order D in (t?, q, v); Phi comes out to order D - 2."""
     motion = motion_of_series(ring, velocities, forces)
     tensors = (conditions.connection(motion), conditions.jacobi_endomorphism(motion))
@@ -231,23 +225,23 @@ def local_system(ring: SeriesRing, velocities: list[Series], forces: list[Series
     return LocalSystem(ring, field_of(ring, velocities, forces), N, Phi)
 
 
-def equations(local: LocalSystem) -> LocalEquations:
+def equations(local: LocalSystem) -> pde.LocalEquations:
     """H2 for i <= j, then H3 for i < j, with what prolongation to the order of Phi needs of the series."""
     order = local.ring.order - 2
     blocks = tuple(_equations(local, kind, k, order - k) for kind, k in helmholtz.KINDS)
-    return LocalEquations(helmholtz.unknowns_of(local.dimension, local.ring.size), local.ring.prime, blocks)
+    return pde.LocalEquations(helmholtz.unknowns_of(local.dimension, local.ring.size), local.ring.prime, blocks)
 
 
-def _equations(local: LocalSystem, kind: helmholtz.Kind, order: int, degree: int) -> Equations:
+def _equations(local: LocalSystem, kind: helmholtz.Kind, order: int, degree: int) -> pde.Equations:
     """The rows of this kind are wanted up to this degree."""
     n, size = local.dimension, local.ring.size
     matrix, terms = local.connection if kind == "H2" else local.endomorphism, []
     for s in helmholtz.summands(kind, n, size):
-        series = matrix[s.row][s.column] if s.derivative == NO_DERIVATIVE else local.field[s.row]
+        series = matrix[s.row][s.column] if s.derivative == pde.NO_DERIVATIVE else local.field[s.row]
         if any(series):
-            terms.append(Term(s.equation, s.entry, s.derivative, series, s.negative))
+            terms.append(pde.Term(s.equation, s.entry, s.derivative, series, s.negative))
     pairs = helmholtz.pairs_of(kind, n)
-    return Equations(kind, pairs, order, term_table(helmholtz.unknowns_of(n, size), terms, len(pairs), degree))
+    return pde.Equations(kind, pairs, order, pde.term_table(helmholtz.unknowns_of(n, size), terms, len(pairs), degree))
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,12 +252,12 @@ class Decision:
     `degree`) the involution data of a positive one; `points` the primes and seeds used.
     """
 
-    verdict: Verdict
+    verdict: solutions.Verdict
     with_time: bool
     order: int
     reason: str = ""
     rows: tuple[RowName, ...] = ()
-    space: SolutionSpace | None = None
+    space: solutions.SolutionSpace | None = None
     symbol: involution.Symbol | None = None
     degree: int = 0
     history: tuple[tuple[int, ...], ...] = ()
@@ -282,9 +276,9 @@ class HelmholtzAt:
         names, self._among = analysis.system.coordinates, among
         self._analysis, self._with_time = analysis, with_time
         self._velocities = [ex.Velocity(name) for name in names]
-        self._variables: list[Variable] = [*[ex.TIME] * with_time, *map(ex.Symbol, names), *self._velocities]
+        self._variables: list[ps.Variable] = [*[ex.TIME] * with_time, *map(ex.Symbol, names), *self._velocities]
         n, size = len(names), len(self._variables)
-        self.unknowns: Unknowns = helmholtz.unknowns_of(n, size)
+        self.unknowns: pde.Unknowns = helmholtz.unknowns_of(n, size)
         self.matrix: involution.Matrix = helmholtz.matrix_of(n, size)
         forces = analysis.accelerations
         self._series = involution.Coefficients(
@@ -292,17 +286,17 @@ class HelmholtzAt:
             lambda seed: draw_point(analysis.tower, seed),
         )
 
-    def at(self, seed: int, order: int) -> LocalEquations:
+    def at(self, seed: int, order: int) -> pde.LocalEquations:
         """With the equations of the kind of L that is asked for."""
         found = self._of_all(seed, order)
         if not self._among:
             return found
-        expansion = Expansion(draw_point(self._analysis.tower, seed), self._variables, order + 2)
+        expansion = ps.Expansion(draw_point(self._analysis.tower, seed), self._variables, order + 2)
         more = helmholtz.added_equations(self._among, expansion, self._analysis.accelerations, self.unknowns)
         own = () if helmholtz.ANY_FRICTION in self._among else found.equations
         return replace(found, equations=(*own, *more))
 
-    def _of_all(self, seed: int, order: int) -> LocalEquations:
+    def _of_all(self, seed: int, order: int) -> pde.LocalEquations:
         """By compiled series; by sparse ones where those would be too large."""
         try:
             prime, registers = self._series.at(seed, order)
@@ -354,8 +348,8 @@ def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> involu
         return None
     point = draw_point(analysis.tower, seed)
     try:
-        evaluate(analysis.accelerations[0], point, {})
-    except SingularPoint:
+        ps.evaluate(analysis.accelerations[0], point, {})
+    except ps.SingularPoint:
         return None
     symbol = involution.Symbol(2, 3, (1, 1, 0)) if with_time else involution.Symbol(1, 1, (1, 0))
     history = ((1,), (1, 3), (1, 3, 6)) if with_time else ((1,), (1, 2), (1, 2, 3))
@@ -368,7 +362,7 @@ def _decision(found: involution.Finding, with_time: bool) -> Decision:
     if symbol is not None:
         dimensions = found.history[found.order]
         words = statement(dimensions[found.degree], symbol.characters)
-        space = SolutionSpace(found.order, dimensions, symbol.characters, True, words)
+        space = solutions.SolutionSpace(found.order, dimensions, symbol.characters, True, words)
     rows = cast(tuple[RowName, ...], found.rows)
     return Decision(
         _VERDICTS[found.exists], with_time, found.order, found.reason, rows, space, symbol, found.degree,
@@ -413,7 +407,7 @@ def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, s
         point = draw_point(analysis.tower, seed + attempt)
         try:
             found = regular_at(analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}"))
-        except SingularPoint:
+        except ps.SingularPoint:
             continue
         if found is not None:
             return {
@@ -431,7 +425,7 @@ def _at_random(seed: str) -> Choice:
 
 
 def regular_at(
-    analysis: Analysis, point: Point, with_time: bool, orders: tuple[int, int], choose: Choice
+    analysis: Analysis, point: ps.Point, with_time: bool, orders: tuple[int, int], choose: Choice
 ) -> dict[tuple[int, ...], int] | None:
     """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the second.
 
@@ -439,7 +433,7 @@ def regular_at(
     """
     order, spare = orders
     prolongation = prolonged(analysis, point, with_time, order + spare)
-    indices = [index for degree in range(order + 1) for _, index in unknown_names(prolongation.unknowns, degree)]
+    indices = [index for degree in range(order + 1) for _, index in pde.unknown_names(prolongation.unknowns, degree)]
     prime = point.prime
     found = solution(prolongation.echelon, len(indices), lambda column: choose(indices[column], prime))
     if not is_regular(prolongation, len(analysis.system.coordinates), found):
@@ -447,12 +441,12 @@ def regular_at(
     return {index: found[column] for column, index in enumerate(indices)}
 
 
-def prolonged(analysis: Analysis, point: Point, with_time: bool, order: int) -> Prolongation:
+def prolonged(analysis: Analysis, point: ps.Point, with_time: bool, order: int) -> pde.Prolongation:
     """All rows up to the order at the point; raises SingularPoint where f has no value there."""
     local = local_system(*analysis.series(point, with_time, order + 2))
-    prolongation = start(equations(local))
+    prolongation = pde.start(equations(local))
     for _ in range(order + 1):
-        advance(prolongation)
+        pde.advance(prolongation)
     return prolongation
 
 
@@ -470,7 +464,7 @@ def solution(echelon: Echelon, width: int, choose: Callable[[int], int]) -> _ByC
     return found
 
 
-def is_regular(prolongation: Prolongation, n: int, found: Mapping[int, int]) -> bool:
+def is_regular(prolongation: pde.Prolongation, n: int, found: Mapping[int, int]) -> bool:
     """Whether g(p) is a regular matrix."""
     matrix = helmholtz.matrix_of(n, prolongation.size)
     return bool(involution.matrix_at(prolongation.unknowns, matrix, found, prolongation.local.prime).rank() == n)
@@ -511,18 +505,18 @@ def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int 
             if _dimension(analysis, _at(point, 0), with_time, (order, spare)) != generic:
                 continue
             found = _reconstructed(analysis, point, with_time, (order, spare))
-        except SingularPoint:
+        except ps.SingularPoint:
             continue
         if found is not None:
             return RationalSeries(order, variables, point, {index: a for index, a in found.items() if a})
     return None
 
 
-def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> Point:
-    return Point(modular.safe_prime(seed), seed, variables=dict(values))
+def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> ps.Point:
+    return ps.Point(modular.safe_prime(seed), seed, variables=dict(values))
 
 
-def _dimension(analysis: Analysis, point: Point, with_time: bool, orders: tuple[int, int]) -> int:
+def _dimension(analysis: Analysis, point: ps.Point, with_time: bool, orders: tuple[int, int]) -> int:
     """How many coefficients are free: more than at a random point means that this one is singular."""
     return prolonged(analysis, point, with_time, sum(orders)).dimension(orders[0])
 

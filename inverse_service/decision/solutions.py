@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.expressions import tree as ex
 
 if TYPE_CHECKING:
     from inverse_service.decision.cells import Left
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
-Matrix = tuple[tuple[Expression, ...], ...]
+Matrix = tuple[tuple[ex.Expression, ...], ...]
 
 
 # Solutions on the cells that are answered, and the other cells.
@@ -39,8 +39,8 @@ class SolveOptions:
     time_dependent: bool | None = None
     seed: int = 1
     time_limit: float = 60.0
-    ansatz: tuple[Expression, ...] = ()
-    given: tuple[Expression, ...] = ()
+    ansatz: tuple[ex.Expression, ...] = ()
+    given: tuple[ex.Expression, ...] = ()
     series_order: int | None = None
     conditions: bool = True
     first_integrals: bool = False
@@ -67,11 +67,11 @@ class Lagrangian:
     Where all trees of `positive` are > 0 it is a Lagrangian of the system. `reason`: why it is shown beside another.
     """
 
-    expression: Expression
+    expression: ex.Expression
     multiplier: Matrix
-    nonzero: tuple[Expression, ...]
+    nonzero: tuple[ex.Expression, ...]
     family: str
-    positive: tuple[Expression, ...] = ()
+    positive: tuple[ex.Expression, ...] = ()
     reason: str = ""
 
 
@@ -84,16 +84,16 @@ class Hamiltonian:
     (t, q, v, p), is > 0.
     """
 
-    expression: Expression
-    momenta: tuple[Expression, ...]
+    expression: ex.Expression
+    momenta: tuple[ex.Expression, ...]
     implicit: bool
-    constraints: tuple[Expression, ...]
-    symbols: tuple[Symbol, ...]
+    constraints: tuple[ex.Expression, ...]
+    symbols: tuple[ex.Symbol, ...]
     note: str
-    positive: tuple[Expression, ...]
+    positive: tuple[ex.Expression, ...]
 
     @classmethod
-    def of(cls, found: LegendreTransform, constraints: Iterable[Expression] = ()) -> Hamiltonian:
+    def of(cls, found: LegendreTransform, constraints: Iterable[ex.Expression] = ()) -> Hamiltonian:
         """That of a Legendre transform, with the constraints in phase space."""
         rest = found.symbols, found.note, found.positive
         return cls(found.hamiltonian, found.momenta, found.implicit, tuple(constraints), *rest)
@@ -145,9 +145,9 @@ class Answer:
     checked: Literal["valid", "incomplete", "invalid"] | None = None
     explanation: tuple[Step, ...] = ()
     details: tuple[Step, ...] = ()
-    positive: tuple[Expression, ...] = ()
-    nonzero: tuple[Expression, ...] = ()
-    sides: tuple[Expression, ...] = ()
+    positive: tuple[ex.Expression, ...] = ()
+    nonzero: tuple[ex.Expression, ...] = ()
+    sides: tuple[ex.Expression, ...] = ()
     one_side: bool = False
     exceptions: tuple[str, ...] = ()
 

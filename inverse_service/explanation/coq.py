@@ -17,8 +17,8 @@ from fractions import Fraction
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
+from inverse_service.explanation import hierarchy
 from inverse_service.explanation import theorems as th
-from inverse_service.explanation.hierarchy import EquationName, equation_terms, hierarchy
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics.conditions import Motion
@@ -363,7 +363,7 @@ def _tensor(name: str) -> str:
     return found
 
 
-def _condition(name: EquationName) -> str:
+def _condition(name: hierarchy.EquationName) -> str:
     indices = " ".join(f"{i}%nat" for i in name.indices)
     return f"Motion.{'cyclic' if name.condition.cyclic else 'symmetric'} {_tensor(name.condition.name)} {indices}"
 
@@ -374,11 +374,11 @@ def _of_conditions(system: System) -> str:
     origin = theorem.origin
     assert origin is not None
     depth = max(name.condition.order for name, _ in origin.rows) - 2
-    tensors = hierarchy(system.motion(), depth)
+    tensors = hierarchy.tensors_to_depth(system.motion(), depth)
     steps, proofs = list[th.Identity](), list[str]()
     relations = th.relations_of(system.ring)
     for (fact, _), (name, row) in zip(theorem.equations, origin.rows, strict=True):
-        terms = equation_terms(name.condition, tensors[name.condition], system.size)[name]
+        terms = hierarchy.equation_terms(name.condition, tensors[name.condition], system.size)[name]
         entries = {pair: Formal(system.context.gen(k)) for pair, k in system.entries.items()}
         formal = Formal(system.context.constant(0))
         for pair, sign, coefficient in terms:

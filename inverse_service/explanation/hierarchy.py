@@ -123,7 +123,7 @@ def _power_name(operator: str, exponent: int, operand: str) -> str:
     return f"{operator} {operand}" if exponent == 1 else f"{operator}^{exponent} {operand}"
 
 
-def hierarchy(motion: Motion[S], depth: int) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
+def tensors_to_depth(motion: Motion[S], depth: int) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
     """The tensors that need at most depth + 2 derivatives of f; curvatures only for n >= 3."""
     n = connection(motion)
     endomorphisms = [jacobi_endomorphism(motion)]
@@ -186,7 +186,7 @@ def tensors_at(motion: Motion[deciding.LocalScalar], depth: int) -> PointwiseCon
     n, prime = motion.size, motion.zero.ring.prime
     position = {pair: column for column, pair in enumerate(unknowns(n))}
     rows: dict[EquationName, Row] = {}
-    for condition, tensor in hierarchy(motion, depth).items():
+    for condition, tensor in tensors_to_depth(motion, depth).items():
         for name, terms in equation_terms(condition, tensor, n).items():
             row = [0] * len(position)
             for pair, sign, coefficient in terms:

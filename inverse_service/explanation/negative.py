@@ -29,30 +29,7 @@ from inverse_service import bounds, errors
 from inverse_service.deadline import now
 from inverse_service.decision.deciding import Analysis, LocalScalar, motion_of_series
 from inverse_service.decision.solutions import Step
-from inverse_service.explanation import wording
-from inverse_service.explanation.hierarchy import (
-    ConditionName,
-    Elimination,
-    EquationName,
-    Linear,
-    PointwiseConditions,
-    Solved,
-    SufficientSet,
-    Unknown,
-    all_singular,
-    collected,
-    contradiction,
-    direction_matrix,
-    eliminate,
-    equation_terms,
-    hierarchy,
-    local_motion,
-    remaining_determinant,
-    tensors_at,
-    unique_direction,
-    unknowns,
-    vanishing_block,
-)
+from inverse_service.explanation import hierarchy, wording
 from inverse_service.expressions import notation, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
@@ -60,7 +37,7 @@ from inverse_service.field.point import Point, SingularPoint, Variable, evaluate
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-Tensors = Mapping[ConditionName, Tensor11[exact_field.Quotient] | Tensor12[exact_field.Quotient]]
+Tensors = Mapping[hierarchy.ConditionName, Tensor11[exact_field.Quotient] | Tensor12[exact_field.Quotient]]
 
 TIME_LIMIT = 1.0
 NUMBERS_LIMIT = 5.0
@@ -84,7 +61,7 @@ Values = Mapping[object, Fraction]
 
 def explain_negative(
     analysis: Analysis,
-    chosen: SufficientSet | None,
+    chosen: hierarchy.SufficientSet | None,
     with_time: bool = False,
     seed: int = 1,
     time_limit: float = TIME_LIMIT,
@@ -119,7 +96,7 @@ def _length(steps: Sequence[Step]) -> int:
     return max(len(step.text) for step in steps)
 
 
-def _in_numbers(analysis: Analysis, chosen: SufficientSet) -> tuple[Step, ...] | None:
+def _in_numbers(analysis: Analysis, chosen: hierarchy.SufficientSet) -> tuple[Step, ...] | None:
     """The argument at one point; None where none was met in time."""
     numbers = numbers_at_a_point(analysis, chosen, now() + NUMBERS_LIMIT)
     if numbers is None:
@@ -128,7 +105,7 @@ def _in_numbers(analysis: Analysis, chosen: SufficientSet) -> tuple[Step, ...] |
 
 
 def _by_elimination(
-    analysis: Analysis, chosen: SufficientSet, seed: int, budget: exact_field.Budget
+    analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget
 ) -> wording.Explanation:
     solved = solve_conditions(analysis, chosen, seed, budget)
     steps = [wording.opening(analysis.system, chosen), *solved.steps, _closing_step(solved)]
@@ -140,8 +117,8 @@ class SolvedConditions:
     """The exact elimination of a set of conditions, with its steps."""
 
     exact: MotionInRing
-    symbols: Mapping[Unknown, ex.Symbol]
-    result: Elimination
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol]
+    result: hierarchy.Elimination
     steps: tuple[Step, ...]
 
 
@@ -150,14 +127,14 @@ class ExactRows:
     """The chosen equations with ring elements as coefficients, their tensors, and their values at a point."""
 
     exact: MotionInRing
-    symbols: Mapping[Unknown, ex.Symbol]
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol]
     tensors: Tensors
-    equations: Mapping[EquationName, Linear]
-    table: PointwiseConditions
+    equations: Mapping[hierarchy.EquationName, hierarchy.Linear]
+    table: hierarchy.PointwiseConditions
 
 
 def exact_rows(
-    analysis: Analysis, chosen: SufficientSet, seed: int, budget: exact_field.Budget, further_orders: int = 0
+    analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget, further_orders: int = 0
 ) -> ExactRows:
     """The rows of a set of conditions; the ring allows `further_orders` derivations of them.
 
@@ -166,17 +143,17 @@ def exact_rows(
     depth = max(condition.order for condition in chosen.conditions) - 2
     symbols = entry_symbols(analysis.system)
     exact = motion_in_ring(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
-    table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
-    tensors = hierarchy(exact.motion, depth)
+    table = hierarchy.tensors_at(hierarchy.local_motion(analysis, seed, depth + 2), depth)
+    tensors = hierarchy.tensors_to_depth(exact.motion, depth)
     return ExactRows(exact, symbols, tensors, exact_equations(exact, tensors, chosen.equations), table)
 
 
 def solve_conditions(
-    analysis: Analysis, chosen: SufficientSet, seed: int, budget: exact_field.Budget, further_orders: int = 0
+    analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget, further_orders: int = 0
 ) -> SolvedConditions:
     """Eliminate exactly; see `exact_rows`."""
     rows = exact_rows(analysis, chosen, seed, budget, further_orders)
-    result = eliminate(rows.equations, rows.table)
+    result = hierarchy.eliminate(rows.equations, rows.table)
     ring = rows.exact.ring
     steps = wording.tensor_steps(ring, [(condition, rows.tensors[condition]) for condition in chosen.conditions])
     steps += [_solved_step(ring, rows.symbols, step, analysis.system.parameters) for step in result.solved]
@@ -187,13 +164,13 @@ def _by_differentiation(
     analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget
 ) -> wording.Explanation:
     """The multiplier known up to a factor, and the equations for the factor that contradict each other."""
-    chosen = unique_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
+    chosen = hierarchy.unique_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
     if chosen is None:
         raise exact_field.TooLarge("the algebraic conditions leave more than one direction")
     solved = solve_conditions(analysis, chosen, seed, budget, further_orders=3)
     ring, n = solved.exact.ring, solved.exact.motion.size
-    direction = direction_matrix(solved.result, n, ring.constant(1))
-    found = contradiction(analysis, solved.exact, direction, with_time, seed)
+    direction = hierarchy.direction_matrix(solved.result, n, ring.constant(1))
+    found = hierarchy.contradiction(analysis, solved.exact, direction, with_time, seed)
     steps = [
         wording.opening(analysis.system, chosen),
         *solved.steps,
@@ -202,11 +179,11 @@ def _by_differentiation(
     return wording.Explanation(tuple(steps))
 
 
-def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, ex.Symbol]:
+def entry_symbols(system: SecondOrderSystem) -> dict[hierarchy.Unknown, ex.Symbol]:
     """Names g_11, g_12, … for the entries, with another letter where the system uses such names."""
     used = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
     used |= set(system.coordinates) | set(system.parameters)
-    pairs = unknowns(len(system.coordinates))
+    pairs = hierarchy.unknowns(len(system.coordinates))
     for letter in (notation.MULTIPLIER.get(), "g", "h", "m", "multiplier"):
         names = {(i, j): f"{letter}_{i + 1}{j + 1}" for i, j in pairs}
         if used.isdisjoint(names.values()):
@@ -214,24 +191,33 @@ def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, ex.Symbol]:
     raise exact_field.TooLarge("the system uses every name for the entries of the multiplier")
 
 
-def exact_equations(exact: MotionInRing, tensors: Tensors, names: Sequence[EquationName]) -> dict[EquationName, Linear]:
+def exact_equations(
+    exact: MotionInRing, tensors: Tensors, names: Sequence[hierarchy.EquationName]
+) -> dict[hierarchy.EquationName, hierarchy.Linear]:
     """The named equations with their coefficients as ring elements."""
-    found: dict[EquationName, Linear] = {}
+    found: dict[hierarchy.EquationName, hierarchy.Linear] = {}
     for condition in dict.fromkeys(name.condition for name in names):
-        for name, terms in equation_terms(condition, tensors[condition], exact.motion.size).items():
-            found[name] = collected((unknown, coefficient.scaled(sign)) for unknown, sign, coefficient in terms)
+        for name, terms in hierarchy.equation_terms(condition, tensors[condition], exact.motion.size).items():
+            found[name] = hierarchy.collected(
+                (unknown, coefficient.scaled(sign)) for unknown, sign, coefficient in terms
+            )
     return {name: found[name] for name in names}
 
 
 def _solved_step(
-    ring: exact_field.ExactRing, symbols: Mapping[Unknown, ex.Symbol], step: Solved, parameters: Collection[str]
+    ring: exact_field.ExactRing,
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol],
+    step: hierarchy.Solved,
+    parameters: Collection[str],
 ) -> Step:
     original, reduced, result = (linear_tree(ring, symbols, row) for row in (step.original, step.reduced, step.value))
     divisors = [*exact_field.factor_trees(ring, step.content), *exact_field.factor_trees(ring, step.divisor)]
     return wording.equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors, parameters)
 
 
-def linear_tree(ring: exact_field.ExactRing, symbols: Mapping[Unknown, ex.Symbol], row: Linear) -> ex.Expression:
+def linear_tree(
+    ring: exact_field.ExactRing, symbols: Mapping[hierarchy.Unknown, ex.Symbol], row: hierarchy.Linear
+) -> ex.Expression:
     """The combination of the entries as a tree."""
     return ex.add(*(exact_field.quotient_tree(ring, row[unknown]) * symbols[unknown] for unknown in sorted(row)))
 
@@ -239,12 +225,12 @@ def linear_tree(ring: exact_field.ExactRing, symbols: Mapping[Unknown, ex.Symbol
 def _closing_step(solved: SolvedConditions) -> Step:
     """Why what is left is singular; TooLarge where that was not recognized."""
     n = solved.exact.motion.size
-    block = vanishing_block(solved.result.values, n)
+    block = hierarchy.vanishing_block(solved.result.values, n)
     if block is not None:
         return wording.block_sentence(solved.symbols, *block, n)
     ring = solved.exact.ring
     elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
-    if not remaining_determinant(solved.result, n, elements, ring.constant(1)).is_zero:
+    if not hierarchy.remaining_determinant(solved.result, n, elements, ring.constant(1)).is_zero:
         raise exact_field.TooLarge("the determinant of what remains was not recognized as zero")
     return _det_vanishes(solved)
 
@@ -266,11 +252,14 @@ def _det_vanishes(solved: SolvedConditions) -> Step:
 
 
 def steps_in_numbers(
-    system: SecondOrderSystem, chosen: SufficientSet, symbols: Mapping[Unknown, ex.Symbol], numbers: NumbersAtAPoint
+    system: SecondOrderSystem,
+    chosen: hierarchy.SufficientSet,
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol],
+    numbers: NumbersAtAPoint,
 ) -> tuple[Step, ...]:
     """The point, the tensors there, the equations, their solution, and why it is singular."""
     size = len(system.coordinates)
-    names = [symbols[pair] for pair in unknowns(size)]
+    names = [symbols[pair] for pair in hierarchy.unknowns(size)]
     rows = {name: (*whole_multiple(dict(enumerate(row))).values(),) for name, row in numbers.rows.items()}
     solution = echelon(list(rows.values()))
     return (
@@ -306,7 +295,7 @@ def point_step(
     )  # fmt: skip
 
 
-def _tensor_step(condition: ConditionName, rows: tuple[Row, ...]) -> Step:
+def _tensor_step(condition: hierarchy.ConditionName, rows: tuple[Row, ...]) -> Step:
     entries = notation.matrix([[ex.number(entry) for entry in line] for line in rows])
     return wording.said("At this point ", notation.row(notation.theory(f"{condition.name} = "), entries), ".")
 
@@ -315,7 +304,7 @@ def combination(row: Row, names: Sequence[ex.Symbol]) -> ex.Expression:
     return ex.add(*(a * name for a, name in zip(row, names, strict=True) if a))
 
 
-def _equation_step(name: EquationName, line: Row, names: Sequence[ex.Symbol]) -> Step:
+def _equation_step(name: hierarchy.EquationName, line: Row, names: Sequence[ex.Symbol]) -> Step:
     return wording.said(
         wording.equation_name(name), ", times a number: ", notation.row(combination(line, names), " = 0"), "."
     )
@@ -534,13 +523,13 @@ class NumbersAtAPoint:
 
     variables: Mapping[Variable, Fraction]
     atoms: Mapping[ex.Expression, Fraction]
-    tensors: Mapping[ConditionName, tuple[tuple[Fraction, ...], ...]]
-    rows: Mapping[EquationName, tuple[Fraction, ...]]
+    tensors: Mapping[hierarchy.ConditionName, tuple[tuple[Fraction, ...], ...]]
+    rows: Mapping[hierarchy.EquationName, tuple[Fraction, ...]]
     real: bool = True
 
 
 def numbers_at_a_point(
-    analysis: Analysis, chosen: SufficientSet, deadline: float = float("inf")
+    analysis: Analysis, chosen: hierarchy.SufficientSet, deadline: float = float("inf")
 ) -> NumbersAtAPoint | None:
     """The chosen equations at a point where they still leave only singular g.
 
@@ -555,7 +544,7 @@ def numbers_at_a_point(
         values = in_fractions(analysis, partial(_residues, analysis, chosen, attempt))
         if values is None:
             continue
-        rows = {name: tuple(values[name, k] for k in range(len(unknowns(size)))) for name in chosen.equations}
+        rows = {name: tuple(values[name, k] for k in range(len(hierarchy.unknowns(size)))) for name in chosen.equations}
         if leave_singular_only(rows.values(), size):
             return _collected(analysis, chosen, values, rows)
     return None
@@ -564,12 +553,12 @@ def numbers_at_a_point(
 def matrices_left(rows: Iterable[Sequence[Fraction]], size: int) -> list[list[int]]:
     """A basis of the symmetric matrices that satisfy the rows, modulo a prime."""
     residues = [tuple(number_value(entry, CHOSEN) for entry in row) for row in rows]
-    return modular.kernel(residues, len(unknowns(size)), CHOSEN)
+    return modular.kernel(residues, len(hierarchy.unknowns(size)), CHOSEN)
 
 
 def leave_singular_only(rows: Iterable[Sequence[Fraction]], size: int) -> bool:
     """Whether every symmetric matrix that satisfies the rows is singular."""
-    return all_singular(matrices_left(rows, size), size, CHOSEN)
+    return hierarchy.all_singular(matrices_left(rows, size), size, CHOSEN)
 
 
 def whole_multiple(row: Mapping[Key, Fraction]) -> dict[Key, Fraction]:
@@ -580,7 +569,10 @@ def whole_multiple(row: Mapping[Key, Fraction]) -> dict[Key, Fraction]:
 
 
 def _collected(
-    analysis: Analysis, chosen: SufficientSet, values: Values, rows: Mapping[EquationName, tuple[Fraction, ...]]
+    analysis: Analysis,
+    chosen: hierarchy.SufficientSet,
+    values: Values,
+    rows: Mapping[hierarchy.EquationName, tuple[Fraction, ...]],
 ) -> NumbersAtAPoint:
     """The values by what they are values of."""
     size = range(len(analysis.system.coordinates))
@@ -597,22 +589,24 @@ def _collected(
     return NumbersAtAPoint(variables, atoms, tensors, rows, is_real(analysis))
 
 
-def _residues(analysis: Analysis, chosen: SufficientSet, attempt: int, prime: int) -> dict[object, int] | None:
+def _residues(
+    analysis: Analysis, chosen: hierarchy.SufficientSet, attempt: int, prime: int
+) -> dict[object, int] | None:
     """Everything at the point number `attempt`, modulo the prime; None where it is singular."""
     kind = PlainPoint if attempt % 2 else SmallPoint
     point = kind(prime, attempt // 2, dict(analysis.tower.real_signs))
     return residues_at(analysis, point, _atoms(analysis, chosen), lambda there: _conditions(analysis, chosen, there))
 
 
-def _atoms(analysis: Analysis, chosen: SufficientSet) -> list[ex.Expression]:
+def _atoms(analysis: Analysis, chosen: hierarchy.SufficientSet) -> list[ex.Expression]:
     return atoms_and_jets(analysis, max(condition.order for condition in chosen.conditions) - 1)
 
 
-def _conditions(analysis: Analysis, chosen: SufficientSet, point: Point) -> dict[object, int]:
+def _conditions(analysis: Analysis, chosen: hierarchy.SufficientSet, point: Point) -> dict[object, int]:
     """The tensors' components and the rows of the equations at the point."""
     depth = max(condition.order for condition in chosen.conditions) - 2
     local = motion_of_series(*analysis.series(point, analysis.system.depends_on_time, depth + 2))
-    tensors, rows = hierarchy(local, depth), tensors_at(local, depth).rows
+    tensors, rows = hierarchy.tensors_to_depth(local, depth), hierarchy.tensors_at(local, depth).rows
     found: dict[object, int] = {}
     for condition in chosen.conditions:
         if not condition.cyclic:

@@ -26,22 +26,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.expressions.tree import (
-    Apply,
-    Arbitrary,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-    factors_of,
-)
+from inverse_service.expressions import tree as ex
 from inverse_service.field import modular
+from inverse_service.field import point as ps
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
-from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, number_value, power_value
 from inverse_service.kernels.machine_code.kernels import Kept
 
 Integers = npt.NDArray[np.int64]
@@ -65,7 +54,7 @@ TRIGONOMETRIC = 9  # out, b := sin a, cos a with the constant terms c, c + 1
 PRIMITIVE = 10  # out := y with b E y = E a (log a for b = a) and the constant term c
 WIDTH = 6
 # The value of a constant at a point; the table keeps what was evaluated there.
-Recipe = Callable[[Point, dict[Expression, int]], int]
+Recipe = Callable[[ps.Point, dict[ex.Expression, int]], int]
 _ONE = 0
 # Larger programs than this are slower than sparse polynomials, or need too much memory.
 _MOST_WORDS, _MOST_PRODUCTS = 16_000_000, 3_000_000
@@ -451,7 +440,7 @@ class SeriesProgram:
     TooLarge where the tables would hold more than `most_products` numbers, or the registers more than `most_words`.
     """
 
-    variables: Sequence[Variable]
+    variables: Sequence[ps.Variable]
     order: int
     most_products: int = _MOST_PRODUCTS
     most_words: int = _MOST_WORDS
@@ -460,7 +449,7 @@ class SeriesProgram:
     recipes: list[Recipe] = field(default_factory=lambda: [lambda point, known: 1])
     known: dict[Hashable, int] = field(default_factory=dict)
     numbers: dict[tuple[int, int], int] = field(default_factory=lambda: {(1, 1): _ONE})
-    places: dict[Variable, int] = field(init=False)
+    places: dict[ps.Variable, int] = field(init=False)
 
     def __post_init__(self) -> None:
         self.places = {variable: place for place, variable in enumerate(self.variables)}
@@ -483,7 +472,7 @@ class SeriesProgram:
         """The place of a number."""
         key = (value.numerator, value.denominator)
         if key not in self.numbers:
-            self.numbers[key] = self.constant(lambda point, known: number_value(value, point.prime))
+            self.numbers[key] = self.constant(lambda point, known: ps.number_value(value, point.prime))
         return self.numbers[key]
 
     def write(self, operation: int, out: int, a: int = 0, b: int = 0, c: int = _ONE) -> int:
@@ -491,70 +480,70 @@ class SeriesProgram:
         self.instructions.append((operation, out, a, b, c, 0))
         return out
 
-    def expand(self, tree: Expression) -> int:
+    def expand(self, tree: ex.Expression) -> int:
         """The register of the series of a tree; equal trees are expanded once."""
         found = self.known.get(tree)
         if found is None:
             found = self.known[tree] = self._expand(tree)
         return found
 
-    def _expand(self, tree: Expression) -> int:
+    def _expand(self, tree: ex.Expression) -> int:
         match tree:
-            case Number(value):
+            case ex.Number(value):
                 return self.write(CONSTANT, self.register(), c=self.number(value))
-            case Symbol() | Velocity():
+            case ex.Symbol() | ex.Velocity():
                 return self._variable(tree)
-            case Sum(terms):
+            case ex.Sum(terms):
                 return self._sum(terms)
-            case Product(factors):
+            case ex.Product(factors):
                 factor, rest = _split(factors)
                 return self.write(ADD, self.register(), self._product(rest), c=self.number(factor))
-            case Power(base, Number(exponent)):
+            case ex.Power(base, ex.Number(exponent)):
                 return self._power(base, exponent)
-            case Apply():
+            case ex.Apply():
                 return self._apply(tree)
-            case Arbitrary():
+            case ex.Arbitrary():
                 return self._arbitrary(tree)
         raise TypeError(f"{type(tree).__name__} is not a kernel")
 
-    def _variable(self, name: Variable) -> int:
+    def _variable(self, name: ps.Variable) -> int:
         value = self.constant(lambda point, known: point.variable(name))
         out = self.write(CONSTANT, self.register(), c=value)
         if name in self.places:
             self.write(VARIABLE, out, self.places[name])
         return out
 
-    def _sum(self, terms: Sequence[Expression]) -> int:
+    def _sum(self, terms: Sequence[ex.Expression]) -> int:
         out = self.register()
         for term in terms:
-            factor, rest = _split(factors_of(term))
+            factor, rest = _split(ex.factors_of(term))
             if rest:
                 self.write(ADD, out, self._product(rest), c=self.number(factor))
             else:
                 self.write(CONSTANT, out, c=self.number(factor))
         return out
 
-    def _product(self, factors: tuple[Expression, ...]) -> int:
+    def _product(self, factors: tuple[ex.Expression, ...]) -> int:
         """The product of trees that are no numbers."""
         if len(factors) == 1:
             return self.expand(factors[0])
         if not factors:
-            return self.expand(Number(Fraction(1)))
+            return self.expand(ex.Number(Fraction(1)))
         found = self.known.get(factors)
         if found is None:
             pair = self._product(factors[:-1]), self.expand(factors[-1])
             found = self.known[factors] = self.write(PRODUCT, self.register(), *pair)
         return found
 
-    def _power(self, base: Expression, exponent: Fraction) -> int:
+    def _power(self, base: ex.Expression, exponent: Fraction) -> int:
         inner = self.expand(base)
         if exponent.denominator == 1:
             return self._integer_power(base, inner, exponent.numerator)
-        residue = self.constant(lambda point, known: number_value(exponent, point.prime))
-        self.constant(lambda point, known: power_value(evaluate(base, point, known), exponent, point.prime))
+        residue = self.constant(lambda point, known: ps.number_value(exponent, point.prime))
+        self.constant(lambda point, known: ps.power_value(ps.evaluate(base, point, known), exponent, point.prime))
         return self.write(POWER, self.register(), inner, c=residue)
 
-    def _integer_power(self, base: Expression, inner: int, exponent: int) -> int:
+    def _integer_power(self, base: ex.Expression, inner: int, exponent: int) -> int:
         if exponent == 1:
             return inner
         key = ("power", base, exponent)
@@ -562,19 +551,19 @@ class SeriesProgram:
             self.known[key] = self._new_power(base, inner, exponent)
         return self.known[key]
 
-    def _new_power(self, base: Expression, inner: int, exponent: int) -> int:
+    def _new_power(self, base: ex.Expression, inner: int, exponent: int) -> int:
         if exponent == 0:
             return self.write(CONSTANT, self.register())
         if exponent == -1:
             return self.write(INVERSE, self.register(), inner)
         if exponent < 0:
             inverse = self._integer_power(base, inner, -1)
-            return self._integer_power(Power(base, Number(Fraction(-1))), inverse, -exponent)
+            return self._integer_power(ex.Power(base, ex.Number(Fraction(-1))), inverse, -exponent)
         half = self._integer_power(base, inner, exponent // 2)
         rest = self._integer_power(base, inner, exponent - exponent // 2)
         return self.write(PRODUCT, self.register(), half, rest)
 
-    def _apply(self, tree: Apply) -> int:
+    def _apply(self, tree: ex.Apply) -> int:
         inner = self.expand(tree.argument)
         start = self.constant(lambda point, known: point.atom(tree))
         if tree.function == "exp":
@@ -587,8 +576,8 @@ class SeriesProgram:
             return self.write(PRIMITIVE, self.register(), inner, slope, start)
         return self._sine_cosine(tree, inner)
 
-    def _sine_cosine(self, tree: Apply, inner: int) -> int:
-        pair = Apply("sin", tree.argument), Apply("cos", tree.argument)
+    def _sine_cosine(self, tree: ex.Apply, inner: int) -> int:
+        pair = ex.Apply("sin", tree.argument), ex.Apply("cos", tree.argument)
         first = self.constant(lambda point, known: point.atoms[pair[0]])
         self.constant(lambda point, known: point.atoms[pair[1]])
         sine, cosine = self.register(), self.register()
@@ -596,7 +585,7 @@ class SeriesProgram:
         self.known.update(zip(pair, (sine, cosine), strict=True))
         return sine if tree.function == "sin" else cosine
 
-    def _arbitrary(self, tree: Arbitrary) -> int:
+    def _arbitrary(self, tree: ex.Arbitrary) -> int:
         """The Taylor series of the function about the place of its arguments."""
         moved = []
         for argument in tree.arguments:
@@ -604,7 +593,7 @@ class SeriesProgram:
             moved.append(self.write(WITHOUT_CONSTANT, out))
         return self._taylor(tree, moved, ())
 
-    def _taylor(self, tree: Arbitrary, moved: Sequence[int], orders: tuple[int, ...]) -> int:
+    def _taylor(self, tree: ex.Arbitrary, moved: Sequence[int], orders: tuple[int, ...]) -> int:
         """sum over the orders that follow these of their Taylor terms, without the powers for these."""
         out = self.register()
         if len(orders) == len(moved):
@@ -621,19 +610,19 @@ class SeriesProgram:
         return out
 
 
-def _split(factors: tuple[Expression, ...]) -> tuple[Fraction, tuple[Expression, ...]]:
+def _split(factors: tuple[ex.Expression, ...]) -> tuple[Fraction, tuple[ex.Expression, ...]]:
     """The product of the numbers among the factors, and the others."""
-    value = math.prod((f.value for f in factors if isinstance(f, Number)), start=Fraction(1))
-    return value, tuple(f for f in factors if not isinstance(f, Number))
+    value = math.prod((f.value for f in factors if isinstance(f, ex.Number)), start=Fraction(1))
+    return value, tuple(f for f in factors if not isinstance(f, ex.Number))
 
 
-def _taylor_coefficient(tree: Arbitrary, more: tuple[int, ...]) -> Recipe:
+def _taylor_coefficient(tree: ex.Arbitrary, more: tuple[int, ...]) -> Recipe:
     """A partial derivative of the function, over the factorials."""
     orders = tuple(a + b for a, b in zip(tree.orders, more, strict=True))
     factorials = math.prod(math.factorial(k) for k in more)
 
-    def value(point: Point, known: dict[Expression, int]) -> int:
-        place = tuple(evaluate(argument, point, known) for argument in tree.arguments)
+    def value(point: ps.Point, known: dict[ex.Expression, int]) -> int:
+        place = tuple(ps.evaluate(argument, point, known) for argument in tree.arguments)
         return point.jet(tree.name, place, orders) * pow(factorials, -1, point.prime) % point.prime
 
     return value
@@ -674,9 +663,9 @@ class Registers:
         return found
 
 
-def constants_at(program: SeriesProgram, point: Point) -> Words:
+def constants_at(program: SeriesProgram, point: ps.Point) -> Words:
     """The constants at the point; SingularPoint for a division by zero, ValueError for a missing root."""
-    known: dict[Expression, int] = {}
+    known: dict[ex.Expression, int] = {}
     return np.array([_montgomery(recipe(point, known), point.prime) for recipe in program.recipes], np.uint64)
 
 
@@ -718,7 +707,7 @@ def _run(registers: Registers, instructions: Integers, constants: Words) -> Regi
     small, inverses = modular.small_numbers(prime, order + 2), _inverses(prime, order + 1)
     given = Machine(registers.stored, registers.tables, modular.field_of(prime), small, inverses)
     if carry_out(instructions, constants, given) >= 0:
-        raise SingularPoint("division by a series that vanishes at the point")
+        raise ps.SingularPoint("division by a series that vanishes at the point")
     return registers
 
 

@@ -35,21 +35,8 @@ from inverse_service.expressions import collecting, inequalities
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.pieces import STEP
 from inverse_service.field import exact_field, modular, real_point
-from inverse_service.field.point import Variable, evaluate
-from inverse_service.field.tower import (
-    RADIAN,
-    AngleRule,
-    ArctangentRule,
-    ExponentialRule,
-    LogarithmRule,
-    Tower,
-    atoms_in_order,
-    build_tower,
-    draw_point,
-    half_angle,
-    is_even_root,
-    is_root,
-)
+from inverse_service.field import point as ps
+from inverse_service.field import tower as towers
 
 _MOST_TERMS, _CAPACITY = 3_000, 48
 # Of an angle under a root: its sine has twice this degree in the tangent of the half angle.
@@ -76,7 +63,7 @@ class Generators(exact_field.ExactRing):
     Where `opaque`, functions and roots are generators as they stand, whatever relations they have.
     """
 
-    tower: Tower = field(default_factory=lambda: Tower(()))
+    tower: towers.Tower = field(default_factory=lambda: towers.Tower(()))
     opaque: bool = False
 
     def letter(self, tree: ex.Expression, square: fmpq_mpoly | None = None) -> exact_field.Quotient:
@@ -119,10 +106,10 @@ class Generators(exact_field.ExactRing):
         return next((sign for known, sign in self.tower.signs if known == factor), 1)
 
 
-def _generators(tower: Tower | None = None) -> Generators:
+def _generators(tower: towers.Tower | None = None) -> Generators:
     """None yet; opaque where there is no tower."""
     field = exact_field.QuotientField.with_generators(_CAPACITY)
-    return Generators(field, (), _CAPACITY, False, tower=tower or Tower(()), opaque=tower is None)
+    return Generators(field, (), _CAPACITY, False, tower=tower or towers.Tower(()), opaque=tower is None)
 
 
 def used_generators(polynomial: fmpq_mpoly) -> list[int]:
@@ -181,18 +168,18 @@ def _root_power(ring: Generators, base: ex.Expression, exponent: Fraction) -> ex
 
 def _atom(ring: Generators, atom: ex.Apply) -> exact_field.Quotient:
     for rule in ring.tower.rules:
-        if isinstance(rule, AngleRule):
+        if isinstance(rule, towers.AngleRule):
             if rule.angle == atom.argument and atom.function in ("sin", "cos"):
                 return _sine_cosine(ring, rule)[atom.function == "sin"]
         elif rule.atom == atom:
-            if isinstance(rule, ExponentialRule) and not rule.free:
+            if isinstance(rule, towers.ExponentialRule) and not rule.free:
                 return _dependent_exponential(ring, rule)
-            if isinstance(rule, LogarithmRule | ArctangentRule) and not rule.free:
+            if isinstance(rule, towers.LogarithmRule | towers.ArctangentRule) and not rule.free:
                 return _linear(ring, rule)
     return ring.letter(atom)
 
 
-def _dependent_exponential(ring: Generators, rule: ExponentialRule) -> exact_field.Quotient:
+def _dependent_exponential(ring: Generators, rule: towers.ExponentialRule) -> exact_field.Quotient:
     parts = [_root_power(ring, atom, a) for atom, a in rule.exponentials]
     parts += [_root(ring, argument, a) for argument, a in rule.arguments_of_logarithms]
     parts += [_root_power(ring, ex.number(ell), a) for ell, a in rule.prime_powers]
@@ -201,9 +188,9 @@ def _dependent_exponential(ring: Generators, rule: ExponentialRule) -> exact_fie
     return math.prod(parts, start=ring.constant(1))
 
 
-def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> exact_field.Quotient:
+def _linear(ring: Generators, rule: towers.LogarithmRule | towers.ArctangentRule) -> exact_field.Quotient:
     parts = [ring.value(a * u) for u, a in rule.linear]
-    if isinstance(rule, ArctangentRule):
+    if isinstance(rule, towers.ArctangentRule):
         parts.append(ring.value(rule.turns * ex.PI))
     else:
         for value, way in ((rule.constant.numerator, 1), (rule.constant.denominator, -1)):
@@ -213,7 +200,7 @@ def _linear(ring: Generators, rule: LogarithmRule | ArctangentRule) -> exact_fie
     return exact_field.sum_of(ring.constant(0), parts)
 
 
-def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[exact_field.Quotient, exact_field.Quotient]:
+def _sine_cosine(ring: Generators, rule: towers.AngleRule) -> tuple[exact_field.Quotient, exact_field.Quotient]:
     """(cos, sin) as fractions in tan(half angle)."""
     if rule.turns or rule.arctangents:
         raise errors.IrreducibleAtoms("an angle with pi or an arctangent stands under a root")
@@ -221,10 +208,10 @@ def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[exact_field.Quotien
     real, imaginary, denominator = one, one - one, one
     steps: Mapping[ex.Expression, Fraction] = {rule.angle: Fraction(1)} if rule.free else dict(rule.angles)
     if rule.radians:
-        steps = {**steps, RADIAN: rule.radians}
+        steps = {**steps, towers.RADIAN: rule.radians}
     for angle, factor in steps.items():
         scale = ring.tower.scale(angle)
-        t = ring.letter(half_angle(angle, scale))
+        t = ring.letter(towers.half_angle(angle, scale))
         count = int(factor * scale)
         if abs(count) > _LARGEST_MULTIPLE:
             raise errors.IrreducibleAtoms("an angle under a root is too large a multiple of another to be reduced")
@@ -235,7 +222,7 @@ def _sine_cosine(ring: Generators, rule: AngleRule) -> tuple[exact_field.Quotien
     return real / denominator, imaginary / denominator
 
 
-def fix_branches(tower: Tower, table: real_point.RealTable | None) -> None:
+def fix_branches(tower: towers.Tower, table: real_point.RealTable | None) -> None:
     """Add to the tower the signs of all factors of its radicands; IrreducibleAtoms if that fails."""
     radicands, tower.radicands = tower.radicands, []
     if radicands and table is None:
@@ -259,23 +246,29 @@ def _fix(ring: Generators, radicand: ex.Expression, table: real_point.RealTable,
 def _fix_factor(ring: Generators, factor: ex.Expression, table: real_point.RealTable, depth: int) -> None:
     known = ring.tower.signs
     # Variables have their sign already, and a root is positive by construction.
-    if isinstance(factor, ex.Number | ex.Symbol | ex.Velocity) or is_root(factor) or any(p == factor for p, _ in known):
+    if (
+        isinstance(factor, ex.Number | ex.Symbol | ex.Velocity)
+        or towers.is_root(factor)
+        or any(p == factor for p, _ in known)
+    ):
         return
     sign = real_point.real_sign(factor, table)
     polynomial = to_quotient(ring, factor).numerator
-    if any(is_root(ring.trees[k]) for k in used_generators(polynomial)) and _has_constant_symbol(ring.tower, factor):
+    if any(towers.is_root(ring.trees[k]) for k in used_generators(polynomial)) and _has_constant_symbol(
+        ring.tower, factor
+    ):
         positive = factor if sign > 0 else -factor
         root = _denested(ring, positive, table, depth)
         known.append((root, real_point.real_sign(root, table)))
     known.append((factor, sign))
 
 
-def _has_constant_symbol(tower: Tower, factor: ex.Expression) -> bool:
+def _has_constant_symbol(tower: towers.Tower, factor: ex.Expression) -> bool:
     """Whether the residue symbol is the same at random points that agree with the tower."""
     found = set()
     for k in range(_SAMPLES):
-        point = draw_point(tower, 5000 + k)
-        found.add(modular.is_positive(evaluate(factor, point), point.prime))
+        point = towers.draw_point(tower, 5000 + k)
+        found.add(modular.is_positive(ps.evaluate(factor, point), point.prime))
         if len(found) > 1:
             return False
     return True
@@ -323,18 +316,18 @@ def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | No
 
 
 def reduce_atoms(
-    expressions: Sequence[ex.Expression], variables: Sequence[Variable], table: real_point.RealTable | None
-) -> Tower:
+    expressions: Sequence[ex.Expression], variables: Sequence[ps.Variable], table: real_point.RealTable | None
+) -> towers.Tower:
     """The tower of expressions in kernels; raises IrreducibleAtoms where it cannot be settled.
 
     Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. So where a
     function has a root in its argument they are searched for again when the branches are known.
     """
     signs = {} if table is None else {name: real_point.real_sign(name, table) for name in variables}
-    tower = build_tower(expressions, variables, signs, partial(real_point.turns, table))
+    tower = towers.build_tower(expressions, variables, signs, partial(real_point.turns, table))
     fix_branches(tower, table)
     if tower.signs and _have_root_inside(expressions):
-        tower = build_tower(expressions, variables, signs, partial(real_point.turns, table), known=tower)
+        tower = towers.build_tower(expressions, variables, signs, partial(real_point.turns, table), known=tower)
         fix_branches(tower, table)
     return tower
 
@@ -342,7 +335,7 @@ def reduce_atoms(
 def _have_root_inside(expressions: Sequence[ex.Expression]) -> bool:
     """Whether a transcendental function has an even root in its argument."""
     arguments = (node.argument for node in ex.distinct_nodes(expressions) if isinstance(node, ex.Apply))
-    return any(is_even_root(node) for node in ex.distinct_nodes(arguments))
+    return any(towers.is_even_root(node) for node in ex.distinct_nodes(arguments))
 
 
 @dataclass(frozen=True, slots=True)
@@ -389,12 +382,12 @@ def is_empty(positive: Sequence[ex.Expression]) -> bool:
 
 def _ways(case: Case) -> list[Case] | None:
     """The cases that follow from the next root which can be rewritten, None where there is none."""
-    atoms = atoms_in_order(case.formulas)
+    atoms = towers.atoms_in_order(case.formulas)
     for node in atoms:
         found = _inverse_ways(node) if isinstance(node, ex.Apply) else _root_ways(node, case.positive)
         if found:
             return [case.rewritten(node, value, positive) for value, positive in found]
-    return _dependent_ways(case, [node for node in atoms if is_root(node) and isinstance(node, ex.Power)])
+    return _dependent_ways(case, [node for node in atoms if towers.is_root(node) and isinstance(node, ex.Power)])
 
 
 def _inverse_ways(node: ex.Apply) -> list[Way]:

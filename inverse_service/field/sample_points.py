@@ -14,16 +14,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.deadline import STEP, check
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, node_count
+from inverse_service import deadline, errors
+from inverse_service.expressions import tree as ex
 from inverse_service.field import modular
+from inverse_service.field import point as ps
+from inverse_service.field import tower as towers
 from inverse_service.field.dense_series import Machine, SeriesProgram, constants_at, run
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
-from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, variables_in
 from inverse_service.field.real_point import RealTable
-from inverse_service.field.tower import Tower, draw_point, moved_point
 
 Integers = npt.NDArray[np.int64]
 Words = npt.NDArray[np.uint64]
@@ -33,7 +32,7 @@ Words = npt.NDArray[np.uint64]
 class _LetterProgram:
     """The series of letters in the same variables, those at `names` among (t, q, v), and the registers they end in."""
 
-    letters: tuple[Expression, ...]
+    letters: tuple[ex.Expression, ...]
     series: SeriesProgram
     instructions: Integers
     names: Integers
@@ -42,35 +41,37 @@ class _LetterProgram:
 
 
 @lru_cache(maxsize=512)
-def _programs(letters: tuple[Expression, ...], variables: tuple[Variable, ...], order: int) -> list[_LetterProgram]:
+def _programs(
+    letters: tuple[ex.Expression, ...], variables: tuple[ps.Variable, ...], order: int
+) -> list[_LetterProgram]:
     """One for each set of variables: only those of a letter are displaced, and most letters have one."""
-    groups: dict[tuple[int, ...], list[Expression]] = {}
+    groups: dict[tuple[int, ...], list[ex.Expression]] = {}
     for letter in letters:
-        names = set(variables_in(letter))
+        names = set(ps.variables_in(letter))
         groups.setdefault(tuple(k for k, v in enumerate(variables) if v in names) or (0,), []).append(letter)
     return [part for names, group in groups.items() for part in _parts(tuple(group), variables, names, order)]
 
 
 def _parts(
-    letters: tuple[Expression, ...], variables: tuple[Variable, ...], names: tuple[int, ...], order: int
+    letters: tuple[ex.Expression, ...], variables: tuple[ps.Variable, ...], names: tuple[int, ...], order: int
 ) -> list[_LetterProgram]:
     """Their program, or more where it would be too large; IrreducibleAtoms where one letter is."""
     try:
         return [_program(letters, variables, names, order)]
     except TooLarge as problem:
         if len(letters) == 1:
-            raise IrreducibleAtoms("a letter of the ansatz is too long for its series") from problem
+            raise errors.IrreducibleAtoms("a letter of the ansatz is too long for its series") from problem
     middle = len(letters) // 2
     halves = letters[:middle], letters[middle:]
     return [part for half in halves for part in _parts(half, variables, names, order)]
 
 
 def _program(
-    letters: tuple[Expression, ...], variables: tuple[Variable, ...], names: tuple[int, ...], order: int
+    letters: tuple[ex.Expression, ...], variables: tuple[ps.Variable, ...], names: tuple[int, ...], order: int
 ) -> _LetterProgram:
     series = SeriesProgram([variables[k] for k in names], order)
     registers = np.array([series.expand(letter) for letter in letters], np.int64)
-    work = sum(map(node_count, letters))
+    work = sum(map(ex.node_count, letters))
     return _LetterProgram(letters, series, np.ravel(series.instructions), np.array(names, np.int64), registers, work)
 
 
@@ -172,13 +173,13 @@ def _logarithmic(chosen: Integers, displaced: _Displaced, m: Machine, d: _Slopes
     return True
 
 
-def _letter_rows(program: _LetterProgram, point: Point, drift: Words, order: int) -> Words | None:
+def _letter_rows(program: _LetterProgram, point: ps.Point, drift: Words, order: int) -> Words | None:
     """A row of values for each letter at a point; None where one has none or vanishes."""
     n, size, prime = len(drift) // 2, len(program.names), point.prime
     try:
         constants = constants_at(program.series, point)
         registers = run(program.series, program.instructions, constants, prime, order)
-    except (SingularPoint, ValueError):
+    except (ps.SingularPoint, ValueError):
         return None
     small = modular.small_numbers(prime, 7)
     machine = Machine(registers.stored, registers.tables, modular.field_of(prime), small, small)
@@ -196,9 +197,9 @@ Matrix = list[list[int]]
 class _AtPoint:
     """What is known at one point; `drift` is (1, v, f) in Montgomery form, empty where f has no value."""
 
-    point: Point
+    point: ps.Point
     drift: Words
-    letters: dict[tuple[Expression, int], Words | None] = dataclasses.field(default_factory=dict)
+    letters: dict[tuple[ex.Expression, int], Words | None] = dataclasses.field(default_factory=dict)
     tensors: tuple[Matrix, Matrix] | None = None
 
 
@@ -209,42 +210,42 @@ class SamplePoints:
     With `base` only what is `moving` differs from there.
     """
 
-    forces: Sequence[Expression]
-    variables: Sequence[Symbol | Velocity]
-    tower: Tower
+    forces: Sequence[ex.Expression]
+    variables: Sequence[ex.Symbol | ex.Velocity]
+    tower: towers.Tower
     seed: int
     prime: int
-    constrained: Mapping[Velocity, Expression] = dataclasses.field(default_factory=dict)
-    base: Point | None = None
-    moving: Sequence[Symbol | Velocity] = ()
+    constrained: Mapping[ex.Velocity, ex.Expression] = dataclasses.field(default_factory=dict)
+    base: ps.Point | None = None
+    moving: Sequence[ex.Symbol | ex.Velocity] = ()
     places: list[_AtPoint] = dataclasses.field(default_factory=list)
 
-    def point(self, k: int) -> Point:
+    def point(self, k: int) -> ps.Point:
         return self.place(k).point
 
     def place(self, k: int) -> _AtPoint:
         while len(self.places) <= k:
-            check(STEP)
+            deadline.check(deadline.STEP)
             point = self._drawn(len(self.places))
             self.places.append(_AtPoint(point, self._drift(point)))
         return self.places[k]
 
-    def _drawn(self, k: int) -> Point:
+    def _drawn(self, k: int) -> ps.Point:
         if self.base is None:
-            return draw_point(self.tower, self.seed + 1 + k, self.prime)
-        return moved_point(self.tower, self.base, self.moving, k)
+            return towers.draw_point(self.tower, self.seed + 1 + k, self.prime)
+        return towers.moved_point(self.tower, self.base, self.moving, k)
 
-    def _drift(self, point: Point) -> Words:
-        known: dict[Expression, int] = {}
+    def _drift(self, point: ps.Point) -> Words:
+        known: dict[ex.Expression, int] = {}
         try:
-            point.variables.update((v, evaluate(w, point, known)) for v, w in self.constrained.items())
-            f = [evaluate(force, point, known) for force in self.forces]
-        except (SingularPoint, ValueError):
+            point.variables.update((v, ps.evaluate(w, point, known)) for v, w in self.constrained.items())
+            f = [ps.evaluate(force, point, known) for force in self.forces]
+        except (ps.SingularPoint, ValueError):
             return np.empty(0, np.uint64)
         drift = [1, *(point.variable(v) for v in self.variables[1 + len(f) :]), *f]
         return np.array([(value << 64) % self.prime for value in drift], np.uint64)
 
-    def letters(self, k: int, kernels: Sequence[Expression], order: int) -> list[Words] | None:
+    def letters(self, k: int, kernels: Sequence[ex.Expression], order: int) -> list[Words] | None:
         """A row for each letter at a point (see `_logarithmic`), with third derivatives to order 3; None where one
         has none."""
         place = self.place(k)
@@ -256,9 +257,9 @@ class SamplePoints:
         rows = [known[kernel, 3 if (kernel, 3) in known else order] for kernel in kernels]
         return None if any(row is None for row in rows) else [row for row in rows if row is not None]
 
-    def _evaluate(self, place: _AtPoint, letters: tuple[Expression, ...], order: int) -> None:
+    def _evaluate(self, place: _AtPoint, letters: tuple[ex.Expression, ...], order: int) -> None:
         for program in _programs(letters, tuple(self.variables), order) if letters else ():
-            check(program.work)
+            deadline.check(program.work)
             rows = _letter_rows(program, place.point, place.drift, order)
             if rows is not None:
                 place.letters.update(((letter, order), row) for letter, row in zip(program.letters, rows, strict=True))
@@ -268,26 +269,26 @@ class SamplePoints:
                 for letter in program.letters:
                     self._evaluate(place, (letter,), order)
 
-    def values(self, k: int, kernels: Sequence[Expression]) -> list[int] | None:
+    def values(self, k: int, kernels: Sequence[ex.Expression]) -> list[int] | None:
         """The values of all letters at a point, without derivatives; None where one has none or vanishes."""
-        place, known = self.place(k), dict[Expression, int]()
-        check(1 + len(kernels))
+        place, known = self.place(k), dict[ex.Expression, int]()
+        deadline.check(1 + len(kernels))
         try:
-            found = [evaluate(kernel, place.point, known) for kernel in kernels]
-        except (SingularPoint, ValueError):
+            found = [ps.evaluate(kernel, place.point, known) for kernel in kernels]
+        except (ps.SingularPoint, ValueError):
             return None
         return found if len(place.drift) and all(found) else None
 
 
 # A seed, and the variables that move where the others stay as they are at one point.
-Drawn = tuple[int, tuple[Symbol | Velocity, ...]]
+Drawn = tuple[int, tuple[ex.Symbol | ex.Velocity, ...]]
 
 
 @dataclass(frozen=True, slots=True)
 class KnownTower:
     """A tower of the atoms of f and of an ansatz, on the branch of a real point, with the points that were drawn."""
 
-    atoms: frozenset[Expression]
+    atoms: frozenset[ex.Expression]
     real_point: RealTable
-    tower: Tower
+    tower: towers.Tower
     points: dict[Drawn, SamplePoints] = dataclasses.field(default_factory=dict)

@@ -32,17 +32,7 @@ from flint import nmod_mat
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.field import modular
-from inverse_service.field.point import (
-    Expansion,
-    Point,
-    SingularPoint,
-    Variable,
-    constant_value,
-    evaluate,
-    gradient,
-    number_value,
-    variables_in,
-)
+from inverse_service.field import point as ps
 
 # The angle of one radian, when constants such as cos(1) occur.
 RADIAN = ex.Symbol("radian")
@@ -160,14 +150,14 @@ class ExponentialRule:
     prime_powers: tuple[tuple[int, Fraction], ...] = ()
     constant: Fraction = Fraction(0)
 
-    def value(self, point: Point, scale: Scale) -> int:
+    def value(self, point: ps.Point, scale: Scale) -> int:
         if self.free:
             return pow(point.draw_free(self.atom), 2, point.prime)
-        result = constant_value("exp", self.constant, point)
+        result = ps.constant_value("exp", self.constant, point)
         for atom, exponent in self.exponentials:
             result *= modular.positive_power(point.atoms[atom], exponent, point.prime)
         for argument, exponent in self.arguments_of_logarithms:
-            result *= modular.positive_power(evaluate(argument, point), exponent, point.prime)
+            result *= modular.positive_power(ps.evaluate(argument, point), exponent, point.prime)
         for ell, exponent in self.prime_powers:
             result *= modular.positive_power(ell, exponent, point.prime)
         return result % point.prime
@@ -191,11 +181,11 @@ class LogarithmRule:
     constant: Fraction = Fraction(1)
     root: int = 1
 
-    def value(self, point: Point, scale: Scale) -> int:
+    def value(self, point: ps.Point, scale: Scale) -> int:
         if self.free:
             return point.draw_free(self.atom)
-        result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
-        logarithm = constant_value("log", self.constant, point) * pow(self.root, -1, point.prime)
+        result = sum(ps.evaluate(u, point) * ps.number_value(a, point.prime) for u, a in self.linear)
+        logarithm = ps.constant_value("log", self.constant, point) * pow(self.root, -1, point.prime)
         return (result + logarithm) % point.prime
 
     @property
@@ -216,7 +206,7 @@ class AngleRule:
     radians: Fraction = Fraction(0)
     turns: Fraction = Fraction(0)
 
-    def value(self, point: Point, scale: Scale) -> tuple[int, int]:
+    def value(self, point: ps.Point, scale: Scale) -> tuple[int, int]:
         """(cos phi, sin phi)."""
         prime = point.prime
         if self.free:
@@ -232,7 +222,7 @@ class AngleRule:
         return total
 
     @staticmethod
-    def _scaled(point: Point, angle: ex.Expression, factor: Fraction, scale: Scale) -> tuple[int, int]:
+    def _scaled(point: ps.Point, angle: ex.Expression, factor: Fraction, scale: Scale) -> tuple[int, int]:
         steps = factor * scale(angle)
         if steps.denominator != 1:
             raise errors.IrreducibleAtoms(f"two angles have the ratio {factor}, which is finer than can be reduced")
@@ -248,11 +238,11 @@ class ArctangentRule:
     linear: Combination = ()
     turns: Fraction = Fraction(0)
 
-    def value(self, point: Point, scale: Scale) -> int:
+    def value(self, point: ps.Point, scale: Scale) -> int:
         if self.free:
             return point.draw_free(self.atom)
-        result = sum(evaluate(u, point) * number_value(a, point.prime) for u, a in self.linear)
-        return (result + point.variable(ex.PI) * number_value(self.turns, point.prime)) % point.prime
+        result = sum(ps.evaluate(u, point) * ps.number_value(a, point.prime) for u, a in self.linear)
+        return (result + point.variable(ex.PI) * ps.number_value(self.turns, point.prime)) % point.prime
 
     @property
     def tree(self) -> ex.Expression:
@@ -267,7 +257,7 @@ def _sum_tree(linear: Combination) -> ex.Expression:
 Rule = ExponentialRule | LogarithmRule | AngleRule | ArctangentRule
 
 
-def replay(rule: Rule, point: Point, scale: Scale) -> None:
+def replay(rule: Rule, point: ps.Point, scale: Scale) -> None:
     """Give the rule's atom its value at the point."""
     if isinstance(rule, AngleRule):
         cosine, sine = rule.value(point, scale)
@@ -303,12 +293,12 @@ def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int,
     return result
 
 
-def _random_turn(point: Point, angle: ex.Expression) -> tuple[int, int]:
+def _random_turn(point: ps.Point, angle: ex.Expression) -> tuple[int, int]:
     """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is no square."""
     return _circle_point(_random_tangent(point, angle), point.prime)
 
 
-def _random_tangent(point: Point, angle: ex.Expression) -> int:
+def _random_tangent(point: ps.Point, angle: ex.Expression) -> int:
     """That of half the angle, in its scale: never the number that is drawn for an angle such as e^x or log x itself."""
     return point.draw_free(ex.Apply("tan", angle))
 
@@ -318,10 +308,10 @@ def _circle_point(t: int, prime: int) -> tuple[int, int]:
     return (1 - t * t) * factor % prime, 2 * t * factor % prime
 
 
-def _arctangent_turn(atom: ex.Expression, point: Point) -> tuple[int, int]:
+def _arctangent_turn(atom: ex.Expression, point: ps.Point) -> tuple[int, int]:
     """(cos, sin) of atan(w) = (1, w)/sqrt(1 + w^2)."""
     assert isinstance(atom, ex.Apply)
-    w = evaluate(atom.argument, point)
+    w = ps.evaluate(atom.argument, point)
     factor = modular.positive_power((1 + w * w) % point.prime, Fraction(-1, 2), point.prime)
     return factor, w * factor % point.prime
 
@@ -393,8 +383,8 @@ def _is_principal(turn: tuple[int, int], ell: int, order: int, prime: int) -> bo
 class Tower:
     """Rules in order, radicands that must be positive, further signs, scales of the free angles."""
 
-    variables: tuple[Variable, ...]
-    real_signs: Mapping[Variable, int] = field(default_factory=dict)
+    variables: tuple[ps.Variable, ...]
+    real_signs: Mapping[ps.Variable, int] = field(default_factory=dict)
     rules: list[Rule] = field(default_factory=list)
     radicands: list[ex.Expression] = field(default_factory=list)
     signs: list[Requirement] = field(default_factory=list)
@@ -443,7 +433,7 @@ def _collect(expression: ex.Expression, found: dict[ex.Expression, None]) -> Non
         found[expression] = None
 
 
-def draw_point(tower: Tower, seed: int, prime: int | None = None, flipped: frozenset[int] = frozenset()) -> Point:
+def draw_point(tower: Tower, seed: int, prime: int | None = None, flipped: frozenset[int] = frozenset()) -> ps.Point:
     """A random point at which every atom has a value and every sign is as in the tower.
 
     The prime is chosen again with each seed unless given. IrreducibleAtoms when no point is found.
@@ -464,7 +454,7 @@ class _Stage:
     The rules are not needed to see whether those `without_atoms` hold.
     """
 
-    names: frozenset[Variable]
+    names: frozenset[ps.Variable]
     without_atoms: tuple[Requirement, ...]
     with_atoms: tuple[Requirement, ...]
 
@@ -474,15 +464,15 @@ class _Stage:
         return range(16 << min(len(self.without_atoms) + len(self.with_atoms), 8)) if self.names else range(1)
 
 
-def _stages(tower: Tower, moving: Iterable[Variable]) -> list[_Stage]:
+def _stages(tower: Tower, moving: Iterable[ps.Variable]) -> list[_Stage]:
     """The requirements in an order in which each adds few of the moving variables to those before.
 
     k requirements of one variable each cost 2 k draws and not 2^k, and so do 1 - u^2, 1 - u^2 - v^2.
     """
     free = frozenset(moving)
     wanted = [*((w, 1) for w in tower.radicands), *tower.signs]
-    open_ones = [(free.intersection(variables_in(requirement[0])), requirement) for requirement in wanted]
-    drawn: frozenset[Variable] = frozenset()
+    open_ones = [(free.intersection(ps.variables_in(requirement[0])), requirement) for requirement in wanted]
+    drawn: frozenset[ps.Variable] = frozenset()
     stages = []
     while open_ones:
         added = min((names - drawn for names, _ in open_ones), key=len)
@@ -499,19 +489,19 @@ def _meet(
     stages: Sequence[_Stage],
     prime: int,
     seed: int,
-    given: Mapping[Variable, int],
+    given: Mapping[ps.Variable, int],
     first: int,
     flipped: frozenset[int] = frozenset(),
-) -> Point | None:
+) -> ps.Point | None:
     """A point with these numbers, the variables of each stage drawn, from one salt on, until its requirements hold."""
     salts, open_names = dict(given), frozenset().union(*(stage.names for stage in stages))
-    point, missing = Point(prime, seed, tower.real_signs, dict(salts), flipped), None
+    point, missing = ps.Point(prime, seed, tower.real_signs, dict(salts), flipped), None
     for stage in stages:
         open_names -= stage.names
         for salt in stage.draws:
             if salt:
                 salts.update(dict.fromkeys(stage.names, first + salt))
-                point, missing = Point(prime, seed, tower.real_signs, dict(salts), flipped), None
+                point, missing = ps.Point(prime, seed, tower.real_signs, dict(salts), flipped), None
             known: dict[ex.Expression, int] = {}
             if not _hold(stage.without_atoms, point, known):
                 continue
@@ -525,7 +515,7 @@ def _meet(
     return None if missing else point
 
 
-def moved_point(tower: Tower, place: Point, moving: Sequence[Variable], number: int) -> Point:
+def moved_point(tower: Tower, place: ps.Point, moving: Sequence[ps.Variable], number: int) -> ps.Point:
     """A point at which all but the moving variables, and the atoms that hold these, are as at `place`.
 
     IrreducibleAtoms when no point is found.
@@ -540,14 +530,14 @@ def moved_point(tower: Tower, place: Point, moving: Sequence[Variable], number: 
     raise errors.IrreducibleAtoms("no other point was found at which all roots exist together")
 
 
-def _replayed(tower: Tower, point: Point) -> list[tuple[Variable, ...]]:
+def _replayed(tower: Tower, point: ps.Point) -> list[tuple[ps.Variable, ...]]:
     """Give values to the atoms that have one at the point; the variables of each rule that gives none."""
     missing = []
     for rule in tower.rules:
         try:
             replay(rule, point, tower.scale)
-        except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
-            missing.append(variables_in(rule.angle if isinstance(rule, AngleRule) else rule.atom))
+        except (ps.SingularPoint, ValueError, ZeroDivisionError, KeyError):
+            missing.append(ps.variables_in(rule.angle if isinstance(rule, AngleRule) else rule.atom))
     return missing
 
 
@@ -556,12 +546,12 @@ def _has_no_atoms(expression: ex.Expression) -> bool:
     return not any(isinstance(node, ex.Apply) for node in ex.walk(expression))
 
 
-def _hold(requirements: Iterable[Requirement], point: Point, known: dict[ex.Expression, int]) -> bool:
+def _hold(requirements: Iterable[Requirement], point: ps.Point, known: dict[ex.Expression, int]) -> bool:
     try:
         return all(
-            modular.is_positive(evaluate(p, point, known), point.prime) == (sign > 0) for p, sign in requirements
+            modular.is_positive(ps.evaluate(p, point, known), point.prime) == (sign > 0) for p, sign in requirements
         )
-    except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
+    except (ps.SingularPoint, ValueError, ZeroDivisionError, KeyError):
         return False
 
 
@@ -578,22 +568,22 @@ class Samples:
     """
 
     tower: Tower
-    points: list[Point] = field(default_factory=list)
+    points: list[ps.Point] = field(default_factory=list)
     pending: list[Requirement] = field(default_factory=list)
     flips: tuple[int, ...] = ()
-    expansions: dict[int, Expansion] = field(default_factory=dict)  # by the id of their point, which they keep
+    expansions: dict[int, ps.Expansion] = field(default_factory=dict)  # by the id of their point, which they keep
 
     def values(self, expression: ex.Expression) -> list[int]:
-        return [evaluate(expression, point) for point in self.points]
+        return [ps.evaluate(expression, point) for point in self.points]
 
     def gradients(self, expression: ex.Expression) -> list[list[int]]:
         """Per point the partial derivatives with respect to all variables and parameters."""
-        return [gradient(self._expansion(point).expand(expression)) for point in self.points]
+        return [ps.gradient(self._expansion(point).expand(expression)) for point in self.points]
 
-    def _expansion(self, point: Point) -> Expansion:
+    def _expansion(self, point: ps.Point) -> ps.Expansion:
         """What is expanded at the point already: each relation asks for all that came before."""
         if id(point) not in self.expansions:
-            self.expansions[id(point)] = Expansion(point, self.tower.variables, 1)
+            self.expansions[id(point)] = ps.Expansion(point, self.tower.variables, 1)
         return self.expansions[id(point)]
 
     @property
@@ -635,13 +625,13 @@ class Samples:
         """From now on only points at which the radicand has a root."""
         if radicand not in self.tower.radicands:
             self.tower.radicands.append(radicand)
-            self.points[:] = [p for p in self.points if modular.is_positive(evaluate(radicand, p), p.prime)]
+            self.points[:] = [p for p in self.points if modular.is_positive(ps.evaluate(radicand, p), p.prime)]
 
 
 def build_tower(
     expressions: Sequence[ex.Expression],
-    variables: Sequence[Variable],
-    real_signs: Mapping[Variable, int],
+    variables: Sequence[ps.Variable],
+    real_signs: Mapping[ps.Variable, int],
     turns: Turns,
     known: Tower | None = None,
 ) -> Tower:
@@ -663,7 +653,7 @@ def build_tower(
                 _admit_root(atom, tower, samples)
             else:
                 _admit(atom, tower, samples, turns)
-    except SingularPoint as problem:
+    except ps.SingularPoint as problem:
         raise errors.IrreducibleAtoms("a denominator inside a function vanishes at the points tried") from problem
     _finish_scales(tower)
     samples.admit_pending()
@@ -744,7 +734,7 @@ def _square_roots(*trees: ex.Expression) -> tuple[int, ...]:
     """The primes under square roots of numbers, where no other roots of constants occur."""
     found: dict[int, None] = {}
     for node in ex.distinct_nodes(trees):
-        if not is_root(node) or not isinstance(node, ex.Power) or variables_in(node):
+        if not is_root(node) or not isinstance(node, ex.Power) or ps.variables_in(node):
             continue
         base, exponent = node.base, node.exponent
         if not (isinstance(base, ex.Number) and isinstance(exponent, ex.Number) and exponent.value.denominator == 2):
@@ -830,16 +820,20 @@ def _constant_factor(
     other = draw_point(samples.tower, 11)
     if found or constant is None or constant <= 0 or other.prime == samples.prime:
         raise errors.IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
-    if number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
+    if ps.number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
         raise errors.IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
     return constant, root
 
 
-def _constant_power(atom: ex.Apply, linear: Sequence[tuple[ex.Expression, Fraction]], root: int, point: Point) -> int:
+def _constant_power(
+    atom: ex.Apply, linear: Sequence[tuple[ex.Expression, Fraction]], root: int, point: ps.Point
+) -> int:
     """w^root / prod (e^u_j)^(a_j root) at a point."""
-    value = pow(evaluate(atom.argument, point), root, point.prime)
+    value = pow(ps.evaluate(atom.argument, point), root, point.prime)
     for u, a in linear:
-        base = point.atoms[ex.Apply("exp", u)] if ex.Apply("exp", u) in point.atoms else evaluate(_argument(u), point)
+        base = (
+            point.atoms[ex.Apply("exp", u)] if ex.Apply("exp", u) in point.atoms else ps.evaluate(_argument(u), point)
+        )
         value = value * pow(base, -int(a * root), point.prime) % point.prime
     return value
 

@@ -26,19 +26,7 @@ from inverse_service.field.echelon import Echelon, Flags, Indices, SparseRows, W
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import GOLDEN, Field, compiled, mixed, multiply
 from inverse_service.field.point import Point, SingularPoint
-from inverse_service.linear_pde.equations import (
-    Derivative,
-    LocalEquations,
-    Prolongation,
-    Raised,
-    RowName,
-    Unknowns,
-    advance,
-    column_of,
-    count_of_degree,
-    raised_unknowns,
-    start,
-)
+from inverse_service.linear_pde import equations as pde
 
 Rows = list[dict[int, int]]
 
@@ -72,27 +60,29 @@ def kernel(rows: Rows, width: int, prime: int) -> nmod_mat:
 class Matrix:
     """Derivatives of the unknowns at the point, a matrix that has to reach a rank."""
 
-    entries: tuple[tuple[Derivative, ...], ...]
+    entries: tuple[tuple[pde.Derivative, ...], ...]
     rank: int
 
 
 @lru_cache(maxsize=64)
-def degree_of(unknowns: Unknowns, matrix: Matrix) -> int:
+def degree_of(unknowns: pde.Unknowns, matrix: Matrix) -> int:
     """The degree of the unknowns that the matrix is made of."""
     return max(len(by) - unknowns.functions[number].order for row in matrix.entries for number, by in row)
 
 
 @lru_cache(maxsize=64)
-def _places(unknowns: Unknowns, matrix: Matrix) -> tuple[tuple[int, int, int, int], ...]:
+def _places(unknowns: pde.Unknowns, matrix: Matrix) -> tuple[tuple[int, int, int, int], ...]:
     """Row, column, unknown and factor of each entry."""
     return tuple(
-        (i, j, *column_of(unknowns, derivative))
+        (i, j, *pde.column_of(unknowns, derivative))
         for i, row in enumerate(matrix.entries)
         for j, derivative in enumerate(row)
     )
 
 
-def matrix_at(unknowns: Unknowns, matrix: Matrix, values: Mapping[int, int] | Sequence[int], prime: int) -> nmod_mat:
+def matrix_at(
+    unknowns: pde.Unknowns, matrix: Matrix, values: Mapping[int, int] | Sequence[int], prime: int
+) -> nmod_mat:
     """The matrix of a solution, from the values of the unknowns by their columns."""
     found = nmod_mat(len(matrix.entries), len(matrix.entries[0]), prime)
     for i, j, column, factor in _places(unknowns, matrix):
@@ -100,18 +90,18 @@ def matrix_at(unknowns: Unknowns, matrix: Matrix, values: Mapping[int, int] | Se
     return found
 
 
-def consequences(prolongation: Prolongation, degree: int) -> dict[int, dict[int, int]]:
+def consequences(prolongation: pde.Prolongation, degree: int) -> dict[int, dict[int, int]]:
     """All consequences on the unknowns to this degree: {number of basis row: {column: value}}."""
     return prolongation.echelon.rows_within(0, prolongation.width(degree))
 
 
-def generic_rank(prolongation: Prolongation, matrix: Matrix) -> int:
+def generic_rank(prolongation: pde.Prolongation, matrix: Matrix) -> int:
     """The rank of the matrix at the generic solution of all rows: the larger of two random ones."""
     width = prolongation.width(degree_of(prolongation.unknowns, matrix))
     return _larger_rank(prolongation, matrix, lambda k: prolongation.echelon.random_solution(k, width))
 
 
-def rank_of_rows(prolongation: Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
+def rank_of_rows(prolongation: pde.Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
     """The same at the generic solution of some consequences on the unknowns that the matrix is made of."""
     prime, width = prolongation.local.prime, prolongation.width(degree_of(prolongation.unknowns, matrix))
     basis = kernel(rows, width, prime)
@@ -126,7 +116,7 @@ def rank_of_rows(prolongation: Prolongation, matrix: Matrix, rows: Rows, seed: i
     return _larger_rank(prolongation, matrix, element)
 
 
-def _larger_rank(prolongation: Prolongation, matrix: Matrix, element: Callable[[int], Sequence[int]]) -> int:
+def _larger_rank(prolongation: pde.Prolongation, matrix: Matrix, element: Callable[[int], Sequence[int]]) -> int:
     rank = 0
     for k in range(2):
         if rank < matrix.rank:
@@ -148,7 +138,7 @@ class Symbol:
         return self.prolonged == sum(k * a for k, a in enumerate(self.characters, start=1))
 
 
-def symbol_of(prolongation: Prolongation, degree: int, seed: int) -> Symbol:
+def symbol_of(prolongation: pde.Prolongation, degree: int, seed: int) -> Symbol:
     """M_d of the projected system at degree d = `degree` >= 1, tested in random directions.
 
     M_d^(k) are the elements killed by k random constant derivatives; alpha_k = dim M^(k-1) - dim
@@ -165,7 +155,7 @@ def symbol_of(prolongation: Prolongation, degree: int, seed: int) -> Symbol:
 
 
 @compiled
-def _raise(rows: SparseRows, step: Raised, small: Words, field: Field, raised: Indices, scaled: Words) -> None:
+def _raise(rows: SparseRows, step: pde.Raised, small: Words, field: Field, raised: Indices, scaled: Words) -> None:
     """Each entry, for the coefficient of m in d_a y, as one for that of x_a m in y: all entries for each a."""
     entries = len(rows.columns)
     for a in range(step.places.shape[1]):
@@ -175,17 +165,17 @@ def _raise(rows: SparseRows, step: Raised, small: Words, field: Field, raised: I
             scaled[a * entries + k] = multiply(rows.values[k], small[step.factors[column, a]], field)
 
 
-def _prolonged(prolongation: Prolongation, degree: int, rows: SparseRows) -> int:
+def _prolonged(prolongation: pde.Prolongation, degree: int, rows: SparseRows) -> int:
     """dim {y of degree d + 1 : all partial derivatives lie in M_d}."""
     size, prime = prolongation.size, prolongation.local.prime
-    step = raised_unknowns(prolongation.unknowns, degree)
+    step = pde.raised_unknowns(prolongation.unknowns, degree)
     entries = len(rows.columns)
     columns, values = np.empty(size * entries, np.int64), np.empty(size * entries, np.uint64)
     small = modular.small_numbers(prime, degree + prolongation.unknowns.most + 2)
     _raise(rows, step, small, modular.field_of(prime), columns, values)
     starts = rows.starts[None, :-1] + entries * np.arange(size)[:, None]
     echelon = Echelon(prime)
-    echelon.widen(count_of_degree(prolongation.unknowns, degree + 1))
+    echelon.widen(pde.count_of_degree(prolongation.unknowns, degree + 1))
     echelon.insert(SparseRows(np.append(starts.ravel(), size * entries), columns, values))
     return echelon.width - echelon.count
 
@@ -203,18 +193,18 @@ def _derive(state: np.uint64, factors: Indices, small: Words, directions: Words,
                 values[k, m, a] = multiply(directions[k, a], small[factors[m, a]], field)
 
 
-def _characters(prolongation: Prolongation, degree: int, rows: SparseRows, seed: int) -> tuple[int, ...]:
+def _characters(prolongation: pde.Prolongation, degree: int, rows: SparseRows, seed: int) -> tuple[int, ...]:
     """alpha_1, …, alpha_m: how many of the equations D_k y = 0 are new, D_k the k-th random derivative.
 
     The equations for the coefficient of a monomial m in D y, m of one degree less.
     """
     prime, size = prolongation.local.prime, prolongation.size
-    step = raised_unknowns(prolongation.unknowns, degree - 1)
+    step = pde.raised_unknowns(prolongation.unknowns, degree - 1)
     values, directions = np.empty((size, *step.places.shape), np.uint64), np.empty((size, size), np.uint64)
     small = modular.small_numbers(prime, degree + prolongation.unknowns.most + 1)
     _derive(np.uint64(seed), step.factors, small, directions, values, modular.field_of(prime))
     echelon = Echelon(prime)
-    echelon.widen(count_of_degree(prolongation.unknowns, degree))
+    echelon.widen(pde.count_of_degree(prolongation.unknowns, degree))
     echelon.insert(rows)
     columns = np.tile(step.places.ravel(), size)
     dependent = echelon.insert(SparseRows(np.arange(0, len(columns) + 1, size), columns, values.ravel()))
@@ -234,7 +224,7 @@ class Card(Protocol):
     """A question: unknown functions, a matrix of their derivatives that has to reach a rank, and the equations."""
 
     @property
-    def unknowns(self) -> Unknowns: ...
+    def unknowns(self) -> pde.Unknowns: ...
 
     @property
     def matrix(self) -> Matrix: ...
@@ -243,7 +233,7 @@ class Card(Protocol):
     def others(self) -> tuple[Matrix, ...]:
         """Matrices whose ranks are of interest too."""
 
-    def at(self, seed: int, order: int) -> LocalEquations:
+    def at(self, seed: int, order: int) -> pde.LocalEquations:
         """The equations at the random point of this seed, to this order; raises SingularPoint or TooLarge."""
 
 
@@ -260,7 +250,7 @@ class Finding:
     exists: bool | None
     order: int
     reason: str = ""
-    rows: tuple[RowName, ...] = ()
+    rows: tuple[pde.RowName, ...] = ()
     symbol: Symbol | None = None
     degree: int = 0
     history: tuple[tuple[int, ...], ...] = ()
@@ -320,7 +310,7 @@ def _settle_once(run: _Run) -> Finding:
 
 def _prolong(run: _Run, seed: int) -> Finding:
     known = run.expected
-    prolongation = start(run.card.at(seed, known), run.expected_rows)
+    prolongation = pde.start(run.card.at(seed, known), run.expected_rows)
     run.dependent_rows = prolongation.dependent
     points = ({"prime": prolongation.local.prime, "seed": seed},)
     while True:
@@ -337,7 +327,7 @@ def _prolong(run: _Run, seed: int) -> Finding:
                 return _stopped(run, prolongation, stop)
         run.progress(f"prolongation to order {order}")
         began = now()
-        advance(prolongation)
+        pde.advance(prolongation)
         run.lasted = now() - began
         run.history.append(prolongation.dimensions)
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
@@ -345,12 +335,12 @@ def _prolong(run: _Run, seed: int) -> Finding:
             return replace(found, history=tuple(run.history), points=points, ranks=_ranks(run, prolongation))
 
 
-def _stopped(run: _Run, prolongation: Prolongation, reason: str) -> Finding:
+def _stopped(run: _Run, prolongation: pde.Prolongation, reason: str) -> Finding:
     """Nothing is settled; how far it came."""
     return Finding(None, prolongation.order, reason, history=tuple(run.history), ranks=_ranks(run, prolongation))
 
 
-def _ranks(run: _Run, prolongation: Prolongation) -> tuple[int, ...]:
+def _ranks(run: _Run, prolongation: pde.Prolongation) -> tuple[int, ...]:
     """Of the matrix and the others, where there are others."""
     matrices = (run.card.matrix, *run.card.others) if run.card.others else ()
     found = []
@@ -362,20 +352,20 @@ def _ranks(run: _Run, prolongation: Prolongation) -> tuple[int, ...]:
     return tuple(found)
 
 
-def _limit_reached(run: _Run, prolongation: Prolongation, order: int) -> str:
+def _limit_reached(run: _Run, prolongation: pde.Prolongation, order: int) -> str:
     """The sentence that names the limit in the way of this order, or nothing."""
     if order > run.limits.order:
         return f"not settled by order {run.limits.order} of prolongation"
     if now() + _GROWTH * run.lasted > run.limits.deadline:
         return f"{OUT_OF_TIME} {order} of prolongation"
     unknowns, bits = prolongation.unknowns, 63 // prolongation.size
-    total = prolongation.width(order - 1) + count_of_degree(unknowns, order)
+    total = prolongation.width(order - 1) + pde.count_of_degree(unknowns, order)
     if order + unknowns.most >= 1 << bits or total > run.limits.unknowns:
         return f"order {order} of prolongation would need more than {run.limits.unknowns} unknowns"
     return ""
 
 
-def _negative(run: _Run, prolongation: Prolongation, seed: int) -> Finding | None:
+def _negative(run: _Run, prolongation: pde.Prolongation, seed: int) -> Finding | None:
     matrix = run.card.matrix
     degree = degree_of(prolongation.unknowns, matrix)
     if prolongation.order < degree or _as_before(run, degree):
@@ -396,7 +386,7 @@ def _as_before(run: _Run, degree: int) -> bool:
     return len(run.history) > degree + 1 and run.history[-1][degree] == run.history[-2][degree]
 
 
-def _positive(run: _Run, prolongation: Prolongation, seed: int) -> Finding | None:
+def _positive(run: _Run, prolongation: pde.Prolongation, seed: int) -> Finding | None:
     order, history = prolongation.order, run.history
     for degree in range(max(1, degree_of(prolongation.unknowns, run.card.matrix)), order):
         if history[order][degree] != history[order - 1][degree]:

@@ -73,7 +73,7 @@ def test_no_order_is_begun_whose_monomials_have_no_keys(
     size: int, highest: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An exponent has floor(63/size) bits, and an unknown of degree r in g has the total degree r + 2."""
-    monkeypatch.setattr(settling, "count_of_degree", lambda *_: 0)
+    monkeypatch.setattr(settling.pde, "count_of_degree", lambda *_: 0)
     unknowns = SimpleNamespace(most=2)
     prolongation: Any = SimpleNamespace(size=size, width=lambda _: 0, unknowns=unknowns)
     run = replace(run_of(2), limits=Limits(order=highest + 1))

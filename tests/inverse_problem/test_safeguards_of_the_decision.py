@@ -27,7 +27,7 @@ def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.Monk
 
 def test_a_dimension_that_still_falls_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     falling = property(lambda self: (99 - self.order,) * (1 + self.order))
-    monkeypatch.setattr(settling.Prolongation, "dimensions", falling)
+    monkeypatch.setattr(settling.pde.Prolongation, "dimensions", falling)
     assert decide(OSCILLATORS, False, limits=Limits(order=4)).verdict == "undetermined"
 
 

@@ -47,23 +47,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.derivative import differentiate_in_time
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, number
 from inverse_service.field import dense_series as machine
 from inverse_service.field import point as ps
-from inverse_service.field.dense_series import Registers, SeriesProgram
-from inverse_service.field.point import Expansion, Series, Variable
-from inverse_service.field.tower import to_kernels
-from inverse_service.linear_pde.equations import (
-    NO_DERIVATIVE,
-    Equations,
-    Function,
-    LocalEquations,
-    Term,
-    TermTable,
-    Unknowns,
-    term_table,
-)
+from inverse_service.field import tower
+from inverse_service.linear_pde import equations as pde
 from inverse_service.linear_pde.involution import Matrix
 
 Integers = npt.NDArray[np.int64]
@@ -77,11 +66,11 @@ ANY_FRICTION: Friction = "any friction"
 
 
 @lru_cache(maxsize=64)
-def unknowns_of(n: int, size: int) -> Unknowns:
+def unknowns_of(n: int, size: int) -> pde.Unknowns:
     """L of v-degree >= 2 and the entries g_ij, i <= j, over `size` displacements, the velocities last."""
     first = size - n
     pairs = combinations_with_replacement(range(first, size), 2)
-    return Unknowns(size, (Function(2, first),), tuple((0, pair) for pair in pairs))
+    return pde.Unknowns(size, (pde.Function(2, first),), tuple((0, pair) for pair in pairs))
 
 
 @lru_cache(maxsize=64)
@@ -118,32 +107,32 @@ def summands(kind: Kind, n: int, size: int) -> tuple[Summand, ...]:
             found += [Summand(equation, entry[i, j], a, a) for a in range(size)]
         for k in range(n):
             for a, b, negative in ((i, j, kind == "H2"), (j, i, True)):
-                found.append(Summand(equation, entry[min(a, k), max(a, k)], NO_DERIVATIVE, k, b, negative))
+                found.append(Summand(equation, entry[min(a, k), max(a, k)], pde.NO_DERIVATIVE, k, b, negative))
     return tuple(found)
 
 
-def compiled_equations(n: int, size: int, prime: int, order: int, registers: Registers) -> LocalEquations:
+def compiled_equations(n: int, size: int, prime: int, order: int, registers: machine.Registers) -> pde.LocalEquations:
     """H2, then H3, from the registers of `written`, for prolongation to this order."""
     series = registers.coefficients(_series(n, size - 2 * n), order)
     unknowns = unknowns_of(n, size)
     blocks = ((kind, k, pairs_of(kind, n)) for kind, k in KINDS)
-    return LocalEquations(
+    return pde.LocalEquations(
         unknowns,
         prime,
         tuple(
-            Equations(kind, pairs, k, TermTable(unknowns, len(pairs), series, _terms(kind, n, size)))
+            pde.Equations(kind, pairs, k, pde.TermTable(unknowns, len(pairs), series, _terms(kind, n, size)))
             for kind, k, pairs in blocks
         ),
     )
 
 
 def written(
-    variables: Sequence[Variable], velocities: Sequence[Variable], forces: Sequence[Expression], order: int
-) -> tuple[SeriesProgram, Integers]:
+    variables: Sequence[ps.Variable], velocities: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int
+) -> tuple[machine.SeriesProgram, Integers]:
     """X, N, Phi for f to this order at most, in (t?, q, v); TooLarge where sparse series are better."""
     n, m = len(velocities), len(variables)
     offset = m - 2 * n
-    series = SeriesProgram(variables, order)
+    series = machine.SeriesProgram(variables, order)
     series.register(m + 3 * n * n + 1)
     half, two = series.number(Fraction(-1, 2)), series.number(Fraction(-2))
     if offset:
@@ -178,7 +167,7 @@ def _geometry(n: int, offset: int, half: int, two: int) -> Integers:
     return np.array(found, np.int64).ravel()
 
 
-def tensors(n: int, size: int, registers: Registers) -> tuple[list[list[int]], list[list[int]]]:
+def tensors(n: int, size: int, registers: machine.Registers) -> tuple[list[list[int]], list[list[int]]]:
     """(N, Phi) at the point, each (n, n), from the registers of `written`."""
     N, Phi = (
         [[registers.value(_matrix(n, size - 2 * n, number, i, j)) for j in range(n)] for i in range(n)]
@@ -207,7 +196,7 @@ def _terms(kind: Kind, n: int, size: int) -> Integers:
 
 
 def _number(kind: Kind, summand: Summand, n: int, size: int) -> int:
-    if summand.derivative != NO_DERIVATIVE:
+    if summand.derivative != pde.NO_DERIVATIVE:
         return summand.row
     return size + (0 if kind == "H2" else n * n) + summand.row * n + summand.column
 
@@ -216,7 +205,7 @@ def _number(kind: Kind, summand: Summand, n: int, size: int) -> int:
 class Derivation:
     """Y by its components, c, and whether Y(L) = c L is meant exactly."""
 
-    parts: Mapping[Variable, Expression]
+    parts: Mapping[ps.Variable, ex.Expression]
     weight: int
     exact: bool
 
@@ -234,11 +223,11 @@ class LagrangianKind:
 
 
 def _natural(names: Sequence[str]) -> tuple[Derivation, ...]:
-    return tuple(Derivation({Velocity(name): number(1)}, 0, False) for name in names)
+    return tuple(Derivation({ex.Velocity(name): ex.number(1)}, 0, False) for name in names)
 
 
 def _homogeneous(names: Sequence[str]) -> tuple[Derivation, ...]:
-    return (Derivation({Velocity(name): Velocity(name) for name in names}, 2, True),)
+    return (Derivation({ex.Velocity(name): ex.Velocity(name) for name in names}, 2, True),)
 
 
 BUILDERS: Mapping[str, Callable[[Sequence[str]], tuple[Derivation | Friction, ...]]] = {
@@ -255,82 +244,84 @@ def kind_named(name: str, names: Sequence[str]) -> LagrangianKind:
     return LagrangianKind(name, BUILDERS[name](names), name)
 
 
-def invariant(fields: Sequence[Mapping[str, tuple[str, Expression]]], names: Sequence[str]) -> LagrangianKind:
+def invariant(fields: Sequence[Mapping[str, tuple[str, ex.Expression]]], names: Sequence[str]) -> LagrangianKind:
     """Under vector fields, each by its components along coordinates as (text, tree)."""
     found = []
     for field in fields:
-        lifted: dict[Variable, Expression] = {Symbol(name): to_kernels(tree) for name, (_, tree) in field.items()}
-        rates = {Velocity(name): differentiate_in_time(tree, names) for name, (_, tree) in field.items()}
-        found.append(Derivation({**lifted, **{v: to_kernels(rate) for v, rate in rates.items()}}, 0, True))
+        lifted: dict[ps.Variable, ex.Expression] = {
+            ex.Symbol(name): tower.to_kernels(tree) for name, (_, tree) in field.items()
+        }
+        rates = {ex.Velocity(name): differentiate_in_time(tree, names) for name, (_, tree) in field.items()}
+        found.append(Derivation({**lifted, **{v: tower.to_kernels(rate) for v, rate in rates.items()}}, 0, True))
     texts = [{name: text for name, (text, _) in field.items()} for field in fields]
     return LagrangianKind("invariant", tuple(found), {"invariant": texts})
 
 
 def added_equations(
-    among: Among, expansion: Expansion, forces: Sequence[Expression], unknowns: Unknowns
-) -> tuple[Equations, ...]:
+    among: Among, expansion: ps.Expansion, forces: Sequence[ex.Expression], unknowns: pde.Unknowns
+) -> tuple[pde.Equations, ...]:
     """K and S of each, C and D, from series of two orders more than the prolongation takes."""
     n = len(forces)
     found = [*_curl(expansion, forces, unknowns)] if ANY_FRICTION in among else []
     for place, derivation in enumerate(each for each in among if not isinstance(each, str)):
         field = {expansion.variables.index(x): expansion.expand(part) for x, part in derivation.parts.items()}
         pairs = pairs_of("H2", n)
-        table = term_table(unknowns, _lie(expansion, field, derivation.weight, n), len(pairs), expansion.order - 2)
-        found.append(Equations(f"K{place}", pairs, 1, table))
+        table = pde.term_table(unknowns, _lie(expansion, field, derivation.weight, n), len(pairs), expansion.order - 2)
+        found.append(pde.Equations(f"K{place}", pairs, 1, table))
         if derivation.exact:
-            table = term_table(unknowns, _symmetry(expansion, field, derivation, forces), n, expansion.order - 2)
-            found.append(Equations(f"S{place}", tuple((i, i) for i in range(n)), 0, table))
+            table = pde.term_table(unknowns, _symmetry(expansion, field, derivation, forces), n, expansion.order - 2)
+            found.append(pde.Equations(f"S{place}", tuple((i, i) for i in range(n)), 0, table))
     return tuple(found)
 
 
-def _curl(expansion: Expansion, forces: Sequence[Expression], unknowns: Unknowns) -> Iterator[Equations]:
+def _curl(expansion: ps.Expansion, forces: Sequence[ex.Expression], unknowns: pde.Unknowns) -> Iterator[pde.Equations]:
     """C and D, for each k."""
     n, size = len(forces), len(expansion.variables)
     q, v, entry = size - 2 * n, size - n, {pair: place for place, pair in enumerate(pairs_of("H2", n))}
     series, two = [expansion.expand(f) for f in forces], expansion.ring.constant(2)
     slopes = [[ps.derivative(f, v + j) for j in range(n)] for f in series]
 
-    def slope(equation: int, i: int, j: int, by: int) -> Iterator[Term]:
+    def slope(equation: int, i: int, j: int, by: int) -> Iterator[pde.Term]:
         """d_by (g_il df^l/dv^j - g_jl df^l/dv^i)."""
         for (a, b), row in product(((i, j), (j, i)), range(n)):
             place, factor = entry[min(a, row), max(a, row)], slopes[row][b]
-            yield Term(equation, place, by, factor, a != i)
-            yield Term(equation, place, NO_DERIVATIVE, ps.derivative(factor, by), a != i)
+            yield pde.Term(equation, place, by, factor, a != i)
+            yield pde.Term(equation, place, pde.NO_DERIVATIVE, ps.derivative(factor, by), a != i)
 
     for k in range(n):
         pairs, most = tuple(combinations(range(n), 2)), expansion.order - 2
-        terms: list[Term] = []
+        terms: list[pde.Term] = []
         for e, (i, j) in enumerate(pairs):
-            terms += [Term(e, entry[min(a, k), max(a, k)], q + b, two, a != i) for a, b in ((i, j), (j, i))]
+            terms += [pde.Term(e, entry[min(a, k), max(a, k)], q + b, two, a != i) for a, b in ((i, j), (j, i))]
             terms += slope(e, i, j, v + k)
-        yield Equations(f"C{k}", pairs, 1, term_table(unknowns, _known(terms), len(pairs), most))
+        yield pde.Equations(f"C{k}", pairs, 1, pde.term_table(unknowns, _known(terms), len(pairs), most))
         pairs = tuple(combinations(range(k), 2))
         terms = [each for e, (i, j) in enumerate(pairs) for a, b, c in ((i, j, k), (j, k, i), (k, i, j))
                  for each in slope(e, a, b, q + c)]  # fmt: skip
-        yield Equations(f"D{k}", pairs, 1, term_table(unknowns, _known(terms), len(pairs), most))
+        yield pde.Equations(f"D{k}", pairs, 1, pde.term_table(unknowns, _known(terms), len(pairs), most))
 
 
-def _known(terms: Sequence[Term]) -> list[Term]:
+def _known(terms: Sequence[pde.Term]) -> list[pde.Term]:
     return [term for term in terms if any(term.series)]
 
 
-def _lie(expansion: Expansion, field: Mapping[int, Series], weight: int, n: int) -> list[Term]:
+def _lie(expansion: ps.Expansion, field: Mapping[int, ps.Series], weight: int, n: int) -> list[pde.Term]:
     size, entry = len(expansion.variables), {pair: k for k, pair in enumerate(pairs_of("H2", n))}
     terms, plain = [], expansion.ring.constant(-weight)
     for equation, (i, j) in enumerate(pairs_of("H2", n)):
-        terms += [Term(equation, equation, a, part) for a, part in field.items()]
-        terms += [Term(equation, equation, NO_DERIVATIVE, plain)] * bool(weight)
+        terms += [pde.Term(equation, equation, a, part) for a, part in field.items()]
+        terms += [pde.Term(equation, equation, pde.NO_DERIVATIVE, plain)] * bool(weight)
         for a, part in field.items():
             k = a - (size - n)
             for b, c in ((i, j), (j, i)) if k >= 0 else ():
                 slope = ps.derivative(part, size - n + c)
-                terms.append(Term(equation, entry[min(b, k), max(b, k)], NO_DERIVATIVE, slope))
+                terms.append(pde.Term(equation, entry[min(b, k), max(b, k)], pde.NO_DERIVATIVE, slope))
     return terms
 
 
 def _symmetry(
-    expansion: Expansion, field: Mapping[int, Series], derivation: Derivation, forces: Sequence[Expression]
-) -> list[Term]:
+    expansion: ps.Expansion, field: Mapping[int, ps.Series], derivation: Derivation, forces: Sequence[ex.Expression]
+) -> list[pde.Term]:
     n, size = len(forces), len(expansion.variables)
     series = [expansion.expand(f) for f in forces]
     gamma = list(enumerate([*(expansion.expand(v) for v in expansion.variables[size - n :]), *series], size - 2 * n))
@@ -341,5 +332,5 @@ def _symmetry(
         part = ps.subtract(part, ps.along(gamma, field.get(size - n + k, zero)))
         part = ps.subtract(part, ps.scale(f, derivation.weight // 2)[: len(part)])
         if any(part):
-            terms += [Term(i, entry[min(i, k), max(i, k)], NO_DERIVATIVE, part) for i in range(n)]
+            terms += [pde.Term(i, entry[min(i, k), max(i, k)], pde.NO_DERIVATIVE, part) for i in range(n)]
     return terms

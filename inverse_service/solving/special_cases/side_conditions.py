@@ -18,7 +18,7 @@ from flint import fmpq, fmpq_mpoly
 
 from inverse_service.decision.deciding import Analysis
 from inverse_service.explanation import negative
-from inverse_service.explanation.hierarchy import EquationName, eliminate, hierarchy, local_motion, tensors_at
+from inverse_service.explanation.hierarchy import EquationName, eliminate, local_motion, tensors_at, tensors_to_depth
 from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
@@ -55,7 +55,7 @@ def of_conditions(
     depth = max((name.condition.order for name in names), default=2) - 2
     exact = conditions.motion_in_ring(analysis.system, depth + 2, budget)
     table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
-    tensors = hierarchy(exact.motion, depth)
+    tensors = tensors_to_depth(exact.motion, depth)
     equations = negative.exact_equations(exact, tensors, names)
     reader = Reader.of(exact.ring, space)
     result = eliminate({name: equations[name] for name in names if equations[name]}, table)
