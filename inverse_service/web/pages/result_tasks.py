@@ -42,6 +42,8 @@ class Advice:
 
 def advice_for(result: Mapping[str, Any], largest: float) -> list[Advice]:
     """What may settle it; `largest` is the time limit of this service in s. Empty where nothing is open."""
+    if sheets.is_constrained(result) and sheets.verdict_of(result) != sheets.OPEN:
+        return []
     if result["verdict"] == "undetermined":
         return [*_about_time(result, largest), *_about_size(result)]
     if result["verdict"] == "variational" and result["lagrangian"] is None:

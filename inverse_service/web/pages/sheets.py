@@ -61,13 +61,9 @@ class Case:
     notes: tuple[Markup, ...]
     formulas: tuple[Formula, ...]
     proofs: tuple[tuple[str, tuple[Markup, ...]], ...]
-    more: tuple[Row, ...]
-
-    @property
-    def gist(self) -> tuple[tuple[str, Markup], ...]:
-        """What stands in the place of L and H after a no: how its proof begins and ends."""
-        steps = self.proofs[0][1] if self.verdict == NO and self.proofs else ()
-        return (("Assumption", steps[0]), ("Contradiction", steps[-1])) if len(steps) > 1 else ()
+    more: tuple[Row, ...] = ()
+    # What is in the place of L and H after a no: how its proof begins and ends.
+    gist: tuple[tuple[str, Markup], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,8 +163,10 @@ def _colored(verdict: str, word: str) -> Markup:
     return Markup('<span class="{}">{}</span>').format(verdict, word)
 
 
-def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int, pending: Collection[str]) -> Markup:
-    """The verdict about equations; what is still `pending` is said to be looked for."""
+def _sentence(
+    verdict: str, answers: Sequence[Mapping[str, Any]], count: int, pending: Collection[str], brief: bool = False
+) -> Markup:
+    """The verdict about equations, or a `brief` answer; what is still `pending` is said to be looked for."""
     these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
     if verdict == YES:
         shown = answers[0]
@@ -178,9 +176,15 @@ def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int, pe
             return Markup("{} a Lagrangian{} exists; none was found in closed form.").format(
                 _colored(YES, "Yes,"), time
             )
+        if brief:
+            return Markup("{} {}.").format(
+                _colored(YES, "Yes,"), "with the time in L" if time else "there is a Lagrangian"
+            )
         return Markup("{} {} {} from a Lagrangian{}.").format(_colored(YES, "Yes,"), these, come, time)
     if verdict == NO:
         time = "" if len(answers) > 1 or answers[0]["timed"] else " without the time"
+        if brief:
+            return Markup("{} regular Lagrangian{}.").format(_colored(NO, "No"), time)
         do = _colored(NO, "does not" if count == 1 else "do not")
         return Markup("{} {} come from any regular Lagrangian{}.").format(these.capitalize(), do, time)
     none = any(one["verdict"] == "not_variational" for one in answers)
@@ -297,16 +301,18 @@ def _case(
     more = [_other_row(other, result, names) for other in others if other.get("lagrangian")]
     if not brief:
         more += _answer_rows(shown, result, names)
-    proofs = [] if brief else [("", _steps(shown, names))] + [
+    steps = () if brief else _steps(shown, names)
+    proofs = [] if brief else [("", steps)] + [
         ("Without the time" if not other["timed"] else "With the time", _steps(other, names)) for other in others
     ]  # fmt: skip
     return Case(
         verdict,
-        _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), pending),
+        _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), pending, brief),
         tuple(notes),
         tuple(_formulas(shown, result, names)),
         tuple(proof for proof in proofs if proof[1]),
         tuple(more),
+        (("Assumption", steps[0]), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else (),
     )
 
 
@@ -385,15 +391,13 @@ def _about(result: Mapping[str, Any]) -> list[Markup]:
     """What the names stand for, said once."""
     system = result["system"] or {}
     names = typesetting.names_of(system)
-    guessed = [name for name in result.get("guessed") or () if name not in system.get("functions", {})]
     parts = []
-    if guessed:
-        parts.append(Markup("with constants {}").format(_listed(guessed, names)))
-    elif system.get("parameters"):
-        parts.append(Markup("for any {}").format(_listed(system["parameters"], names)))
+    if parameters := system.get("parameters"):
+        constants = "constants" if len(parameters) > 1 else "constant"
+        parts.append(Markup("with {} {}").format(constants, _listed(parameters, names)))
     if system.get("functions"):
         wanted = [f"{name}({', '.join(of)})" for name, of in system["functions"].items()]
-        parts.append(Markup("and any {}").format(_listed(wanted, names)))
+        parts.append(Markup("any function {}").format(_listed(wanted, names)))
     for one in result.get("readings") or ():
         parts.append(Markup("{} read as {}").format(one["text"], one["as"]))
     return parts
@@ -529,8 +533,8 @@ def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names)
     system, listed = result["system"], Markup(", ").join(_equation_or_words(one, names) for one in exceptions)
     given = system.get("given")
     address = forms.question_address({**given, "special_cases": True}) if isinstance(given, dict) else ""
-    decide = Markup(' <a href="{}">Decide them</a>.').format(address) if address else Markup("")
-    parameters = ", ".join(system["parameters"])
+    decide = Markup(' <a href="{}">Decide special values</a>.').format(address) if address else Markup("")
+    parameters = _listed(system["parameters"], names)
     left_out = Markup(" (not decided here: {})").format(listed) if canonical.are_found(exceptions) else ""
     return Markup("For general {}{}.{}").format(parameters, left_out, decide)
 
@@ -623,8 +627,10 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
         how = "The reduced motion can." if besides[0] == "Reduced" else "With another clock the reduced motion can."
         notes.append(Markup(how))
     sentence = _motion_sentence(verdict, motions[0], pending)
+    steps = () if brief or verdict != NO else _steps(motions[0], names)
+    gist = (("Conclusion", steps[-1]),) if steps else ()
     cases = (
-        Case(verdict, sentence, tuple(notes), shown.formulas if shown else (), (), ()),
+        Case(verdict, sentence, tuple(notes), shown.formulas if shown else (), (), (), gist),
         *(
             Case(own := _verdict_of_branch({"any_associated": one}, result), _motion_sentence(own, one), (
                 Markup("Where {}.").format(_listed(branch.get("domain") or (), names)),), (), (), ())
@@ -685,7 +691,10 @@ def _associated_row(one: Mapping[str, Any], result: Mapping[str, Any], names: Na
         why = Markup(typesetting.sentence(one.get("explanation") or "", names))
         return Row(name, hint, "", "Not defined", (), (why,))
     where = _listed(one.get("domain") or (), names)
+    is_asked = (result["system"].get("given") or {}).get("associated") != "any"
     system = Markup("The system {}{}.").format(_solved(one, names), Markup(" where {}").format(where) if where else "")
+    if one["verdict"] == "undetermined" and not is_asked:
+        return Row(name, hint, "", "Not asked", (), (system,))
     return _row(name, hint, {**one, "explanation": one.get("steps")}, result, names, [system])
 
 

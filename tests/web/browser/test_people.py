@@ -83,7 +83,7 @@ def test_a_student(visit: Visit) -> None:
     box.press_sequentially(DAMPED, delay=20)
     began = time.monotonic()
     expect(page.locator("#live.old")).to_have_count(1)
-    expect(page.locator("#live:not(.old) #glance h2")).to_contain_text("contains the time")
+    expect(page.locator("#live:not(.old) #glance h2")).to_contain_text("with the time")
     print(f"answer after {time.monotonic() - began:.2f} s")
     expect(page.locator("#live svg [data-body] *").first).to_be_attached()
     assert page.evaluate("scolded") == 0
@@ -134,10 +134,15 @@ def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
         open_answer(page)
         expect(page.locator("h1")).to_contain_text("cannot")
         assert "has no Hamiltonian" in page.title()
-        main = page.locator("table.verdicts tr.main")
-        expect(main).to_contain_text("No")
-        for word in ("undetermined", "no certificate", "any_associated", "not_variational"):
-            assert word not in page.locator("main").inner_text()
+        ask(visit, SLEIGH | {"associated": "any"})
+        for other in ("Not asked", "Not defined"):
+            main = page.locator("table.verdicts tr.main")
+            expect(main).to_contain_text("No")
+            expect(page.locator(".gist > div")).to_have_count(1)
+            expect(page.locator("table.verdicts")).to_contain_text(other)
+            for word in ("ndetermined", "no certificate", "any_associated", "not_variational", "to try next"):
+                assert word not in page.locator("main").inner_text()
+            ask(visit, SLEIGH)
         main.get_by_role("button").click()
         expect(page.locator("table.verdicts tr.main + tr .proof li").first).to_be_visible()
         assert violations(visit) == []

@@ -113,7 +113,7 @@ def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
     assert damped is not None
     (case,) = damped["sheet"].cases
     assert [formula.letter for formula in case.formulas] == ["L", "H"]
-    assert "contains the time" in words(case.sentence)
+    assert "with the time" in words(case.sentence)
     both = result_tasks.glance_of({"equations": "x'' = -x*abs(x)"})
     assert both is not None
     assert len(both["sheet"].cases) == 2
