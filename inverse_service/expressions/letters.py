@@ -35,7 +35,7 @@ OPERATORS = {
 }  # fmt: skip
 PRIMES = dict.fromkeys("'\u2032\u2019\u02b9\u02bc\u00b4\u02d9", 1) | dict.fromkeys("\u2033\u201d\u00a8", 2)
 SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
-_DOTS = {"\u0307": 1, "\u0308": 2}
+DOTS = {"\u0307": 1, "\u0308": 2}
 _SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
 
 
@@ -49,8 +49,8 @@ def letter(character: str) -> tuple[str, int] | None:
         return "ell", 0
     if character in SUBSCRIPTS:
         return SUBSCRIPTS[character], 0
-    if character in _DOTS:
-        return "", _DOTS[character]
+    if character in DOTS:
+        return "", DOTS[character]
     if unicodedata.name(character, "").startswith(_SLANTED):  # as word processors set formulas
         return letter(unicodedata.normalize("NFKC", character))
     return _dotted_letter(character)
@@ -58,9 +58,9 @@ def letter(character: str) -> tuple[str, int] | None:
 
 def _dotted_letter(character: str) -> tuple[str, int] | None:
     parts = unicodedata.normalize("NFD", character)
-    if len(parts) != 2 or parts[1] not in _DOTS or not parts[0].isascii():
+    if len(parts) != 2 or parts[1] not in DOTS or not parts[0].isascii():
         return None
-    return parts[0], _DOTS[parts[1]]
+    return parts[0], DOTS[parts[1]]
 
 
 def describe(character: str) -> str:

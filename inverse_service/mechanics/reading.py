@@ -19,7 +19,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, reader
-from inverse_service.reading.names import Names, check_clashes, escaped
+from inverse_service.reading.names import Names, check_clashes, escaped, is_momentum
 from inverse_service.reading.tokens import Token
 
 MOST_PAIRS = 3  # of which every half is tried
@@ -53,7 +53,7 @@ def from_pairs(
     if len(order) != 2 * half or set(order) != set(coordinates):
         raise errors.InputError(NOT_PAIRS, "/equations")
     plain = tuple(name for name in order if slopes[name] in {ex.Symbol(other) for other in order if other != name})
-    named = tuple(name for name in order if not _is_momentum(name, order))
+    named = tuple(name for name in order if not is_momentum(name, order))
     halves = itertools.combinations(order, half) if half <= MOST_PAIRS and len(named) != half else [order[:half]]
     for chosen in (tuple(preferred), plain, named, *halves):
         if len(chosen) == half and set(chosen) <= set(order) and (found := _solved(slopes, chosen)):
@@ -61,11 +61,6 @@ def from_pairs(
         if chosen and chosen == tuple(preferred):
             break
     raise errors.InputError(NOT_PAIRS, "/equations")
-
-
-def _is_momentum(name: str, names: Sequence[str]) -> bool:
-    """Whether p, p_x, v_x or vx stands there to most."""
-    return name in ("p", "v") or any(name in (f"{letter}_{q}", f"{letter}{q}") for letter in "pv" for q in names)
 
 
 def _slopes(

@@ -607,7 +607,7 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
             if followed and token.text in _ELLIPTIC and (error := known_words.reason_against(token.text, token.column)):
                 raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
-            arguments = _call_arguments(line, place + 1, timed)
+            arguments = _call_arguments(line, _after_power_of_time(line, place + 1), timed)
             if not arguments and (count := _called_with(line, place, declared)):
                 arguments = tuple(f"u{number}" for number in range(1, count + 1))
                 arguments = found_functions.get(token.text, arguments)
@@ -630,7 +630,9 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
     _ask_back(called, Names(coordinates, (), {**declared.functions, **found_functions}))
     known_names = Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
-    splits |= _ask_back(guessed, known_names)
+    held = [token.text for pointer, line in lines.items() if pointer.startswith("/constraints") for token in line]
+    rolls = "r" in held and GREEK_NAMES & {*coordinates}  # then r is the radius of a wheel
+    splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names)
     return Guess(tuple(name for name in guessed if name not in splits), found_functions, splits)
 
 
@@ -645,7 +647,10 @@ def _product_or_function(line: Sequence[Token], place: int, argument: str, text:
 
 
 def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, tuple[str, ...]]:
-    """V of all coordinates where its derivatives by all occur, V of r where dV/dr alone does, V not declared."""
+    """V of all coordinates where its derivatives by all occur, V of r where dV/dr alone does, V not declared.
+
+    A potential U or V depends on no momenta.
+    """
     found: dict[str, set[str]] = {}
     partial: set[str] = set()
     for line in lines:
@@ -658,7 +663,12 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, tupl
                 found.setdefault(name.text, set()).update(by)
                 partial |= set() if called.value else {name.text}
     every = {*declared.coordinates}
-    known = {name: by for name, by in found.items() if by == every or (len(by) == 1 and name not in partial)}
+    positions = {name for name in every if not known_words.is_momentum(name, declared.coordinates)}
+    known = {
+        name: by
+        for name, by in found.items()
+        if by == (positions if name in known_words.POTENTIALS else every) or (len(by) == 1 and name not in partial)
+    }
     return {name: tuple(x for x in declared.coordinates if x in by) for name, by in known.items()}
 
 
@@ -792,9 +802,9 @@ def _refuse_operators(
 def _raised_call(
     line: Sequence[Token], place: int, coordinates: Sequence[str], calls: Collection[Call]
 ) -> errors.InputError | None:
-    """The refusal of k^2(t), a square of k(t) or a product, and f^(2)(x), a derivative; k^2(x - y) is a product.
+    """The refusal of k^2(x), a square of k(x) or a product, and f^(2)(x), a derivative; k^2(x - y) is a product.
 
-    Where k(t) is among the `calls` of the texts, k^2(t) is its square.
+    k^2(t) is the square of k(t), and so is k^2(x) where k(x) is among the `calls` of the texts.
     """
     name, start = line[place], place + 2
     if start >= len(line) or not line[place + 1].is_operator("^"):
@@ -807,7 +817,8 @@ def _raised_call(
         instead = f"write {name.text}''({line[opening + 1].text}) for a derivative, ^{raised.text}* for a product"
         return refusals.refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
     inside = [token.text for token in line[opening:end] if not token.is_operator("(", ",")]
-    if not inside or not {")", "t", *coordinates}.issuperset(inside) or (name.text, tuple(inside)) in calls:
+    called = inside == ["t"] or (name.text, tuple(inside)) in calls
+    if not inside or not {")", "t", *coordinates}.issuperset(inside) or called:
         return None
     power, of = "".join(token.text for token in line[start:opening]).strip("()"), inside[0]
     instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"
@@ -859,6 +870,14 @@ def _may_depend_on_time(name: str) -> bool:
 def _may_be_called(line: Sequence[Token], place: int) -> bool:
     """Whether f (x - y) stands there: a function rather than a factor, so the writer is asked."""
     return line[place].text in FUNCTION_LETTERS and at(line, place + 1).is_operator("(")
+
+
+def _after_power_of_time(line: Sequence[Token], place: int) -> int:
+    """The place after the power in omega^2(t), else the same place."""
+    if not at(line, place).is_operator("^"):
+        return place
+    end = (closing(line, place + 1) if at(line, place + 1).is_operator("(") else place + 1) + 1
+    return end if [token.text for token in line[end : end + 3]] == ["(", "t", ")"] else place
 
 
 def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:

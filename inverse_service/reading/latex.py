@@ -9,7 +9,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.letters import GREEK, LETTER_COMMANDS, SCRIPT_L, SPACES
+from inverse_service.expressions.letters import DOTS, GREEK, LETTER_COMMANDS, SCRIPT_L, SPACES, SUBSCRIPTS
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components
 from inverse_service.reading import tokens as plain
@@ -23,6 +23,7 @@ _ENVIRONMENT = re.compile(r"\{\s*([a-z]+)\*?\s*\}(\s*\{[lcr| ]*\})?")
 _ENVIRONMENTS = frozenset(
     ("align", "aligned", "alignat", "array", "cases", "dcases", "equation", "gather", "gathered", "split", "eqnarray")
 )
+_MARKED_LETTER = re.compile(f"[A-Za-z{''.join(GREEK)}][{''.join((*DOTS, *SUBSCRIPTS))}]+")
 _SPACING = frozenset([",", ";", ":", "!", " ", "quad", "qquad", "displaystyle", "textstyle", "limits", "\n"])
 _SIZES = frozenset(size + side for size in ("big", "Big", "bigg", "Bigg") for side in ("", "l", "r"))
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
@@ -111,6 +112,8 @@ def _pieces(text: str, place: int, space: bool) -> tuple[Tokens, int]:
         return _command(text, place, space)
     if character in SPACES or character in "\n~&":
         return [], place + 1
+    if marked := _MARKED_LETTER.match(text, place):
+        return plain.next_tokens(text[: marked.end()], place, space)
     if character in GREEK or character == SCRIPT_L:
         return [Token("command", GREEK.get(character, "ell"), column, space)], place + 1
     if character.isascii() and character.isalnum():
@@ -424,7 +427,8 @@ class LatexTranslator:
     def _font(self, raw: Token) -> None:
         start = self._raw.position
         name = self._name_part()
-        if any(self._raw.look(back).space_before for back in range(start + 1 - self._raw.position, 0)):
+        inside = (self._raw.look(back) for back in range(start + 2 - self._raw.position, 0))
+        if any(piece.space_before and not piece.is_operator("}") for piece in inside):
             raise refusal("words occur", raw.column, "write the equations alone, separated by ;")
         if name == "d" and self._names.role("d") is None:
             self._emit(TOTAL, raw)

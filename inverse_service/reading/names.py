@@ -277,6 +277,11 @@ def looks_like_a_coordinate(name: str) -> bool:
     return (numbered[1] if numbered and numbered[2][0] != "0" else name) in _COORDINATE_LETTERS
 
 
+def is_momentum(name: str, names: Sequence[str]) -> bool:
+    """Whether p, p_x, v_x or vx stands there to most."""
+    return name in ("p", "v") or any(name in (f"{letter}_{q}", f"{letter}{q}") for letter in "pv" for q in names)
+
+
 def readings(name: str, names: Names) -> tuple[str, ...]:
     """What an undeclared name may be that is known names and a letter: kx is k*x, sinx is sin(x), omegat is omega*t.
 
@@ -288,7 +293,7 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     head, _, below = name.partition("_")
     if head in names.coordinates and below in ("t", "tt"):
         return (head + "'" * len(below),)
-    arguments = names.functions.get(head, names.coordinates if head in _POTENTIALS else ())
+    arguments = names.functions.get(head, names.coordinates if head in POTENTIALS else ())
     by = [below] if below in arguments else list(below)
     if by and set(by) <= set(arguments):
         return (f"diff({head}({', '.join(arguments)}), {', '.join(by)})",)
@@ -366,7 +371,7 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
 GREEK_NAMES = frozenset(GREEK.values())
 # Letters that call a bracket an argument to many: f(x - y), V(x + 1).
 MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "chi"}
-_POTENTIALS = frozenset(("U", "V"))
+POTENTIALS = frozenset(("U", "V"))
 _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
 _NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
 

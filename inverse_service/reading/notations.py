@@ -152,7 +152,7 @@ def _rewritten(tokens: Sequence[Token], names: Names) -> Tokens:
             place = _derivative_of(tokens, place + 6, int(tokens[place + 4].value), found)
         elif (
             token.text in _STARTS and token.kind == "name" and not names.role(token.text) and _opens(tokens, place + 1)
-        ):
+        ) and not (token.text == "D" and _is_factor(tokens, place + 1)):
             place = _STARTS[token.text](tokens, place, found, names)
         else:
             found.append(token)
@@ -229,6 +229,12 @@ def _derivative_of(tokens: Sequence[Token], place: int, order: int, found: Token
         raise refusals.refusal("a derivative of a name occurs", tokens[start - 1].column, "write x'' or diff(x, t, 2)")
     found += [name, Token("prime", "'" * (order + inner), name.column, False, Fraction(order + inner))]
     return place + 3 + inner
+
+
+def _is_factor(tokens: Sequence[Token], opening: int) -> bool:
+    """Whether the bracket after a D holds a formula, as in D (1 - exp(-x))^2, and no operand of a derivative."""
+    inside = tokens[opening + 1 : closing(tokens, opening)]
+    return inside[:1] != [] and len(split_at_commas(inside)) == 1 and len(inside) > 1 and inside[0].text != "D"
 
 
 def _maple_d(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:

@@ -634,9 +634,8 @@ class FormulaParser:
     def _euler(self, token: Token) -> ex.Expression:
         """exp(1) where it is raised to a formula; a charge e, or its square, is no number."""
         if not self._stream.ahead.is_operator("^") or self._number_alone():
-            name = token.text
-            instead = f"write exp(1), exp(2), or declare {name} where it is a name of yours"
-            raise refusals.refusal(f"{name} is Euler's number only in a power such as {name}^x", token.column, instead)
+            what = f"{token.text} is Euler's number only in a power such as {token.text}^x; it occurs"
+            raise refusals.refusal(what, token.column, "write exp(1), exp(2)", ("exp(1)",), declare="parameters")
         return ex.Apply("exp", ex.ONE)
 
     def _number_alone(self) -> bool:
@@ -662,8 +661,11 @@ class FormulaParser:
             span = (ahead.column, ahead.column + 1)
             raise refusals.refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span)
         if ahead.kind == "prime":
-            instead = f"write diff({token.text}, t)" if node in self._names.definitions else "leave it out"
-            raise refusals.refusal(f"{token.text} has no derivative in time; a prime occurs", ahead.column, instead)
+            name, what = token.text, f"{token.text} has no derivative in time; a prime occurs"
+            if node in self._names.definitions:
+                raise refusals.refusal(what, ahead.column, f"write diff({name}, t)")
+            span = (token.column, ahead.column + len(ahead.text))
+            raise refusals.refusal(what, ahead.column, f"leave it out, or write {name}_1", (f"{name}_1",), span)
         return node
 
     def _is_factor(self, token: Token) -> bool:

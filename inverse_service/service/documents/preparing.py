@@ -92,13 +92,17 @@ def is_forward(document: Any) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A document for the schemas, what its time and a coordinate t were called, and its id."""
+    """A document for the schemas, what its time and a coordinate t were called, its id, and whence formulas come.
+
+    `places` are the pointers of the texts that formulas were taken from.
+    """
 
     document: Any
     time: str = "t"
     other: str = ""
     extra: Mapping[str, Any] = field(default_factory=dict)
     readings: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, str] = field(default_factory=dict)
 
     def outward(self, result: dict[str, Any]) -> dict[str, Any]:
         """The result in the words of the writer."""
@@ -110,7 +114,8 @@ class Prepared:
         return {**found, **self.extra}
 
     def error(self, error: errors.InputError) -> errors.InputError:
-        """The refusal in the words of the writer."""
+        """The refusal in the words of the writer, at its place in what was written."""
+        error = error.placed(self.places[error.pointer]) if error.pointer in self.places else error
         if self.time == "t" or type(error) not in (errors.InputError, errors.LimitError):
             return error  # the shape of a document is refused in its own words
         names = {"t": self.time, self.other: "t"}
@@ -133,56 +138,64 @@ _FORM = re.compile(r"(?<![A-Za-z\\])d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in 
 _DEFINED = re.compile(r"\s*\\?([A-Za-z]\w*(?:_\{\w+\})?)(\([^()]*\))?\s*")
 
 
-def _with_lagrangian(plain: dict[str, Any]) -> dict[str, Any]:
-    """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define names or hold it."""
+def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define names or hold it.
+
+    With it, by the pointer of each of these formulas, that of the text in which it stands at the same columns.
+    """
     key = "lagrangian" if "lagrangian" in plain else "equations"
-    texts = [plain.get(key)] if isinstance(plain.get(key), str) else plain.get(key)
-    if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
-        return plain
-    lines = [line for text in texts for line in _lines(_LETTER_L.sub(lambda match: "L".ljust(len(match[0])), text))]
-    vectors = "".join(f", {found[0]}" for text in texts for found in _VECTOR.finditer(text))
-    lines = [_WRAPPER_ENDS.sub("", _VECTOR.sub(lambda match: " " * len(match[0]), line)) for line in lines]
-    lines = [line for line in lines if line.strip()]
-    energies: dict[str, tuple[re.Match[str], str]] = {}
-    others: list[str] = []
-    for line in lines:
-        named = _ENERGY.match(line)
-        kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
-        if named is None or kind in energies or named[kind] in _declared(plain):
-            others.append(line)
-        else:
-            energies[kind] = named, line[named.end() :]
+    given = plain.get(key)
+    texts = {f"/{key}": given} if isinstance(given, str) else {}
+    if isinstance(given, list) and all(isinstance(text, str) for text in given):
+        texts = {f"/{key}/{place}": text for place, text in enumerate(given)}
+    vectors = "".join(f", {found[0]}" for text in texts.values() for found in _VECTOR.finditer(text))
+    energies: dict[str, tuple[re.Match[str], str, str]] = {}
+    others: list[tuple[str, str]] = []
+    for pointer, text in texts.items():
+        for line in _lines(_LETTER_L.sub(lambda match: "L".ljust(len(match[0])), text)):
+            named = _ENERGY.match(line)
+            kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
+            if named is None or kind in energies or named[kind] in _declared(plain):
+                others.append((pointer, line))
+            else:
+                energies[kind] = named, line[named.end() :], pointer
     moves = "kinetic" in energies and _MOVES.search(energies["kinetic"][1])
-    if not ("whole" in energies or moves) or any(_BARE.search(line) for line in lines):
-        return plain
+    bare = any(_BARE.search(line) for _, line in [*others, *((text, text) for _, text, _ in energies.values())])
+    if not ("whole" in energies or moves) or bare:
+        return plain, {}
     lagrangian = ""
     if "whole" in energies:
-        others += [named[0] + formula for kind, (named, formula) in energies.items() if kind != "whole"]
-        named, formula = energies["whole"]
+        others += [
+            (pointer, named[0] + formula) for kind, (named, formula, pointer) in energies.items() if kind != "whole"
+        ]
+        named, formula, _ = energies["whole"]
         lagrangian = " " * named.end() + formula
     else:
-        for named, formula in energies.values():
+        for named, formula, _ in energies.values():
             sign = ("-" if named["potential"] else "+") + (".5*(" if named["twice"] else "(")
             lagrangian = lagrangian.ljust(named.end() - len(sign)) + sign + formula + ")"
-    where, constraints = {}, []
-    for line in others:
+    places, where = {"/lagrangian": next(iter(energies.values()))[2]}, {}
+    held = plain.get("constraints") or []
+    constraints = [held] if isinstance(held, str) else list(held)
+    for pointer, line in others:
         left, equal, right = line.partition("=")
         if equal and (defined := _DEFINED.fullmatch(left)) and not (left.strip()[0] == "d" and _FORM.search(right)):
-            where[defined[1]] = right
+            where[defined[1]] = " " * (len(left) + 1) + right
+            places[f"/where/{defined[1]}"] = pointer
             if defined[2]:  # V(x) = k x^2/2
                 lagrangian = lagrangian.replace(f"{defined[1]}{defined[2]}", defined[1].ljust(len(left.strip())))
         else:
-            constraints.append(line.strip())
+            places[f"/constraints/{len(constraints)}"] = pointer
+            constraints.append(line)
     lagrangian, *constraints = (
         f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
     )
     found = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
     if where:
         found["where"] = {**plain.get("where", {}), **where}
-    if constraints:
-        held = plain.get("constraints") or []
-        found["constraints"] = [*([held] if isinstance(held, str) else held), *constraints]
-    return found
+    if len(others) > len(where):
+        found["constraints"] = constraints
+    return found, places
 
 
 def _lines(text: str) -> list[str]:
@@ -192,7 +205,8 @@ def _lines(text: str) -> list[str]:
     except errors.InputError:
         return [text]
     places = [(group.tokens[0].column - 1, group.end_column - 1) for group in groups]
-    return [" " * start + _WRAPPER_ENDS.sub("", text[start:end]) for start, end in places]
+    lines = [" " * start + _VECTOR.sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places]
+    return [shown for line in lines if (shown := _WRAPPER_ENDS.sub("", line)).strip()]
 
 
 def prepared(document: Any) -> Prepared:
@@ -202,7 +216,7 @@ def prepared(document: Any) -> Prepared:
     if str(document.get("format", "")).startswith("inverse-service/"):
         raise errors.InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
-    plain = _with_lagrangian(plain)
+    plain, places = _with_lagrangian(plain)
     if is_forward(plain):
         plain.pop("constraints", None)
     extra = {key: document[key] for key in ("id", "metadata") if key in document}
@@ -215,11 +229,11 @@ def prepared(document: Any) -> Prepared:
     free = "" if time != "t" else _free_variable(plain)
     notes = {free: "the independent variable"} if free else {}
     if time == free == "t" or not (time := free or time) or time == "t":
-        return Prepared(plain, extra=extra)
+        return Prepared(plain, extra=extra, places=places)
     plain, products = _with_time_apart(plain, time)
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
-    return Prepared({**plain, **inside}, time, other, extra, notes | products)
+    return Prepared({**plain, **inside}, time, other, extra, notes | products, places)
 
 
 def prepared_scene(scene: Any) -> Any:
