@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import itertools
 import logging
 import time
@@ -30,6 +31,8 @@ LOOK_AGAIN = 0.5
 # A stream says that it lives this often, s.
 KEEP_ALIVE = 10.0
 STORE_THREADS = 32
+# So many bytes of an answer are read at once.
+PART = 256 * 1024
 # A database that is away is waited for by whoever asks it, never by the loop; s.
 STORE_PATIENCE = 20.0
 READY_PATIENCE = 10.0
@@ -145,22 +148,23 @@ class Engine:
 
     async def in_thread(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
         """Run something that waits for the disk."""
-        loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._threads, lambda: function(*arguments, **named))
+        work = functools.partial(function, *arguments, **named)
+        return await asyncio.get_running_loop().run_in_executor(self._threads, work)
 
     async def read(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
         """Ask the store for something; raises StoreUnavailable where no answer comes in STORE_PATIENCE."""
         began = time.monotonic()
         try:
-            return await asyncio.wait_for(self.in_thread(function, *arguments, **named), STORE_PATIENCE)
+            async with asyncio.timeout(STORE_PATIENCE):
+                return await self.in_thread(function, *arguments, **named)
         except TimeoutError:
             raise model.StoreUnavailable("The database does not answer in time.") from None
         finally:
             self.counters.observe("inverse_service_store_seconds", "Reads and changes.", time.monotonic() - began)
 
     async def job(self, id: str, viewer: model.Viewer) -> model.Job | None:
-        """A job as this viewer may see it, without its answer, which may be large; None also for another client's."""
-        return viewer.seen(await self.read(self.store.job, id, False, viewer.name))
+        """A job as this viewer may see it, with an answer that is not large; None also for another client's."""
+        return viewer.seen(await self.read(self.store.job, id, PART, viewer.name))
 
     async def batch(self, id: str, viewer: model.Viewer) -> statements.Batch | None:
         """A batch as this viewer may see it; None also for another client's."""
@@ -193,11 +197,11 @@ class Engine:
         return KEEP_ALIVE if self.store.exclusive else LOOK_AGAIN
 
     def _submit(self, request: model.JobRequest) -> tuple[model.Job, bool]:
-        found = self.store.job(request.id, with_body=False)
+        found = self.store.job(request.id, PART)
         if found is not None and found.is_final and not found.is_to_be_asked(request.fresh, time.time()):
             return found, True
         is_known = found is not None and found.is_open
-        return self.store.submit([request], self.bounds)[0], is_known
+        return self.supervisor.submit(request, self.bounds), is_known
 
     async def wait(self, job: model.Job, viewer: model.Viewer, seconds: float) -> model.Job:
         """The job when it is final, or as it is after so many seconds."""

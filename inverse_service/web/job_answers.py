@@ -18,9 +18,8 @@ from inverse_service.service.documents import answers
 from inverse_service.service.jobs import batch, model, opening, statements
 from inverse_service.web import clients, problems
 from inverse_service.web.asking import Preference
-from inverse_service.web.engine import Engine
+from inverse_service.web.engine import PART, Engine
 
-PART = 256 * 1024
 # Answers of a batch that come with their lines: at most so large, and so many at once.
 SMALL = 16 * 1024
 AT_ONCE = 50
@@ -28,10 +27,11 @@ JSON = "application/json"
 
 
 async def stored_response(
-    engine: Engine, id: str, headers: Mapping[str, str], around: tuple[bytes, bytes] = (b"", b"")
-) -> Response:
-    """200 with the body of a job's answer, between two texts."""
-    size, first = await engine.read(engine.store.part, id, 0, PART)
+    engine: Engine, id: str, headers: Mapping[str, str], around: tuple[bytes, bytes] = (b"", b""),
+    body: bytes | None = None,
+) -> Response:  # fmt: skip
+    """200 with the body of a job's answer, which is read where it is not given, between two texts."""
+    size, first = await engine.read(engine.store.part, id, 0, PART) if body is None else (len(body), body)
     before, after = around
     if len(first) == size:
         return Response(before + (first or b"null") + after, 200, dict(headers), JSON)
@@ -102,7 +102,7 @@ async def result_response(
         headers |= {"ETag": etag(job, written), "Cache-Control": REVALIDATE, "Link": link} | VARY
         if written:
             return headers, await written_response(request, job, engine, written, headers | applied)
-        return headers, await stored_response(engine, job.id, headers | applied)
+        return headers, await stored_response(engine, job.id, headers | applied, body=job.body)
     body = await problem_of(job, engine)
     return None, Response(body, json.loads(body)["status"], headers | applied, problems.MEDIA_TYPE)
 
@@ -139,7 +139,8 @@ async def whole_job(job: model.Job, engine: Engine, headers: Mapping[str, str]) 
         return Response(await job_json(job, engine), 200, dict(headers), JSON)
     head = json.dumps(job_fields(job, engine))[:-1].encode()
     problem = b"null" if job.status == "successful" else await problem_of(job, engine)
-    return await stored_response(engine, job.id, headers, (head + b', "result": ', b', "problem": ' + problem + b"}"))
+    around = (head + b', "result": ', b', "problem": ' + problem + b"}")
+    return await stored_response(engine, job.id, headers, around, job.body)
 
 
 def is_known(request: Request, tag: str) -> bool:
@@ -161,7 +162,7 @@ async def problem_of(job: model.Job, engine: Engine) -> bytes:
     dismissed = answers.as_bytes(answers.problem_document(410, "dismissed", "The job was dismissed while it ran."))
     if job.status == "dismissed":
         return dismissed
-    return (await engine.read(engine.store.part, job.id, 0, PART))[1] or dismissed
+    return job.body or (await engine.read(engine.store.part, job.id, 0, PART))[1] or dismissed
 
 
 def job_fields(job: model.Job, engine: Engine) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def test_the_life_of_a_job(store: JobStore) -> None:
     assert (found.status, found.body, found.revision) == ("successful", b'{"verdict": 1}', 1)
     assert (found.wall, found.cpu, found.memory) == (USAGE.wall, USAGE.cpu, USAGE.memory)
     assert found.created <= (found.started or 0) <= (found.finished or 0)
-    without = store.job("a", with_body=False)
+    without = store.job("a", 0)
     assert without is not None
     assert without.body is None
 

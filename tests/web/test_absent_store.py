@@ -105,7 +105,7 @@ def test_streams_go_on_when_the_store_is_back() -> None:
         def __init__(self) -> None:
             self.failures = 1
 
-        def job(self, id: str, with_body: bool = True, client: str = "") -> Job:
+        def job(self, id: str, largest: int = 0, client: str = "") -> Job:
             return Job(id, "solve", "{}", "{}", "successful")
 
         def events(self, id: str, after: int) -> list[Event]:
@@ -184,7 +184,7 @@ def test_a_stream_over_a_store_of_this_process_alone_waits_to_be_woken(monkeypat
         def __init__(self) -> None:
             self.looks, self.status = 0, "running"
 
-        def job(self, id: str, with_body: bool = True, client: str = "") -> Any:
+        def job(self, id: str, largest: int = 0, client: str = "") -> Any:
             return Job(id, "solve", "{}", "{}", self.status)  # type: ignore[arg-type]
 
         def events(self, id: str, after: int = 0, limit: int = 1000) -> list[Event]:

@@ -45,6 +45,7 @@ TRANSIENT: Final = 600.0
 INTERACTIVE = 0
 BULK = 10
 NO_BOUND: Final = 1_000_000
+LARGEST_BODY: Final = 2**31 - 1
 DIGITS = 40
 # A new page or command does not make an answer another one.
 NOT_THE_ENGINE = frozenset({"web", "cli", "client", "benchmark", "service/jobs"})

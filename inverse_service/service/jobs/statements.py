@@ -189,9 +189,14 @@ def jobs_of(rows: Iterable[Mapping[str, Any]]) -> list[model.Job]:
     return [model.Job(**dict(row)) for row in rows]
 
 
-def read_job(session: Session, id: str, with_body: bool = True, client: str | None = None) -> model.Job | None:
-    """One job; the body only where it is that of the present status. Open, it is dismissed for who has left it."""
-    job = _read(session, [id], with_body).get(id)
+def read_job(
+    session: Session, id: str, largest: int = model.LARGEST_BODY, client: str | None = None
+) -> model.Job | None:
+    """One job; the body only where it is that of the present status, and has at most `largest` bytes.
+
+    Open, it is dismissed for who has left it.
+    """
+    job = _read(session, [id], largest).get(id)
     if job is None or client is None or not job.is_open:
         return job
     left = session.rows("SELECT 1 FROM askers WHERE job = ? AND client = ? AND gone = 1", id, client)
@@ -203,9 +208,9 @@ def submit(
 ) -> list[model.Job]:
     """The job of each request, in order; all are stored, or none is (TooManyJobs).
 
-    A job that is open or answered already is returned as it is (with its `body`), unless the request is `fresh` and it
-    is answered, or it was dismissed: then it is accepted again. Those of a batch come without bodies, for its lines
-    wait. The jobs stay locked until the commit.
+    A job that is open or answered already is returned as it is, without its body, unless the request is `fresh` and it
+    is answered, or it was dismissed: then it is accepted again. `of_batch`: its lines wait for the jobs. The jobs stay
+    locked until the commit.
     """
     wanted = {request.id: request for request in reversed(requests)}
     known = lock_jobs(session, list(wanted))
@@ -215,7 +220,7 @@ def submit(
         session.many(ACCEPT, asked)  # two front ends that insert the same job at once make one
         if again := [request.id for request in new if request.id in known]:
             session.run("DELETE FROM events WHERE id AMONG (?)", again)
-    found = _read(session, list(wanted), not of_batch)
+    found = _read(session, list(wanted))
     if not of_batch:
         waiting = [(request.id, request.client) for request in requests if found[request.id].is_open]
         session.many("INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0", waiting)
@@ -226,7 +231,7 @@ def submit(
 def refuse_without_room(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
     """Raises TooManyJobs or LimitError where not all of these questions can be accepted now."""
     wanted = {request.id: request for request in requests}
-    if new := _to_be_asked(session, wanted, _read(session, list(wanted), False)):
+    if new := _to_be_asked(session, wanted, _read(session, list(wanted))):
         refuse_too_many(session, new, bounds)
 
 
@@ -244,9 +249,12 @@ def lock_jobs(session: Session, ids: list[str]) -> dict[str, model.Job]:
     return {job.id: job for job in jobs_of(rows)}
 
 
-def _read(session: Session, ids: list[str], with_bodies: bool) -> dict[str, model.Job]:
-    body, join = (", bodies.body", BODY) if with_bodies else ("", "")
-    rows = session.rows(f"{SELECT}{body} FROM jobs {join} WHERE jobs.id AMONG (?)", ids)
+def _read(session: Session, ids: list[str], largest: int = 0) -> dict[str, model.Job]:
+    if largest:
+        body = "CASE WHEN length(bodies.body) <= ? THEN bodies.body END AS body"
+        rows = session.rows(f"{SELECT}, {body} FROM jobs {BODY} WHERE jobs.id AMONG (?)", largest, ids)
+    else:
+        rows = session.rows(f"{SELECT} FROM jobs WHERE id AMONG (?)", ids)
     return {job.id: job for job in jobs_of(rows)}
 
 
@@ -299,6 +307,18 @@ def claim(session: Session, owner: str, limit: int, client_running: int = model.
     ) if ids else []  # fmt: skip
     session.told.extend((id, "running") for id in ids)
     return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
+
+
+def submit_and_claim(
+    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, owner: str, limit: int,
+    client_running: int,
+) -> tuple[list[model.Job], list[model.Job]]:  # fmt: skip
+    """`submit`, and in the same transaction `claim`: the jobs of the requests, and those claimed."""
+    jobs = submit(session, requests, bounds)
+    claimed = claim(session, owner, limit, client_running)
+    begun = {job.id for job in claimed}
+    session.told[:] = [change for change in session.told if change[1] != "accepted" or change[0] not in begun]
+    return jobs, claimed
 
 
 def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
@@ -366,7 +386,7 @@ def list_jobs(
 
     ValueError: a bad cursor.
     """
-    last = None if cursor is None else read_job(session, cursor, with_body=False)
+    last = None if cursor is None else read_job(session, cursor, 0)
     if cursor is not None and (last is None or client not in (None, last.client)):
         raise ValueError("not a cursor of this list")
     wanted = {"status": status, "kind": kind, "client": client, "sequence": last and last.sequence}
@@ -408,7 +428,7 @@ def release(
         "WHERE id = ? AND attempt = ? AND status = 'running'",
         int(crashed), id, attempt,
     )  # fmt: skip
-    job = read_job(session, id, with_body=False)
+    job = read_job(session, id, 0)
     if job is not None:
         count_use(session, job.client, usage)
     if left is not None and job is not None and (job.status, job.attempt) == ("dismissed", attempt):

@@ -96,6 +96,7 @@ class JobStore(ABC):
         """Give the store up; nothing that was acknowledged is lost."""
 
     submit = _writing(statements.submit)
+    submit_and_claim = _writing(statements.submit_and_claim)
     claim = _writing(statements.claim, durable=False)
     heartbeat = _writing(statements.heartbeat, durable=False)
     finish = _writing(statements.finish)

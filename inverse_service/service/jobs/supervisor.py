@@ -239,6 +239,16 @@ class Supervisor:
             thread.start()
         self._wake.set()
 
+    def submit(self, request: model.JobRequest, bounds: model.Bounds) -> model.Job:
+        """Store a question, and begin in the same commit what a worker is free for; its job as it was accepted."""
+        free = 0 if self._stopping.is_set() else self._free()
+        if free <= 0:
+            return self._store.submit([request], bounds)[0]
+        jobs, claimed = self._store.submit_and_claim([request], bounds, self._owner, free, self._client_running)
+        for job in claimed:
+            self._start(job)
+        return jobs[0]
+
     def cancel(self, id: str) -> None:
         """Stop the work on a job at once, if it runs here; the caller updates the store."""
         with self._lock:
@@ -262,12 +272,12 @@ class Supervisor:
         if not self._threads:
             return
         self._threads[0].join(STOP_PATIENCE)
-        with self._lock:
-            running = [found[1] for found in self._running.values()]
-        for task in running:
-            task.cancel()
         end = time.monotonic() + STOP_PATIENCE
         while self._running and time.monotonic() < end:
+            with self._lock:
+                running = [found[1] for found in self._running.values()]
+            for task in running:
+                task.cancel()
             time.sleep(0.005)
         for _ in range(FINISHERS):
             self._ended.put(None)
@@ -286,10 +296,13 @@ class Supervisor:
                 self._stopping.wait(POLL)
                 self._wake.set()
 
+    def _free(self) -> int:
+        """How many jobs may be claimed: as many as run, and as many again, so that no worker waits for the disk."""
+        return 2 * self._executor.capacity - len(self._running)
+
     def _claim(self) -> None:
-        """Claim as many as run, and as many again, so that no worker waits for the disk."""
         while not self._stopping.is_set():
-            free, most = 2 * self._executor.capacity - len(self._running), self._client_running
+            free, most = self._free(), self._client_running
             if free <= 0 and self._quick is not None:
                 free, most = free + AHEAD, 1
             if free <= 0 or not self._store.is_waiting():

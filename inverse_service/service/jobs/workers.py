@@ -50,7 +50,8 @@ BETWEEN_COLLECTIONS = 100_000
 # A deadline is at most so many times as long where other programs have the processor.
 MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"
-STARTED, REPORT, DONE = "started", "report", "done"
+# What a task says is sent this often, so that a short one only says that it is done; s.
+BETWEEN_REPORTS = 0.05
 Report = Callable[[Any], None]
 _starting = threading.Lock()
 # What the server that forks the workers has loaded.
@@ -73,7 +74,8 @@ class WorkerProcess:
             self._process.start()
         sender.close()
         self.tasks = 0
-        # What the task under way took, read before the process that could tell is killed.
+        # When the task under way began, on the clock here and on that of its processor, and what it took, read before
+        # the process that could tell is killed.
         self._began: tuple[float, float | None] = (0.0, None)
         self._used = Usage()
 
@@ -88,14 +90,15 @@ class WorkerProcess:
 
     def run(self, call: Call, report: Report | None = None) -> Outcome:
         """Run the task and kill the process at its deadline. Raises NotStarted."""
-        self._began, self._used = (time.monotonic(), processor_time(self.pid)), Usage()
+        self._began, self._used = (time.monotonic(), None), Usage()
         try:
             self._connection.send(call)
-            self._connection.recv()
+            processor, waited = self._connection.recv()
         except (OSError, EOFError):
             raise NotStarted from None
+        self._began = (self._began[0], processor)
         self.tasks += 1
-        outcome = self._await(Patience(self.pid, call.deadline), report)
+        outcome = self._await(Patience(self.pid, call.deadline, waited), report)
         if outcome.spent.wall:
             return outcome
         wall = time.monotonic() - self._began[0]
@@ -122,15 +125,16 @@ class WorkerProcess:
                 self.kill()
                 return Outcome("deadline")
             try:
-                kind, value = self._connection.recv()
+                said, outcome = self._connection.recv()
             except (OSError, EOFError):
                 self._process.join(5)
                 return outcome_of_exit(self._process.exitcode)
-            if kind == DONE:
-                outcome: Outcome = value
-                return outcome
             if report is not None:
-                report(value)
+                for value in said:
+                    report(value)
+            if outcome is not None:
+                found: Outcome = outcome
+                return found
 
 
 def process_context() -> Any:
@@ -165,23 +169,55 @@ def serve(connection: Connection, memory_limit: int, is_alone: bool) -> None:
     silence_standard_error()
     if not is_alone:
         guard(tasks.load_engine)
+    saying = _Saying(connection)
     isolate(memory_limit)
     while True:
         try:
             call: Call = connection.recv()
         except (OSError, EOFError):
             return
-        connection.send((STARTED, None))
+        connection.send((time.process_time(), _waited("self")))
         bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
         bound_processor(call.deadline)
         forget_peak()
         wall, cpu = time.monotonic(), time.process_time()
-        extra = {"report": lambda value: connection.send((REPORT, value))} if call.reports else {}
+        extra = {"report": saying.say} if call.reports else {}
         outcome = guard(call.task, *call.arguments, **extra)
         spent = Usage(time.monotonic() - wall, time.process_time() - cpu, peak_memory())
-        connection.send((DONE, replace(outcome, spent=spent)))
+        saying.end(replace(outcome, spent=spent))
         if is_alone:
             return
+
+
+class _Saying:
+    """What a task says, on its way to the parent: (what was said, None) now and then, with the outcome at its end."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._lock, self._some = threading.Lock(), threading.Event()
+        self._said: list[Any] = []
+        threading.Thread(target=self._send_in_time, name="reports", daemon=True).start()
+
+    def say(self, value: Any) -> None:
+        """Send it soon."""
+        with self._lock:
+            self._said.append(value)
+        self._some.set()
+
+    def end(self, outcome: Outcome) -> None:
+        """Send what is left, and how the task ended."""
+        with self._lock:
+            said, self._said = self._said, []
+            self._connection.send((said, outcome))
+
+    def _send_in_time(self) -> None:
+        while self._some.wait():
+            time.sleep(BETWEEN_REPORTS)
+            self._some.clear()
+            with self._lock, contextlib.suppress(OSError):  # a parent that is gone is not told
+                if self._said:
+                    self._connection.send((self._said, None))
+                    self._said = []
 
 
 def isolate(memory_limit: int) -> None:
@@ -248,9 +284,9 @@ def silence_standard_error() -> None:
 class Patience:
     """How long a process is waited for: so many seconds by the clock, and as long as others had the processor."""
 
-    def __init__(self, pid: int, deadline: float) -> None:
-        self._pid, self._deadline = pid, deadline
-        self._began, self._waited = time.monotonic(), _waited(pid)
+    def __init__(self, pid: int, deadline: float, waited: float) -> None:
+        self._pid, self._deadline, self._waited = pid, deadline, waited
+        self._began = time.monotonic()
 
     def is_answered(self, connection: Connection) -> bool:
         """Whether something comes over the connection in time."""
@@ -263,7 +299,7 @@ class Patience:
         return True
 
 
-def _waited(pid: int) -> float:
+def _waited(pid: int | Literal["self"]) -> float:
     """Seconds in which a process was ready and others ran (Linux; 0 where the system does not tell)."""
     with contextlib.suppress(OSError), open(f"/proc/{pid}/schedstat") as stream:
         return int(stream.read().split()[1]) / 1e9
