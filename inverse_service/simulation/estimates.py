@@ -161,8 +161,7 @@ _OF_TOLERANCE = 1e8  # tolerances that the energy may change in two steps, in ki
 # enter a narrow force before they see it, and lose what it did until then
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE = 0.1  # of the size of the motion
-GOLDEN, MOST_PULSES = 0.618033988749895, 64
-SEES = frozenset({"adaptive", "stiff", *method_table.SCIPY})  # their estimate of the error sees it
+GOLDEN, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 64, 2**21
 ENDS_ELSEWHERE = (
     "`adaptive` on the peaks of the forces ends {:.3g} from there: one acts within a step. Take a smaller step."
 )
@@ -254,44 +253,76 @@ def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
     )
 
 
-def moments_of_pulses(run: observing.Observed) -> trajectory.Array | None:
-    """Times at which a function of t alone has a value that neither point about it shows, at most MOST_PULSES: a pulse
-    between two steps, which no method sees, nor half its steps. The argument of the function is smooth where its value
-    is a pulse: its turning points and zeros, located to 1e-10 of a step. None where the formulas hold no function of t,
-    which otherwise may change faster than the steps."""
-    problem, choice, times = run.problem, run.requested.choice, run.trajectory.times
-    if problem is None or choice is None or not choice.guard:
-        return None
+def moments_between(run: observing.Observed) -> trajectory.Array:
+    """Times, at most MOST_MOMENTS, at which a function or power in the formulas has a value that neither point about it
+    shows: a force that acts within a step, of which no method that leaps over it knows, nor half its steps.
+
+    A function is extreme where its argument turns or passes 0; there, located on the cubic through the positions and
+    velocities of the points, its value is compared with those at the points. A sine or cosine whose argument moves by
+    more than a half turn in a step counts as well. Of a long run the first MOST_VALUES values are looked at, and none
+    where steps are not recorded.
+    """
+    problem, choice, at, scene = run.problem, run.requested.choice, run.trajectory, run.scene
+    velocities = observing.velocities_at_points(run)
+    if problem is None or choice is None or not choice.guard or velocities is None or scene.grid.record_every > 1:
+        return np.empty(0)
     trees = (problem.lagrangian, problem.free_lagrangian, *(problem.accelerations or ()), *problem.forces)
-    nodes = {node for tree in trees if tree is not None for node in ex.walk(tree)}
-    timed = [node for node in nodes if isinstance(node, ex.Apply | ex.Power) and ex.holds(node, ex.TIME)]
-    if not any(isinstance(node, ex.Apply) for node in timed):
-        return None
-    moving = {*map(ex.Symbol, run.scene.coordinates), *map(ex.Velocity, run.scene.coordinates)}
-    table: dict[ex.Expression, Any] = {ex.Symbol(name): value for name, value in run.values.items()}
+    nodes = dict.fromkeys(node for tree in trees if tree is not None for node in ex.walk(tree))
+    moving = {ex.TIME, *map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)}
+    pairs = [
+        (node, node.argument if isinstance(node, ex.Apply) else node.base)
+        for node in nodes
+        if isinstance(node, ex.Apply | ex.Power) and moving.intersection(ex.walk(node))
+    ]
+    count = min(len(at.times), MOST_VALUES // max(1, len(pairs)))
+    times, places, speeds = at.times[:count], at.positions[:count], velocities[:count]
+    if count < 3:
+        return np.empty(0)
+
+    def values(moments: trajectory.Array, *trees: ex.Expression) -> list[trajectory.Array]:
+        table = nf.table_of(scene.coordinates, *between_points(times, places, speeds, moments), run.values, moments)
+        return nf.array_values(trees, table)
+
+    whole = nf.table_of(scene.coordinates, places, speeds, run.values, times)
+    known = nf.array_values([tree for pair in pairs for tree in pair], whole)
     found: list[trajectory.Array] = []
-    for node in timed:
-        if moving.intersection(ex.walk(node)):
-            continue
-        inner = node.argument if isinstance(node, ex.Apply) else node.base
+    for (node, inner), shown, along in zip(pairs, known[::2], known[1::2], strict=True):
+        turns, zeros = (np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along))
+        low, high = times[np.concatenate([turns, zeros])], times[np.concatenate([turns + 2, zeros + 1])]
+        rises = np.concatenate([np.sign(along[turns + 1] - along[turns]), np.zeros(len(zeros))])
 
-        def at(moments: trajectory.Array, tree: ex.Expression = node) -> trajectory.Array:
-            return nf.array_value(tree, {**table, ex.TIME: moments})
+        def height(moments: trajectory.Array, rises: trajectory.Array = rises, inner: ex.Expression = inner) -> Any:
+            (value,) = values(moments, inner)
+            return np.where(rises == 0, -np.abs(value), rises * value)
 
-        along, values = at(times, inner), at(times)
-        turns = np.flatnonzero(np.diff(np.sign(np.diff(along)))) + 1
-        low, high = times[turns - 1], times[turns + 1]
-        sign = np.sign(along[turns] - along[turns - 1])  # 1 where the argument rises to a maximum
         for _ in range(50):  # golden section
             a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-            left = sign * at(a, inner) > sign * at(b, inner)
+            left = height(a) > height(b)
             low, high = np.where(left, low, a), np.where(left, b, high)
         peaks = (low + high) / 2
-        after = np.clip(np.searchsorted(times, peaks), 1, len(times) - 1)
-        shown = np.maximum(np.abs(values[after] - at(peaks)), np.abs(values[after - 1] - at(peaks)))
-        alike = np.abs(values[after] - values[after - 1]) < shown / 2
-        found.append(peaks[alike & (shown > np.nanmax(np.abs(at(np.concatenate([times, peaks])))) / 2)])
-    return np.unique(np.concatenate([np.empty(0), *found]))[:MOST_PULSES]
+        heights = values(peaks, node)[0]
+        after = np.clip(np.searchsorted(times, peaks), 1, count - 1)
+        above = np.minimum(np.abs(heights - shown[after - 1]), np.abs(heights - shown[after]))
+        largest = np.nanmax(np.abs(np.concatenate([shown, heights])), initial=0.0)
+        found.append(peaks[(above > largest / 2) & (np.abs(shown[after] - shown[after - 1]) < above / 2)])
+        if isinstance(node, ex.Apply) and node.function in ("sin", "cos"):
+            far = np.flatnonzero(np.abs(np.diff(along)) > np.pi)[:1]
+            found.append((times[far] + times[far + 1]) / 2)
+    return np.unique(np.concatenate([np.empty(0), *found]))[:MOST_MOMENTS]
+
+
+def between_points(
+    times: trajectory.Array, positions: trajectory.Array, velocities: trajectory.Array, moments: trajectory.Array
+) -> tuple[trajectory.Array, trajectory.Array]:
+    """Positions and velocities, (k, n) each, at the moments (k,) by the cubic of Hermite through the points about."""
+    after = np.clip(np.searchsorted(times, moments), 1, len(times) - 1)
+    length = (times[after] - times[after - 1])[:, None]
+    s = (moments - times[after - 1])[:, None] / length
+    moved, first, last = positions[after] - positions[after - 1], velocities[after - 1], velocities[after]
+    bend = first + last - 2 * moved / length
+    curve = 3 * moved / length - 2 * first - last
+    places = positions[after - 1] + length * s * (first + s * (curve + s * bend))
+    return places, first + s * (2 * curve + 3 * s * bend)
 
 
 def apart_from(run: observing.Observed, other: trajectory.Array | None) -> str:

@@ -359,10 +359,16 @@ def array_value(expression: ex.Expression, table: Mapping[ex.Expression, Any]) -
 
     Raises NoValue for a name or an arbitrary function that the table does not hold.
     """
+    return array_values([expression], table)[0]
+
+
+def array_values(expressions: Sequence[ex.Expression], table: Mapping[ex.Expression, Any]) -> list[Array]:
+    """Those of several formulas; what they have in common is computed once."""
     sizes = [np.shape(value) for value in table.values() if np.ndim(value)]
+    known = dict(table)
     with np.errstate(all="ignore"):
-        value = _value(expression, dict(table))
-    return np.broadcast_to(np.asarray(value, dtype=float), sizes[0] if sizes else (1,))
+        found = [np.asarray(_value(one, known), dtype=float) for one in expressions]
+    return [np.broadcast_to(one, sizes[0] if sizes else (1,)) for one in found]
 
 
 def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:

@@ -156,8 +156,7 @@ def run_method(
         with derivation.timed(seconds, "half the step"):
             numbers |= estimates.estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
         doubt = numbers.pop("doubt")
-        moments = None if doubt else estimates.moments_of_pulses(run_.observed)
-        if moments is not None and (len(moments) or requested.method not in estimates.SEES):
+        if not doubt and len(moments := estimates.moments_between(run_.observed)):
             with derivation.timed(seconds, "adaptive"):
                 doubt = estimates.apart_from(run_.observed, _ended_on(moments, scene, derived, stop))
         outcome = replace(outcome, doubt=doubt)
