@@ -85,9 +85,7 @@ def equations_agree(
         table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
         for number, equation in enumerate(equations, 1):
             value = _value(equation, ring, table)
-            zeros.append(
-                (_against(value, number, ring), f"The accelerations do not satisfy equation {number} as given.")
-            )
+            zeros.append((_against(value, ring), f"The accelerations do not satisfy equation {number} as given."))
             second = _second_reading(texts[number - 1], ring, table) if texts else None
             if second is not None:
                 difference = ring.add([second, value], [1, -1])
@@ -100,12 +98,14 @@ def equations_agree(
     return _examined(canonical, parts, plain, (found, wrong), time_limit)
 
 
-def _against(value: Value, number: int, ring: Ring) -> Value:
-    """What is zero where E is that of the certificate or -E, if its equations are not solved: q'' are letters there."""
-    if not ring.question.unsolved:
-        return value
-    own = Reader(ring, ring.question.unsolved[number - 1]).value
-    return ring.multiply(ring.add([value, own], [1, 1]), ring.add([value, own], [1, -1]), 0)
+def _against(value: Value, ring: Ring) -> Value:
+    """What is zero where E is one of the certificate's lines or minus it, if those are not solved for the letters q''.
+
+    As the matrix dE/dq'' is regular, two equations cannot be the same line.
+    """
+    lines = [Reader(ring, line).value for line in ring.question.unsolved]
+    differences = [ring.add([value, line], [1, sign]) for line in lines for sign in (1, -1)]
+    return reduce(lambda left, right: ring.multiply(left, right, 0), differences) if lines else value
 
 
 def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:

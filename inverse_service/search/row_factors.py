@@ -30,7 +30,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics.implicit_equations import linear_equation
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
+from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
 from inverse_service.search.gradients import (
     ONE_TERM,
     Integrator,
@@ -72,6 +72,7 @@ class Lines:
     system: SecondOrderSystem
     matrix: list[list[Terms]]
     rest: list[Terms]
+    order: Sequence[int] = ()  # of the lines as they were given
 
     @property
     def places(self) -> range:
@@ -133,6 +134,17 @@ def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
 def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[ex.Expression] = ()) -> ex.Expression | None:
     """The first of them that is free of integral signs, unchecked; None where there is none."""
     return next(lagrangians_of_lines(system, given), None)
+
+
+def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
+    """The system with its lines in the order in which they have a Lagrangian of their own; None where there is none."""
+    with suppress(*_FAILED):
+        for scaled in islice(symmetric_lines(lines_of(system, system.given)), _ORDERS):
+            check()
+            with suppress(*_FAILED):
+                if _lagrangian(scaled, Integrator(system)) is not None:
+                    return replace(system, branch=Branch(tuple(system.given[k] for k in scaled.order), unsolved=True))
+    return None
 
 
 def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> Lines:
@@ -207,7 +219,7 @@ def symmetric_lines(lines: Lines) -> Iterator[Lines]:
     constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
     for order, factors, parts in extended([], [], []):
         cleared = _cleared(factors, parts, constants)
-        chosen = Lines(lines.system, [matrix[row] for row in order], [lines.rest[row] for row in order])
+        chosen = Lines(lines.system, [matrix[row] for row in order], [lines.rest[row] for row in order], order)
         yield chosen.times([{m: a} for a, m in cleared])
 
 

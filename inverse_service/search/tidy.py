@@ -19,6 +19,7 @@ from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import variables_in
 from inverse_service.mechanics import quadratic_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search import angles
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -403,6 +404,7 @@ def _without_squares(terms: Terms, parameters: frozenset[ex.Symbol]) -> Terms:
 
 
 def _part(outer: Monomial, inner: Terms, system: SecondOrderSystem) -> ex.Expression:
+    inner = angles.shortest(inner)
     plain = tree_of(inner)
     moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
     constant, rates = monomial_tree(outer - moving), monomial_tree(moving)

@@ -42,3 +42,15 @@ def test_other_factors_prove_nothing(certificate: dict[str, Any], factors: list[
 def test_without_factors_it_proves_nothing(certificate: dict[str, Any]) -> None:
     plain = {key: value for key, value in certificate.items() if key != "factors"}
     assert inverse_service.check(plain)["verdict"] != "valid"
+
+
+def test_lines_come_in_any_order() -> None:
+    """The line of x is typed first, where x is the last coordinate."""
+    document = {"coordinates": ["a", "b", "c", "x"], "equations": LINES, "parameters": "guess"}
+    result = inverse_service.solve(document)
+    assert result["checked"] == "valid"
+    assert "cos(a - b)*a'*b'" in result["lagrangian"]["text"]
+    assert inverse_service.check(result)["verdict"] == "valid"
+    other = result.to_dict()
+    other["system"]["given"]["equations"][2] = LINES[2].replace("+ g*sin(b)", "+ 2*g*sin(b)")
+    assert inverse_service.check(other)["verdict"] != "valid"

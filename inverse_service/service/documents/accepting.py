@@ -114,13 +114,9 @@ def to_solvable(schema: SystemDocument) -> second_order_system.SecondOrderSystem
     except errors.LimitError:
         pass
     given = to_given(schema)
-    found = second_order_system.unsolved_system(given.names, given.residuals, schema.name)
-    own = zip(found.coordinates, found.given, strict=True)
-    plain = (
-        all(ex.Acceleration(name) in ex.walk(f) for name, f in own)
-        and not next(reduction.sign_cases(given.residuals)).roots
-    )
-    if plain and row_factors.lagrangian_as_given(found, given.residuals) is not None:
+    lines = second_order_system.unsolved_system(given.names, given.residuals, schema.name)
+    found = None if next(reduction.sign_cases(given.residuals)).roots else row_factors.in_own_order(lines)
+    if found and all(ex.holds(f, ex.Acceleration(q)) for q, f in zip(found.coordinates, found.given, strict=True)):
         return found
     return system or to_system(schema)
 
