@@ -113,13 +113,16 @@ def _of_text(text: str) -> dict[str, Any]:
 def nonholonomic(
     lagrangian: Any,
     constraints: Sequence[Any],
-    coordinates: Sequence[Any],
+    coordinates: Sequence[Any] | None = None,
     *,
     time_limit: float = 60.0,
     seed: int = 1,
     **questions: Any,
 ) -> Result:
-    """The result of a Lagrangian with constraints that are zero or equations; `questions` as in the document."""
+    """The result of a Lagrangian with constraints that are zero or equations; `questions` as in the document.
+
+    `coordinates`: what has a velocity in them, where it is left out.
+    """
     from inverse_service import solve as solve_document
     from inverse_service.sympy.from_sympy import read_constrained
 

@@ -228,6 +228,8 @@ def read(
 ) -> Reading:
     """The document of a system; InputError for what would have to be guessed."""
     if hasattr(system, "form_lagranges_equations"):
+        if len(system.coneqs):
+            return _of_constrained(system, questions)
         system, coordinates = _of_lagrange(system)
     elif hasattr(system, "kanes_equations"):
         return _of_kane(system, questions)
@@ -285,10 +287,11 @@ def _of_pairs(document: Mapping[str, Any], table: Table, given: _Given) -> Readi
 
 
 def read_constrained(
-    lagrangian: Any, constraints: Sequence[Any], coordinates: Sequence[Any], questions: Mapping[str, Any]
+    lagrangian: Any, constraints: Sequence[Any], coordinates: Sequence[Any] | None, questions: Mapping[str, Any]
 ) -> Reading:
     """The document of a Lagrangian with constraints; all of them may be expressions that are zero, or equations."""
     zeros = (_expression(lagrangian), *map(_zero, constraints))
+    coordinates = coordinates or _moving(zeros, _found_time(zeros), 1)
     given = _Given(zeros, tuple(coordinates), {}, _time_of(coordinates))
     table, leaves = _names(given)
     texts = [to_text(_tree(zero, given, leaves)) for zero in zeros]
@@ -321,28 +324,32 @@ def _asked(questions: Mapping[str, Any], given: _Given, leaves: Leaves) -> dict[
 
 def _of_lagrange(method: Any) -> tuple[list[Any], list[Any]]:
     """The equations and coordinates of a LagrangesMethod."""
-    if getattr(method, "_hol_coneqs", None) or len(method.coneqs):
-        raise InputError("This LagrangesMethod has constraints: give its Lagrangian and them to nonholonomic().")
     if method.eom is None or not len(method.eom):
         method.form_lagranges_equations()
     return list(method.eom), list(method.q)
 
 
+def _of_constrained(method: Any, questions: Mapping[str, Any]) -> Reading:
+    """The Lagrangian of a LagrangesMethod with its constraints, as they are for the velocities."""
+    if method.forcelist:
+        raise InputError("This LagrangesMethod has forces and constraints: give its motion, see nonholonomic().")
+    return read_constrained(method._L[0], list(method.coneqs), list(method.q), questions)
+
+
 def _of_kane(method: Any, questions: Mapping[str, Any]) -> Reading:
-    """Kane's equations: q' = h(q, u), u' = F(q, u), as pairs that are solved for the speeds."""
+    """Kane's equations M(q, u) u' = F(q, u), with the speeds u(q, q') that follow from q' = h(q, u)."""
     if len(method.u) != len(method.q):
         raise InputError("This KanesMethod has fewer speeds than coordinates: use nonholonomic(L, constraints, q).")
-    time = _time_of(list(method.q))
-    slopes, size = list(method.rhs()), len(method.q)
+    time, slopes = _time_of(list(method.q)), method.kindiffdict()
     unknown = {u: sympy.Dummy(f"u_{place}") for place, u in enumerate(method.u)}
-    rates = [q.diff(time) - h.xreplace(unknown) for q, h in zip(method.q, slopes[:size], strict=True)]
+    rates = [q.diff(time) - slopes[q.diff(time)].xreplace(unknown) for q in method.q]
     solved = sympy.solve(rates, list(unknown.values()), dict=True)
     if len(solved) != 1:
         raise InputError("The speeds of this KanesMethod do not follow from the velocities: choose others.")
     speeds = {u: solved[0][unknown[u]] for u in method.u}
-    forces = {u.diff(time): f for u, f in zip(method.u, slopes[size:], strict=True)}
-    found = {q: h.diff(time).xreplace(forces).subs(speeds) for q, h in zip(method.q, slopes[:size], strict=True)}
-    return read(found, list(method.q), None, time, questions)
+    changes = sympy.Matrix([speeds[u].diff(time) for u in method.u])
+    zeros = method.mass_matrix.xreplace(speeds) * changes - method.forcing.xreplace(speeds)
+    return read(zeros, list(method.q), None, time, questions)
 
 
 def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[Any, Any], time: Any) -> _Given:

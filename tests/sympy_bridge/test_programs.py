@@ -13,6 +13,7 @@ import pytest
 import sympy as sp
 from sympy.calculus.euler import euler_equations
 from sympy.physics.mechanics import KanesMethod, LagrangesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
+from sympy.physics.mechanics.models import n_link_pendulum_on_cart
 
 import inverse_service
 from inverse_service.errors import InputError
@@ -71,6 +72,31 @@ def test_6_kanes_method_of_a_damped_mass() -> None:
     found = solve(method)
     assert found.lagrangian.free_symbols >= {m, k, c}
     assert sp.simplify(next(iter(found.equations.values())) - (-k * q - c * q.diff()) / m) == 0
+
+
+def test_the_pendulum_on_a_cart_that_sympy_builds_has_the_lagrangian_of_its_mass_matrix() -> None:
+    method = n_link_pendulum_on_cart(3, cart_force=False)
+    speeds = [q.diff() for q in method.q]
+    hessian = sp.hessian(solve(method).lagrangian, speeds)
+    assert (hessian - method.mass_matrix).expand() == sp.zeros(4)
+
+
+def test_a_lagranges_method_with_constraints_is_asked_as_its_lagrangian_and_they_are() -> None:
+    kinetic, skate = (x.diff(t) ** 2 + y.diff(t) ** 2 + theta.diff(t) ** 2) / 2, x.diff(t) * sp.sin(theta) - y.diff(t)
+    asked = document(LagrangesMethod(kinetic, [x, y, theta], nonhol_coneqs=[skate]))
+    found = nonholonomic(kinetic, [skate], associated="any")
+    assert found["system"]["given"]["constraints"] == asked["constraints"]
+    assert asked["coordinates"] == ["x", "y", "theta"]
+    damped = LagrangesMethod(kinetic, [x, y, theta], nonhol_coneqs=[skate], forcelist=[(Point("P"), 0)])
+    with pytest.raises(InputError, match="forces and constraints"):
+        document(damped)
+
+
+def test_a_damped_pendulum_shows_the_lagrangian_that_there_is_though_it_contains_the_time() -> None:
+    found = solve(theta.diff(t, 2) + c * theta.diff(t) + k * sp.sin(theta))
+    assert found.main.lagrangian is None
+    assert sp.simplify(found.lagrangian - sp.exp(c * t) * (theta.diff(t) ** 2 / 2 + k * sp.cos(theta))) == 0
+    assert found.verify().holds
 
 
 def test_7_euler_equations_of_the_answer() -> None:

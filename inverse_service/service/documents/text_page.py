@@ -166,8 +166,8 @@ def guessed_words(result: Mapping[str, Any]) -> list[str]:
 
 
 def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The answer that a reader meets first: of a result with a verdict; what has none, or no Lagrangian, is its own."""
-    asked = result.get("lagrangian") and "question" in result
+    """The answer that a reader meets first; a result without a question is its own."""
+    asked = result.get("verdict") and "question" in result
     return answers_of(result, result)[0][0] if asked else result
 
 
