@@ -130,10 +130,10 @@ def keys_of(value: Any) -> set[str]:
 
 def test_a_quantity_beside_the_kernel_that_is_left_out_is_nowhere_in_the_answer() -> None:
     """Neither a number, a column, a time that it took, nor a true motion."""
-    every = list(IN_THE_ANSWER)
-    assert set(IN_THE_ANSWER.values()) <= keys_of(simulate(observing(every)))
+    assert set(IN_THE_ANSWER.values()) <= keys_of(simulate(observing(list(IN_THE_ANSWER))))
+    quick = [name for name in IN_THE_ANSWER if name != "lyapunov"]  # which takes as long as all others
     for name, key in IN_THE_ANSWER.items():
-        found = keys_of(simulate(observing([one for one in every if one != name])))
+        found = keys_of(simulate(observing([one for one in quick if one != name])))
         assert key not in found, name
         assert name not in found, name
     assert simulate(observing([]))["truth"] is None
