@@ -40,7 +40,7 @@ from inverse_service import bounds, errors
 from inverse_service.decision import deciding
 from inverse_service.expressions import notation
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, matrices, modular, tower
+from inverse_service.field import exact_field, matrices, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, evaluate
 from inverse_service.mechanics.conditions import (
     Motion,
@@ -178,7 +178,7 @@ class PointwiseConditions:
 
     def kernel(self, names: Sequence[EquationName]) -> list[list[int]]:
         """A basis of the g that satisfy the named equations."""
-        return modular.kernel([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
+        return null_vectors.null_rows([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
 
 
 def tensors_at(motion: Motion[deciding.LocalScalar], depth: int) -> PointwiseConditions:

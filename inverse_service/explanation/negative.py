@@ -32,7 +32,7 @@ from inverse_service.decision.solutions import Step
 from inverse_service.explanation import hierarchy, wording
 from inverse_service.expressions import notation, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, matrices, modular, tower
+from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, number_value, variables_in
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -553,7 +553,7 @@ def numbers_at_a_point(
 def matrices_left(rows: Iterable[Sequence[Fraction]], size: int) -> list[list[int]]:
     """A basis of the symmetric matrices that satisfy the rows, modulo a prime."""
     residues = [tuple(number_value(entry, CHOSEN) for entry in row) for row in rows]
-    return modular.kernel(residues, len(hierarchy.unknowns(size)), CHOSEN)
+    return null_vectors.null_rows(residues, len(hierarchy.unknowns(size)), CHOSEN)
 
 
 def leave_singular_only(rows: Iterable[Sequence[Fraction]], size: int) -> bool:

@@ -17,14 +17,14 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
-from flint import fmpz, nmod_mat
+from flint import fmpz
 
 from inverse_service.kernels.machine_code.kernels import compiled as compiled
 from inverse_service.kernels.machine_code.kernels import intrinsic
@@ -80,28 +80,6 @@ def positive_power(value: int, exponent: Fraction | int, prime: int) -> int:
         sign = -1 if exponent.numerator % 2 else 1
         return sign * positive_power(-value % prime, exponent, prime) % prime
     return pow(value, exponent.numerator * pow(exponent.denominator, -1, order) % order, prime)
-
-
-def leading_columns(reduced: nmod_mat, rank: int) -> list[int]:
-    """Those of the rows of a reduced echelon form: they are no combinations of earlier columns."""
-    found: list[int] = []
-    for i in range(rank):
-        first = found[-1] + 1 if found else 0
-        found.append(next(k for k in range(first, reduced.ncols()) if int(reduced[i, k])))
-    return found
-
-
-def kernel(rows: Sequence[Sequence[int]], width: int, prime: int) -> list[list[int]]:
-    """A basis of the vectors orthogonal to the rows modulo a prime, each with a 1 in a column that it has to itself."""
-    reduced, rank = nmod_mat(len(rows), width, [entry for row in rows for entry in row], prime).rref()
-    leading, found = leading_columns(reduced, rank), []
-    for free in sorted({*range(width)} - {*leading}):
-        vector = [0] * width
-        vector[free] = 1
-        for i, column in enumerate(leading):
-            vector[column] = -int(reduced[i, free]) % prime
-        found.append(vector)
-    return found
 
 
 def prime_factors(value: int) -> Iterable[tuple[int, int]]:

@@ -1,4 +1,4 @@
-"""Null vectors of matrices over a prime field, and those of them that are rational.
+"""Elimination modulo a prime: leading columns, null vectors, and those of them that are rational.
 
 A common factor of all entries does not matter, so matrices may be in Montgomery form. Bases are in reduced form: each
 vector has the last of its columns to itself, with entry 1.
@@ -7,7 +7,7 @@ vector has the last of its columns to itself, with entry 1.
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
@@ -53,13 +53,21 @@ def _rational(row: list[int], prime: int) -> dict[int, Fraction] | None:
     return vector
 
 
+def leading_columns(reduced: nmod_mat, rank: int) -> list[int]:
+    """Those of the rows of a reduced echelon form: they are no combinations of earlier columns."""
+    found: list[int] = []
+    for i in range(rank):
+        first = found[-1] + 1 if found else 0
+        found.append(next(k for k in range(first, reduced.ncols()) if int(reduced[i, k])))
+    return found
+
+
 def small_solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] | None:
     """Small rationals e with row[:-1] . e = row[-1], columns that depend on earlier ones left out; None without one."""
     width = len(rows[0]) - 1
     reduced, order = nmod_mat(len(rows), width + 1, [a % prime for row in rows for a in row], prime).rref()
     solution = [Fraction(0)] * width
-    for i in range(order):
-        pivot = next(k for k in range(width + 1) if int(reduced[i, k]))
+    for i, pivot in enumerate(leading_columns(reduced, order)):
         value = modular.reconstruct(int(reduced[i, width]), prime, bounds.RATIO)
         if pivot == width or value is None:
             return None
@@ -69,7 +77,22 @@ def small_solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] 
 
 def kernel(matrix: Words | Numbers, prime: int) -> Kernel:
     """The kernel of a matrix, (equations, unknowns)."""
-    return _kernel(_over_field(matrix, prime))
+    return kernel_of(_over_field(matrix, prime))
+
+
+def null_rows(rows: Sequence[Sequence[int]], width: int, prime: int) -> list[list[int]]:
+    """A basis of the vectors orthogonal to the rows."""
+    found = kernel_of(nmod_mat(len(rows), width, [entry for row in rows for entry in row], prime))
+    return [list(map(int, row)) for row in found.basis.tolist()]
+
+
+def table_of(rows: Collection[Mapping[int, int]], width: int, prime: int) -> nmod_mat:
+    """Rows given by their entries that are not 0."""
+    found = nmod_mat(max(len(rows), 1), width, prime)
+    for i, row in enumerate(rows):
+        for column, value in row.items():
+            found[i, column] = value
+    return found
 
 
 def _check_work(rows: int, columns: int) -> None:
@@ -86,7 +109,7 @@ def _over_field(matrix: Words | Numbers, prime: int) -> nmod_mat:
 def random_null_vector(matrix: Words, prime: int, generator: random.Random) -> list[int]:
     """A random element of the kernel of a matrix, (equations, unknowns)."""
     reduced, rank = _over_field(matrix, prime).rref()
-    leading, width = modular.leading_columns(reduced, rank), reduced.ncols()
+    leading, width = leading_columns(reduced, rank), reduced.ncols()
     vector = [generator.randrange(prime) for _ in range(width)]
     for pivot in leading:
         vector[pivot] = 0
@@ -98,12 +121,13 @@ def random_null_vector(matrix: Words, prime: int, generator: random.Random) -> l
 
 def pivots(matrix: Words | Numbers, prime: int) -> list[int]:
     """The columns that are no combinations of earlier ones."""
-    return modular.leading_columns(*_over_field(matrix, prime).rref())
+    return leading_columns(*_over_field(matrix, prime).rref())
 
 
-def _kernel(matrix: nmod_mat) -> Kernel:
+def kernel_of(matrix: nmod_mat) -> Kernel:
+    """The same of a matrix of flint."""
     reduced, rank = matrix.rref()
-    width, leading = matrix.ncols(), modular.leading_columns(reduced, rank)
+    width, leading = matrix.ncols(), leading_columns(reduced, rank)
     taken = set(leading)
     free = [k for k in range(width) if k not in taken]
     prime = int(matrix.modulus())
@@ -120,7 +144,7 @@ def _kernel(matrix: nmod_mat) -> Kernel:
 def restricted(known: Kernel, matrix: Words) -> Kernel:
     """The vectors of a kernel that further equations annihilate too."""
     further = _over_field(matrix, int(known.basis.modulus()))
-    inside = _kernel(further * known.basis.transpose())
+    inside = kernel_of(further * known.basis.transpose())
     return Kernel(inside.basis * known.basis, tuple(known.columns[k] for k in inside.columns))
 
 

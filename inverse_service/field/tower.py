@@ -31,7 +31,7 @@ from flint import nmod_mat
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular
+from inverse_service.field import modular, null_vectors
 from inverse_service.field import point as ps
 
 # The angle of one radian, when constants such as cos(1) occur.
@@ -596,7 +596,7 @@ class Samples:
             return None if any(target) else []
         rows = [[*entries, b] for entries, b in zip(zip(*columns, strict=True), target, strict=True)]
         reduced, rank = nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], self.prime).rref()
-        if len(columns) in modular.leading_columns(reduced, rank):
+        if len(columns) in null_vectors.leading_columns(reduced, rank):
             return None
         if rank < len(columns):
             raise IrrationalRatio("arguments of exponentials, logarithms or angles have irrational ratios")

@@ -20,7 +20,7 @@ from flint import nmod_mat
 
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.field import modular
+from inverse_service.field import modular, null_vectors
 from inverse_service.field.dense_series import Registers, SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Echelon, Flags, Indices, SparseRows, Words
 from inverse_service.field.exact_field import TooLarge
@@ -43,17 +43,6 @@ OUT_OF_TIME = "the time limit came before order"
 
 
 Integers = npt.NDArray[np.int64]
-
-
-def kernel(rows: Rows, width: int, prime: int) -> nmod_mat:
-    """A basis of {x : rows x = 0} as the rows of a matrix, (dimension, width)."""
-    matrix = nmod_mat(max(len(rows), 1), width, prime)
-    for i, row in enumerate(rows):
-        for column, value in row.items():
-            matrix[i, column] = value
-    basis, nullity = matrix.nullspace()
-    transposed = basis.transpose()
-    return nmod_mat(nullity, width, transposed.entries()[: nullity * width], prime)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +93,7 @@ def generic_rank(prolongation: pde.Prolongation, matrix: Matrix) -> int:
 def rank_of_rows(prolongation: pde.Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
     """The same at the generic solution of some consequences on the unknowns that the matrix is made of."""
     prime, width = prolongation.local.prime, prolongation.width(degree_of(prolongation.unknowns, matrix))
-    basis = kernel(rows, width, prime)
+    basis = null_vectors.kernel_of(null_vectors.table_of(rows, width, prime)).basis
     if basis.nrows() == 0:
         return 0
     generator = random.Random(f"regular {seed}")

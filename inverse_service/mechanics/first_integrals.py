@@ -25,7 +25,7 @@ from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
 from inverse_service.expressions import collecting, derivative, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, flow, matrices, modular, null_vectors
+from inverse_service.field import exact_field, flow, matrices, null_vectors
 from inverse_service.field.point import Variable
 from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics import writing
@@ -313,7 +313,7 @@ class _Integrals:
         values = np.array([one, *(product(powers[key], pairs[forms + k]) for key, k in ansatz.terms)])
         # Terms that are combinations of 1 and of those before them add nothing.
         own = [place - 1 for place in null_vectors.pivots(values[:, 0].T, flow.PRIME) if place]
-        vectors = modular.kernel(values[1:, 1][own].T.tolist(), len(own), flow.PRIME)
+        vectors = null_vectors.null_rows(values[1:, 1][own].T.tolist(), len(own), flow.PRIME)
         return [[own[k] for k, c in enumerate(vector) if c] for vector in vectors]
 
     # Exact.

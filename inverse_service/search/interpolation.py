@@ -20,7 +20,7 @@ import numpy as np
 
 from inverse_service import deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular
+from inverse_service.field import modular, null_vectors
 from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units, generator_tree
 from inverse_service.search.terms import Monomial, Terms, add_terms, terms_of, times
 
@@ -229,7 +229,7 @@ def _fits(
 
 def kernel_of(rows: Numbers) -> list[list[int]]:
     """A basis of the vectors that a matrix modulo the prime takes to 0."""
-    return modular.kernel(rows.tolist(), rows.shape[1], PRIME)
+    return null_vectors.null_rows(rows.tolist(), rows.shape[1], PRIME)
 
 
 def _basis(variable: Generator, degree: int) -> list[Power]:

@@ -13,7 +13,6 @@ from typing import Any, cast
 
 import mpmath
 import numpy as np
-from flint import nmod_mat
 
 from inverse_service import bounds, errors
 from inverse_service.deadline import now
@@ -21,7 +20,7 @@ from inverse_service.decision import certify, deciding, solutions
 from inverse_service.decision.kinds import helmholtz
 from inverse_service.expressions import collecting, evaluation
 from inverse_service.expressions import tree as ex
-from inverse_service.field import matrices, modular, real_point
+from inverse_service.field import matrices, modular, null_vectors, real_point
 from inverse_service.field.point import Point, SingularPoint, number_value
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics import euler_lagrange
@@ -44,7 +43,7 @@ def values_at(
         within = involution.consequences(prolongation, 0)
         used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
         rows.append(tuple(cast(deciding.RowName, prolongation.row_name(row)) for row in used))
-        reduced, rank = _table(within, prolongation.width(0), prime).rref()
+        reduced, rank = null_vectors.table_of(within.values(), prolongation.width(0), prime).rref()
         width = reduced.ncols()
         return prime, {(i, j): int(reduced[i, j]) for i in range(rank) for j in range(width)} | {(-1, 0): rank}
 
@@ -65,14 +64,6 @@ def values_at(
         else [[Fraction(int(i == j)) for j in range(width)] for i in range(width)]
     )
     return [tuple(tuple(v[column] * factor for column, factor in row) for row in places) for v in basis], rows[0]
-
-
-def _table(rows: Mapping[int, Mapping[int, int]], width: int, prime: int) -> nmod_mat:
-    found = nmod_mat(max(len(rows), 1), width, prime)
-    for i, row in enumerate(rows.values()):
-        for column, value in row.items():
-            found[i, column] = value
-    return found
 
 
 FAMILY = "a sum with a definite Hessian"
