@@ -20,6 +20,8 @@ from itertools import combinations
 
 from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions import tree as ex
+from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
@@ -572,7 +574,7 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
         with placed_at(pointer):
             pairs = read_equations(text, replace(names, forms=True))
         for left, right in pairs:
-            tree = substitute(left - right, dict(names.definitions))
+            tree = _multiplied_out(substitute(left - right, dict(names.definitions)))
             found.append(_smooth(without_accelerations(tree, f"constraint {len(found) + 1}", pointer), pointer))
     if not found:
         raise InputError(
@@ -581,6 +583,18 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
     if len(found) > most:
         raise LimitError(f"there are {len(found)} constraints: the limit is {most}; write fewer.", "/constraints")
     return found
+
+
+def _multiplied_out(tree: Expression) -> Expression:
+    """The tree times the velocities that it divides by, y' - x' tan(theta) for y'/x' = tan(theta)."""
+    below: dict[Expression, None] = {}
+    for node in walk(tree):
+        match node:
+            case ex.Power(base, ex.Number(exponent)) if exponent < 0 and any(
+                isinstance(v, Velocity) for v in walk(base)
+            ):
+                below[base**-exponent] = None
+    return collect(ex.multiply(tree, *below)) if below else tree
 
 
 def _by_pointer(constraints: Sequence[str] | str) -> dict[str, str]:

@@ -17,7 +17,15 @@ from inverse_service.expressions import refusals
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import names as known_words
 from inverse_service.reading import reader
-from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, GREEK_NAMES, Names, declared_name, escaped
+from inverse_service.reading.names import (
+    DERIVATIVE_NAMES,
+    FUNCTION_LETTERS,
+    FUNCTIONS,
+    GREEK_NAMES,
+    Names,
+    declared_name,
+    escaped,
+)
 from inverse_service.reading.tokens import Token, after_primes, at, check_brackets, closing, split_at_commas
 
 ParameterValue = str | int | float | None
@@ -526,7 +534,6 @@ NEVER_GUESSED = (
 )
 # Bessel's, Airy's and the integral functions; as constants these names are as good as any.
 _SPECIAL = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li"))
-FUNCTION_LETTERS = frozenset("fFhHUVW")
 CALLED_LETTERS = FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
 # Of t these are impulses and steps to most.
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it

@@ -13,7 +13,15 @@ from inverse_service.expressions.letters import DOTS, GREEK, LETTER_COMMANDS, SC
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components
 from inverse_service.reading import tokens as plain
-from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, REFUSED, Names, Role, refused
+from inverse_service.reading.names import (
+    DERIVATIVE_NAMES,
+    FUNCTION_LETTERS,
+    FUNCTIONS,
+    REFUSED,
+    Names,
+    Role,
+    refused,
+)
 from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, TokenStream
 
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
@@ -344,8 +352,9 @@ class LatexTranslator:
             if self._raw.ahead.is_operator("^") and self._tokens[-1].kind != "prime":
                 raise refusal("a second power occurs", self._raw.ahead.column, "write x^{a^b} or (x^a)^b")
         elif raw.is_operator("("):
-            self._emit("(", raw, space=raw.space_before or self._holds_a_sum())
-        elif raw.is_operator(*"+-*/)=,;|&", *plain.COMPARED, "true"):
+            called = bool(self._tokens) and self._tokens[-1].text in FUNCTION_LETTERS
+            self._emit("(", raw, space=raw.space_before or (not called and self._holds_a_sum()))
+        elif raw.is_operator(*"+-*/)=,;|&!", *plain.COMPARED, "true"):
             self._tokens.append(raw)
         elif raw.is_operator("[", "]"):
             self._emit("(" if raw.text == "[" else ")", raw)

@@ -143,7 +143,7 @@ def reason_against(name: str, column: int) -> InputError | None:
     if name.startswith("log_"):
         return refusal("a base of a logarithm occurs", column, "write log(x)/log(2) or log(x, 2)")
     entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(name)
-    meant = ("(pi/180)",) if name in _DEGREES else ()
+    meant = ("(pi/180)",) if name in _DEGREES else (f"{name[0]}_1",) if entry and entry[1] == _ANOTHER else ()
     return refused(f"{name} {entry[0]}", entry, column, meant) if entry else None
 
 
@@ -369,6 +369,7 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
 
 
 GREEK_NAMES = frozenset(GREEK.values())
+FUNCTION_LETTERS = frozenset("fFhHUVW")  # of functions, where a bracket follows at once
 # Letters that call a bracket an argument to many: f(x - y), V(x + 1).
 MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "chi"}
 POTENTIALS = frozenset(("U", "V"))

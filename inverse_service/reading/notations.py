@@ -497,6 +497,9 @@ def _of_operand(tokens: Tokens, quotient: _Quotient, place: int, names: Names, d
             _refuse_fraction(tokens, place, names)
             return None
         return _carried_out(operand, variables, first), quotient.after
+    if names.forms and len(by) == 1 and not (primes or called or declared or in_time):
+        known = {names.role(names.spelling(name.text)), names.role(by[0])} == {"coordinate"}
+        return (_slope(name, variables[0], first), quotient.after) if known else None
     if in_time and not declared:
         order = len(by) + sum(int(prime.value) for prime in primes)
         prime = Token("prime", "'" * order, first.column, False, Fraction(order))
@@ -514,6 +517,13 @@ def _of_operand(tokens: Tokens, quotient: _Quotient, place: int, names: Names, d
             return None
         raise _of_what(name, by, names.coordinates, (first, tokens[quotient.after - 1]), quotient.fraction)
     return None
+
+
+def _slope(name: Token, by: Token, at: Token) -> Tokens:
+    """(y'/x') for the dy/dx of a constraint."""
+    prime = Token("prime", "'", at.column, False, Fraction(1))
+    above, below = (replace(word, column=at.column, space_before=False) for word in (name, by))
+    return [Token("operator", "(", at.column, True, FACTOR), above, prime, _sign("/", at), below, prime, _sign(")", at)]
 
 
 def _of_what(

@@ -16,6 +16,7 @@ x^2y) the formula is refused with both ways to write it. Recursion is at_most by
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ from inverse_service.reading.names import (
 from inverse_service.reading.tokens import END, Token, TokenStream, unexpected
 
 _BITS_PER_DIGIT = 3.3219280948873626
+_LARGEST_FACTORIAL = 20
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 
 
@@ -321,7 +323,8 @@ class FormulaParser:
         if before.is_operator("-"):
             before = self._stream.look(-3)
         if last.kind == "number" and before.is_operator("^") and not ahead.space_before:
-            raise refusals.refusal("where the power ends is not clear", column, "write x^2*y or x^(2*y)")
+            said, span = "where the power ends is not clear", (last.column, column)
+            raise refusals.refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
 
     def _unclear_quotient(self, column: int) -> errors.InputError:
         """The refusal of a/b c, with both readings where what follows can be read."""
@@ -374,6 +377,8 @@ class FormulaParser:
 
     def _base(self) -> ex.Expression:
         token = self._stream.take()
+        if token.kind == "number" and token.value in range(_LARGEST_FACTORIAL + 1) and self._stream.take_operator("!"):
+            return ex.number(math.factorial(int(token.value)))
         if token.kind == "number":
             return ex.number(token.value)
         if token.kind == "name":
@@ -693,7 +698,8 @@ class FormulaParser:
         if self._opens_arguments() and self._group_has_time():
             gap, of_time = (" ", " of time") if ahead.space_before else ("", "")
             instead = f"write {name}*( for a product; delays are not accepted"
-            raise refusals.refusal(f"{name}{gap}( could be a product or a function{of_time}", ahead.column, instead)
+            what, span = f"{name}{gap}( could be a product or a function{of_time}", (ahead.column, ahead.column + 1)
+            raise refusals.refusal(what, ahead.column, instead, ("*(",), span)
         node = (ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[order]
         return node if ahead.kind == "prime" else self._single(node, token)
 
@@ -715,11 +721,14 @@ class FormulaParser:
         return self._opens_arguments() and look(1).text == "t" and look(2).is_operator(")")
 
     def _group_has_time(self) -> bool:
+        """Whether the bracket ahead holds t and no coordinate: x(t - tau) is a delay, x' (t - y) a product."""
         open_groups = 0
+        spelled = {self._names.spelling(token.text) for token in self._stream.group() if token.kind == "name"}
+        moves = spelled & {*self._names.coordinates}
         for distance, token in enumerate(self._stream.group()):
             open_groups += token.is_operator("(") - token.is_operator(")")
             if token.kind == "name" and token.text == "t" and not self._only_names_time(distance, open_groups):
-                return True
+                return not moves
         return False
 
     def _only_names_time(self, distance: int, open_groups: int) -> bool:

@@ -220,6 +220,8 @@ def unexpected(token: Token, wanted: str) -> InputError:
         return refusal("the formula ends", token.column, f"{wanted} is missing")
     if token.is_operator(TOTAL):
         return refusal("a differential occurs", token.column, "write \\frac{dx}{dt} for a derivative")
+    if token.is_operator("!"):
+        return refusal("a factorial occurs", token.column, "factorials of the numbers 0 to 20 are read")
     if token.is_operator(PARTIAL):
         return refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
     if wanted == END and token.is_operator(")"):
@@ -247,7 +249,6 @@ _EQUALITY = re.compile(r"!?={1,2}|\u2260")
 _CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "&", "or": "|", "not": "~",
                     "&&": "&", "||": "|", "True": "true", "otherwise": "true"}  # fmt: skip
 _REASONS = {
-    "!": "factorials are not accepted, write the number",
     "%": "write the formula of one interval, 0.5 for 50 %, and # before a remark",
     ":": "write the formula alone",
     ".": "a dot belongs to a number such as 0.5",
@@ -448,7 +449,7 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)
-    if character in "+-*/^()[]{},=;|" + PARTIAL + TOTAL:
+    if character in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL:
         return [Token("operator", character, column, space)], place + 1
     what = f"the character {describe(text[place])} is not accepted"
     meant = (_MEANT[text[place]],) if text[place] in _MEANT else ()

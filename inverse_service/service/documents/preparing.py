@@ -123,7 +123,9 @@ class Prepared:
         return error.said(detail, plain, error.pointer)
 
 
-_LETTER_L = re.compile(r"\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)(?![A-Za-z])|\u2112")
+_LETTER_L = re.compile(
+    r"(?:\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)(?![A-Za-z])|\u2112)|(?P<named>\bL(?:agrangian)?\s*:=?|\bLagrangian\s*=)"
+)
 # L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
 _ENERGY = re.compile(
     r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
@@ -152,7 +154,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     energies: dict[str, tuple[re.Match[str], str, str]] = {}
     others: list[tuple[str, str]] = []
     for pointer, text in texts.items():
-        for line in _lines(_LETTER_L.sub(lambda match: "L".ljust(len(match[0])), text)):
+        for line in _lines(_LETTER_L.sub(_letter_l, text)):
             named = _ENERGY.match(line)
             kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
             if named is None or kind in energies or named[kind] in _declared(plain):
@@ -198,10 +200,15 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     return found, places
 
 
+def _letter_l(match: re.Match[str]) -> str:
+    """L at the same columns, and L = for Lagrangian: and L := ."""
+    return f"{'L'.ljust(len(match[0]) - 1)}=" if match["named"] else "L".ljust(len(match[0]))
+
+
 def _lines(text: str) -> list[str]:
     """The equations of a text, each after as many spaces that its columns hold."""
     try:
-        groups = reader.split_equations(text, Names())
+        groups = reader.split_equations(text, Names(forms=True))
     except errors.InputError:
         return [text]
     places = [(group.tokens[0].column - 1, group.end_column - 1) for group in groups]
@@ -310,7 +317,7 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     try:
         known = Names(guesses=True)
         known = replace(
-            known, splits=document_names.moving_products({str(k): text for k, text in enumerate(texts)}, known)
+            known, splits=document_names.moving_products({str(k): text for k, text in enumerate(texts)}, known, 1)
         )
         tokens = [token for text in texts for token in reader.read_tokens(text, known)]
     except errors.InputError:
@@ -333,7 +340,7 @@ def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any
         return dict(plain), {}
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
     moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
-    products = document_names.moving_products(texts, Names(guesses=True))
+    products = document_names.moving_products(texts, Names(guesses=True), 1)
     moving = (moving - products.keys()) | {parts[-1] for parts in products.values()}
     known = Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
     found = {name: "*".join(parts) for name, parts in products.items() if time in parts}
